@@ -49,8 +49,8 @@ for k in range(5):
     lamp = pl.ibr.add_animated(file, smooth_shading=True)
     lamp.play('hop', start=-0.22 * k)
     lamp.user_matrix = pv.Transform().translate(0, 0, 3.2 * k).matrix
-pl.add_mesh(pv.Box((-40, 40, -1, 0, -40, 40)), color='linen')
 pl.camera_position = [(19, 6, 9), (0, 1.9, 7.6), (0, 1, 0)]
+pl.ibr.look('studio')
 pl.open_gif(movie, fps=10)
 pl.ibr.play()
 for _ in range(5):

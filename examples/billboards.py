@@ -39,8 +39,6 @@ smoke += np.c_[3 * turns**2, 0 * turns, 1.5 + 7 * turns]
 # %%
 # 3. All together. ``anchor`` says what of the card stands at the point.
 pl = pv.Plotter(window_size=(960, 540))
-pl.set_background('lightsteelblue', top='white')
-pl.add_mesh(pv.Plane(i_size=60, j_size=60), color='darkkhaki')
 pl.add_mesh(
     pv.Cone(center=(0, 0, 0.75), direction=(0, 0, 1), height=1.5, radius=1.2), color='sienna'
 )
@@ -54,6 +52,7 @@ pl.ibr.add_billboards(
 sign = np.where(np.maximum(abs(x), abs(y)) < 0.8, 1.0, 0.0)[..., None] * [1.0, 0.85, 0.2]
 pl.ibr.add_billboards([[0, 0, 10]], sign, size=24, size_unit='pixel')
 pl.camera.position, pl.camera.focal_point, pl.camera.up = (0, -24, 6), (0, 0, 3.2), (0, 0, 1)
+pl.ibr.look('daylight').effects['Ground'].color = '#8a8a5c'
 pl.show(auto_close=False)
 print(pl.ibr.report())
 pl.close()

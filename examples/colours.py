@@ -9,6 +9,8 @@ nothing is baked again.
 import numpy as np
 import pyvista as pv
 
+import pvibr
+
 COUNT = 1_000
 rng = np.random.default_rng(0)
 
@@ -34,11 +36,15 @@ poses[:, :2, 3] = places
 # 3. Colours as ``add_mesh`` gives them; the bar is titled by the name.
 power = 8 + 2 * np.sin(places[:, 0] / 4000) + rng.normal(0, 0.5, COUNT)
 pl = pv.Plotter(window_size=(960, 540))
-pl.background_color = 'aliceblue'
 farm = pl.ibr.add_instances(
-    turbine, poses, scalars=power, cmap='plasma', clim=(0, 12), name='power (MW)'
-)
-pl.camera_position = [(-900, -700, 450), (5500, 5000, -800), (0, 0, 1)]
+    turbine, poses, scalars=power, cmap='plasma', clim=(0, 12), name='power (MW)',
+    scalar_bar_args={'n_labels': 4, 'height': 0.12, 'position_y': 0.03},
+)  # fmt: skip
+pl.camera_position = [(-330, -560, 210), (5500, 5000, -620), (0, 0, 1)]
+look = pl.ibr.look('daylight')
+look.effects['Ground'].color, look.effects['Ground'].height = '#6d8fa3', 0.0  # the sea
+look.effects['AmbientOcclusion'].radius = 12.0
+pl.ibr.add(pvibr.Fog(12_000.0))
 
 # %%
 # 4. Each row takes wind from the next, and some turbines are out of service: they are hidden.

@@ -2,54 +2,59 @@
 A crowd
 =======
 
-Thousands of figures, each at its own time, drawn in one go: near as posed meshes, far as images of
-the phases of their clip. While time goes on, nothing is uploaded for the far ones.
+Thousands of figures on a square in the evening, each at its own time, drawn in one go: near as
+posed meshes, far as images of the phases of their clip.
 """
 
 import numpy as np
 import pyvista as pv
 
-import pvibr  # noqa: F401
+import pvibr
 from pvibr.scenes.walker import walker
 
-COUNT = 4000
+SIZE = 900
+COUNT = 4_000
 
 # %%
 # 1. A figure: its meshes, a skeleton and clips. `pvibr.read_gltf` reads one from a file.
 person = walker(3000)
 
 # %%
-# 2. Where they stand and where they look: matrices that take the figure to the world.
+# 2. Where they stand: apart from each other; most walk, some stand and wave.
 rng = np.random.default_rng(3)
-angle = rng.uniform(0, 2 * np.pi, COUNT)
-away = 4 + 40 * rng.uniform(0, 1, COUNT) ** 0.6
-places = np.stack([away * np.cos(angle), away * np.sin(angle), np.zeros(COUNT)], 1)
-heading = angle + np.pi
+side = int(np.ceil(np.sqrt(COUNT)))
+i, j = np.divmod(np.arange(COUNT), side)
+x, y = 1.7 * (np.stack([i, j]) - side / 2) + rng.uniform(-0.55, 0.55, (2, COUNT))
+heading = np.where(rng.uniform(size=COUNT) < 0.5, 0.0, np.pi) + rng.normal(0, 0.5, COUNT)
 poses = np.tile(np.eye(4), (COUNT, 1, 1))
+poses[:, 0, 3], poses[:, 1, 3] = x, y
 poses[:, 0, 0], poses[:, 0, 1] = np.cos(heading), -np.sin(heading)
 poses[:, 1, 0], poses[:, 1, 1] = np.sin(heading), np.cos(heading)
-poses[:, :3, 3] = places
+poses[:, :3, :3] *= rng.uniform(0.9, 1.05, (COUNT, 1, 1))
 
 # %%
-# 3. The crowd: each has its time, speed, clip and colour.
-pl = pv.Plotter(window_size=(1000, 560))
-pl.set_background('#cfdde6', top='#f4f7f9')
-pl.add_mesh(pv.Disc(center=(0, 0, -0.02), inner=0, outer=50, c_res=90), color='#b9b7a8')
+# 3. The crowd: each has its time, speed, clip and the colour of its clothes.
+cloth = ('#2f3e55', '#a8443a', '#d8cdb8', '#6f7d5c', '#c58f3d', '#5b4a63', '#8fa3ad', '#efe9dc')
+palette = np.array([pv.Color(name).float_rgb for name in cloth])
+pl = pv.Plotter(window_size=(16 * SIZE // 9, SIZE))
 crowd = pl.ibr.add_animated(
     person,
     poses,
     times=rng.uniform(0, 1, COUNT),
     speeds=rng.uniform(0.8, 1.2, COUNT),
-    clips=np.where(rng.uniform(size=COUNT) < 0.8, 'Walk', 'Wave').tolist(),
-    colors=rng.uniform(0.3, 1, (COUNT, 3)),
+    clips=np.where(rng.uniform(size=COUNT) < 0.85, 'Walk', 'Wave').tolist(),
+    colors=palette[rng.integers(0, len(palette), COUNT)],
     blend='multiply',
     max_error=2.0,
 )
 
 # %%
-# 4. Any moment of it: the time moves all of them.
-pl.camera_position = [(0, -34, 9), (0, 0, 0), (0, 0, 1)]
-for second in (0.0, 0.25, 0.5):
-    pl.ibr.time = second
-    pl.render()
-pl.show()
+# 4. Any moment of it, in a look: the time moves all of them.
+pl.camera_position = [(0, -64, 6.0), (0, -34, 0.2), (0, 0, 1)]
+pl.camera.view_angle = 32
+pl.ibr.look('daylight').effects['AmbientOcclusion'].radius = 0.6
+pl.ibr.add(pvibr.Fog(160.0))
+pl.ibr.add(pvibr.Accumulation(16))
+pl.ibr.time = 0.5
+pl.show(auto_close=False)
+pl.close()

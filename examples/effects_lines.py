@@ -16,6 +16,8 @@ parts = []
 for k in range(4):
     pl.subplot(*divmod(k, 2))
     pl.set_background('white')
+    name = ('off', 'all lines', 'one part', 'its hidden parts, dashed')[k]
+    pl.add_text(name, font_size=10, color='black')
     ring = pv.CylinderStructured(
         radius=[0.35, 1.0], height=0.4, direction=(0, 0, 1), theta_resolution=80
     )

@@ -18,6 +18,7 @@ pl = pv.Plotter(shape=(2, 2), window_size=(1100, 720), border=False)
 for k in range(4):
     pl.subplot(*divmod(k, 2))
     pl.set_background('#9fb4c7')
+    pl.add_text(('off', 'the template', 'fog by depth', 'a drawing')[k], color='black')
     pl.add_mesh(hills, cmap='gist_earth', show_scalar_bar=False, smooth_shading=True)
     pl.camera_position = [(-12, -13, 8), (0, 8, 4.5), (0, 0, 1)]
 

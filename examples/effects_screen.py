@@ -18,6 +18,8 @@ pl = pv.Plotter(shape=(2, 3), window_size=(1200, 680), border=False)
 for k in range(6):
     pl.subplot(*divmod(k, 3))
     pl.set_background('#3a3f47')
+    names = 'off', 'sky', 'vignette', 'iris', 'night vision', 'image'
+    pl.add_text(names[k], font_size=10, color='white', shadow=True)
     pl.add_mesh(hills, cmap='gist_earth', show_scalar_bar=False, smooth_shading=True)
     pl.camera_position = [(-12, -13, 8), (0, 8, 4.5), (0, 0, 1)]
 

@@ -17,8 +17,7 @@ from pvibr.maths import quaternions
 line = pv.Line((0, 0, 0), (4, 0, 0), resolution=64)
 line['radius'] = 0.6 - 0.06 * line.points[:, 0]  # thinner toward the wrist
 arm = line.tube(scalars='radius', absolute=True, n_sides=48, capping=False).triangulate()
-x = arm.points[:, 0]
-share = np.clip((x - 1.5) / 1.0, 0, 1)
+share = np.clip((x := arm.points[:, 0]) - 1.5, 0, 1)
 parts = {
     'weights': np.stack([1 - share, share], 1),
     'parents': [-1, 0],
@@ -30,8 +29,8 @@ plain = pvibr.Figure.from_arrays(arm.points, arm.regular_faces, **parts)
 def bent(part):
     bend = quaternions.from_axis_angle([0, 0, 1], np.radians(95.0 * part))
     twist = quaternions.from_axis_angle([1, 0, 0], np.radians(130.0 * part))
-    turn = quaternions.multiply(bend, twist)
-    return pvibr.animation.Pose([[0, 0, 0], [2, 0, 0]], [[1, 0, 0, 0], turn])
+    turns = [[1, 0, 0, 0], quaternions.multiply(bend, twist)]
+    return pvibr.animation.Pose([[0, 0, 0], [2, 0, 0]], turns)
 
 
 # %%
@@ -55,6 +54,7 @@ for row, (figure, how, color) in enumerate(ways):
         actor = pl.ibr.add_animated(figure, skinning=how, color=color, smooth_shading=True)
         actor.pose = bent(part)
         actor.user_matrix = pv.Transform().translate(4.2 * column, -3.4 * row, 0).matrix
-pl.camera_position = [(7.6, -2.6, 22), (7.6, -2.6, 0), (0, 1, 0)]
-pl.show(auto_close=False)
-pl.close()
+pl.camera_position = [(7.7, -2.6, 24), (7.7, -2.6, 0), (0, 1, 0)]
+pl.ibr.look('paper', ground=False)
+pl.add_text('linear blending, dual quaternions, sculpted shapes', font_size=10)
+pl.show()

@@ -32,7 +32,8 @@ for column in (0, 1):
     pl.camera_position = [(-6, -15, 8), (-0.3, 0.1, 1), (0, 0, 1)]
 
 # %%
-# 2. At the left a slide projector and a lamp, with the frustum that its shadows are found in.
+# 2. At the left a slide projector and a lamp; while one of its handles is selected, with the
+#    frustum that its shadows are found in.
 pl.subplot(0, 0)
 camera = pv.Camera()
 camera.position, camera.focal_point, camera.up = (-0.6, -3.6, 3.0), (0, 1.8, 0.8), (0, 0, 1)
@@ -42,7 +43,7 @@ lamp.positional, lamp.cone_angle, lamp.intensity = True, 28, 0.8
 pl.add_light(lamp, only_active=True)
 pl.ibr.add(pvibr.Shadows())
 projector_handles(pl, slide)
-light_handles(pl, lamp)
+handles = light_handles(pl, lamp)
 
 # %%
 # 3. At the right what one clicks on is in focus; what is behind it is tinted until Escape is
@@ -51,9 +52,9 @@ pl.subplot(0, 1)
 pl.add_light(pv.Light(position=(-3, -5, 6), light_type='scene light'), only_active=True)
 lens = pl.ibr.add(pvibr.DepthOfField(radius=0.3))
 focus = pick_focus(pl, lens)
-bar = time_bar(pl, 0, 4)
-bar.set(1.2)
+time_bar(pl, 0, 4).set(1.2)
 pl.show(auto_close=False)
+handles.focus('position')
 focus.pick((1.42 * SIZE, 0.53 * SIZE))
 print(f'in focus: {lens.distance:.2f} from the camera')
 pl.show()

@@ -21,10 +21,10 @@ knot = pv.Spline(line, len(line)).tube(radius=0.45, n_sides=24).triangulate().co
 
 pl = pv.Plotter(window_size=(960, 540), lighting='three lights')
 pl.add_mesh(pv.Plane(i_size=60, j_size=60), color='#c8c0b0')
-rng = np.random.default_rng(1)
-actors = []
+rng, actors = np.random.default_rng(1), []
+colors = '#b5533c', '#d9a441', '#5f7a4f', '#3f6f8a', '#7a5a80', '#c9bfae'
 for row, column in np.ndindex(4, 6):
-    actor = pl.add_mesh(knot, color=rng.random(3), specular=0.4, smooth_shading=True)
+    actor = pl.add_mesh(knot, color=colors[column], specular=0.4, smooth_shading=True)
     actor.position = 8 * (column - 2.5), 8 * (row - 1.5), 1.0 + rng.random()
     actor.orientation = 360 * rng.random(3)
     actors.append(actor)

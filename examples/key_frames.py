@@ -30,20 +30,18 @@ def shaped(phase, pulse, wave):  # a pulse of the bell, and a wave that runs dow
     turn = 2 * np.pi * phase
     wide = 1 + 0.35 * pulse * np.sin(turn - 0.8 * down) * (down / 1.2).clip(0, 1) ** 2
     sway = wave * np.sin(turn - 1.2 * down) * (down - 0.8).clip(0) / 3
-    mesh = rest.copy()
-    mesh.points = np.stack([x * wide + sway, y * wide, z - 0.3 * pulse * np.sin(turn)], 1)
-    return mesh
+    return np.stack([x * wide + sway, y * wide, z - 0.3 * pulse * np.sin(turn)], 1)
 
 
 # %%
 # 2. Frames 0 to 15 drift, frames 16 to 31 swim. After two seconds it is told to swim.
 phases = np.arange(16) / 16
-meshes = [shaped(p, 0.2, 1.2) for p in phases] + [shaped(p, 1.0, 0.3) for p in phases]
+points = [shaped(p, 0.2, 1.2) for p in phases] + [shaped(p, 1.0, 0.3) for p in phases]
 states = anim.VertexAnimationStates(
     {'drift': anim.FrameRange(0, 15, fps=8), 'swim': anim.FrameRange(16, 31, fps=16)}, fade=0.5
 )
 states.go('swim', at=2.0)
-frames = anim.VertexAnimation(np.arange(32.0), [mesh.points for mesh in meshes], states=states)
+frames = anim.VertexAnimation(np.arange(32.0), points, states=states)
 figure = anim.Figure([anim.FigureMesh(rest, frames=frames)])
 
 # %%
@@ -53,7 +51,9 @@ for k, time in enumerate([0.4, 1.2, 2.0, 2.25, 2.5, 2.75, 3.0]):
     jelly = pl.ibr.add_animated(figure, scalars='down', cmap='cool', show_scalar_bar=False)
     jelly.pose = figure.sample(time)
     jelly.user_matrix = pv.Transform().translate(3.4 * k, 0, 0).matrix
-pl.set_background('midnightblue')
+    pl.add_text(f'{time} s', position=(0.06 + 0.137 * k, 0.88), viewport=True, font_size=9)
 pl.camera_position = [(10.2, -18.5, 1.2), (10.2, 0, -0.9), (0, 0, 1)]
+sky = pl.ibr.look('studio', ground=False).effects['Sky']
+sky.top, sky.horizon, sky.bottom = '#2b6f93', '#0f3a5c', '#061426'
 pl.show(auto_close=False)
 pl.close()

@@ -50,11 +50,11 @@ ostrich = anim.Figure(bodies, skeleton, [anim.Clip('run', run), look])
 # 3. It looks up from a second on: a layer over the run, for the neck and what hangs on it.
 layer = anim.AnimationLayer(anim.ClipSource(ostrich, 1), 0.0, anim.joint_mask(skeleton, ['neck']))
 layer.weight.go(1.0, at=1.0, fade=0.6)
-pl = pv.Plotter(window_size=(1200, 400))
-for k, time in enumerate([0.45, 0.9, 1.3, 1.75, 2.2]):
+pl, times = pv.Plotter(window_size=(1200, 400)), [0.45, 0.9, 1.3, 1.75, 2.2]
+for k, time in enumerate(times):
     bird = pl.ibr.add_animated(ostrich, smooth_shading=True)
     bird.pose = anim.Mixer(anim.ClipSource(ostrich, 'run'), layer).sample(time)
     bird.user_matrix = pv.Transform().translate(3 * k, 0, 0).matrix
 pl.camera_position = [(6, -13, 2.6), (6, 0, 2.1), (0, 0, 1)]
-pl.show(auto_close=False)
-pl.close()
+pl.ibr.look('studio')
+pl.show()

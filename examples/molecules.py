@@ -2,8 +2,8 @@
 Molecules
 =========
 
-Caffeine as balls and sticks, its thermal ellipsoids, and a crowd of it: spheres, cylinders and
-ellipsoids without a triangle, exact at any distance.
+Caffeine as balls and sticks, as thermal ellipsoids, and packed as in a crystal: spheres, cylinders
+and ellipsoids without a triangle, exact at any distance.
 """
 
 import numpy as np
@@ -11,7 +11,8 @@ import pyvista as pv
 
 import pvibr
 
-COUNT = 1_500
+SIZE = 900
+COUNT = 360
 rng = np.random.default_rng(0)
 
 # %%
@@ -34,26 +35,26 @@ spread = rng.normal(size=(heavy.sum(), 3, 3)) * 0.11 + 0.3 * np.eye(3)
 values, axes = np.linalg.eigh(spread @ spread.swapaxes(1, 2))
 
 # %%
-# 2. Side by side: bonds are half and half in the colours of their atoms.
-pl = pv.Plotter(window_size=(1200, 720), lighting='none')
-pl.add_light(pv.Light(position=(-10, -25, 30), light_type='scene light'))
-pl.add_light(pv.Light(light_type='headlight', intensity=0.35))
+# 2. Side by side, on the ground: bonds are half and half in the colours of their atoms.
+pl = pv.Plotter(window_size=(16 * SIZE // 9, SIZE))
 pl.ibr.add_spheres(atoms, 0.45 * size, colors=colors, specular=0.4)
 pl.ibr.add_cylinders(*atoms[bonds.T], 0.13, colors=colors[bonds], specular=0.4)
-right, inner = atoms + np.array([10, 0, 0]), bonds[heavy[bonds].all(1)]
+right, inner = atoms + np.array([9.5, -0.5, 0.5]), bonds[heavy[bonds].all(1)]
 pl.ibr.add_cylinders(*right[inner.T], 0.07, color='ivory', caps='round')
 pl.ibr.add_ellipsoids(right[heavy], np.sqrt(values), axes, colors=colors[heavy], specular=0.4)
 pl.ibr.add_spheres(right, 1.3 * size, colors=colors, opacity=0.2)
 
 # %%
-# 3. A crowd of them behind, over a floor that takes shadows.
-turns = np.linalg.qr(rng.normal(size=(COUNT, 3, 3)))[0]
-crowd = atoms @ turns + rng.uniform((-105, 35, -4), (115, 220, 10), (COUNT, 1, 3))
-tints = np.tile(colors, (COUNT, 1))
-pl.ibr.add_spheres(crowd.reshape(-1, 3), np.tile(0.45 * size, COUNT), colors=tints)
-ends = crowd[:, bonds].reshape(-1, 2, 3)
-pl.ibr.add_cylinders(*ends.swapaxes(0, 1), 0.13, colors=np.tile(colors[bonds], (COUNT, 1, 1)))
-pl.add_mesh(pv.Plane(center=(5, 50, -6), i_size=400, j_size=400), color='white')
-pl.ibr.add(pvibr.Shadows())
-pl.camera.position, pl.camera.focal_point, pl.camera.up = (5, -24, 9), (5, 4, 0.3), (0, 0, 1)
+# 3. A crystal of them behind, atom beside atom, and how long a nanometre is.
+deep, wide, high = np.unravel_index(np.arange(COUNT), (COUNT // 45 + 1, 15, 3))
+cells = np.column_stack([7.2 * wide - 50 + 3.6 * (deep % 2), 15 + 4.9 * deep, 0.5 + 4.8 * high])
+packed = (atoms + cells[:, None]).reshape(-1, 3)
+pl.ibr.add_spheres(packed, np.tile(1.3 * size, COUNT), colors=np.tile(colors, (COUNT, 1)))
+ruler = np.array([[-0.5, -5.0, -2.2], [9.5, -5.0, -2.2]])
+pl.ibr.add_cylinders(ruler[:1], ruler[1:], 0.06, color='#33373d')
+pl.add_point_labels(ruler.mean(axis=0), ['1 nm'], font_size=24, shape=None, show_points=False)
+pl.camera_position, pl.camera.view_angle = [(2, -34, 14), (4.5, 4, 0.6), (0, 0, 1)], 25
+pl.ibr.look('studio').effects['AmbientOcclusion'].radius = 2.5
+pl.ibr.add(pvibr.Fog(90.0, begin=40.0))
+pl.ibr.add(pvibr.Accumulation(16))
 pl.show()

@@ -11,8 +11,6 @@ import pyvista as pv
 from pyvista import examples
 from trame.app import get_server
 from trame.ui.vuetify3 import VAppLayout
-from trame.widgets import html
-from trame_pyvista.ui import plotter_ui
 
 import pvibr
 from pvibr_widgets import trame_panel
@@ -40,10 +38,7 @@ pl.ibr.add(pvibr.Vignette())
 # 3. A page with picture and panel. In a notebook ``pvibr_widgets.panel(pl)`` in a cell is all, in
 #    a window of Qt it is a dock.
 server = get_server(client_type='vue3')
-with VAppLayout(server), html.Div(style='display: flex; height: 100vh'):
-    with html.Div(style='flex: 1; min-width: 0'):
-        plotter_ui(pl, mode='server', add_menu=False)
-    with html.Div(style='width: 24em; max-width: 50%; overflow: auto'):
-        trame_panel(pl, server)
+with VAppLayout(server):
+    trame_panel(pl, server, picture=True)
 server.start()
 pl.close()

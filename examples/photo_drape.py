@@ -1,55 +1,60 @@
 """
-A photograph on a mesh
-======================
+A scan draped with photographs
+==============================
 
-A calibrated photograph draped over the mesh that it shows, and baked into its colours. Where the
-project's data are (a liver in an operation, SciKit-Surgery, BSD), they are used; elsewhere a photo
-is taken of a mesh of PyVista's first.
+Six photographs from a drone on the bare scan that they show: each point takes the best of those
+that see it.
 """
 
-from pathlib import Path
-
-import imageio.v3 as iio
 import numpy as np
 import pyvista as pv
-from pyvista import examples
 
 import pvibr
+from pvibr.scenes.landscape import landscape
 
-FOLDER = Path('../shared/data/projection/sksurgery_liver')
-
-# %%
-# 1. A photograph, its mesh, and where it was taken from: K, R and t as OpenCV has them.
-if FOLDER.is_dir():
-    photo = iio.imread(FOLDER / 'fig06_case1b.png')
-    mesh = pv.read(FOLDER / 'liver_sub.ply')
-    pose = np.loadtxt(FOLDER / 'model_to_camera.txt')
-    K = np.loadtxt(FOLDER / 'calib.left.intrinsics.txt')
-    camera = pvibr.Pinhole(K, pose[:3, :3], pose[:3, 3], (photo.shape[1], photo.shape[0]))
-else:
-    photo = iio.imread(examples.mapfile)
-    mesh = pv.Sphere(radius=100.0).translate((0, 0, 400))
-    high, wide = photo.shape[:2]
-    K = [[1.5 * wide, 0, wide / 2], [0, 1.5 * wide, high / 2], [0, 0, 1]]
-    camera = pvibr.Pinhole(K, np.eye(3), np.zeros(3), (wide, high))
+SIZE = 900
+COUNT = 900
+TRIANGLES = 29_000
+ANGLE, HEIGHT = 40.0, 170.0
 
 # %%
-# 2. The photograph on the mesh, seen from another side; flat angles are left out.
-pl = pv.Plotter(shape=(1, 2), window_size=(1100, 520))
-pl.add_mesh(mesh, color='tan', smooth_shading=True)
-pl.ibr.add(pvibr.Projector(photo, camera, max_angle=80.0))
-eye, middle = camera.position, np.array(mesh.center)
-away = np.linalg.norm(middle - eye) * (-0.5 * camera.R[0] - 0.3 * camera.R[2])
-place = [tuple(eye + away), tuple(middle), tuple(-camera.R[1])]
-pl.camera_position = place
+# 1. Photographs, taken here of a valley with trees: a drone looks straight down, from 170 m.
+scene = landscape(COUNT, size=420, triangles=TRIANGLES)
+drone = pv.Plotter(off_screen=True, window_size=(900, 600), lighting='none')
+for light in scene.lights():
+    drone.add_light(light)
+drone.add_mesh(scene.terrain, scalars='color_rgb', rgb=True, smooth_shading=True)
+drone.ibr.add_instances(scene.parts()[0], scene.matrices, views='half')
+drone.ibr.add(pvibr.Shadows())
+drone.camera.view_angle = ANGLE
+photos, cameras = [], []
+for x, y in np.reshape(np.meshgrid((-112, 0, 112), (-43, 43)), (2, -1)).T:
+    drone.camera_position = [(x, y, HEIGHT), (x, y, 0), (0, 1, 0)]
+    photos.append(drone.ibr.screenshot())
+    cameras.append(drone.camera.copy())
+drone.close()
 
 # %%
-# 3. The same as data of the points, which any viewer shows and any file keeps.
-draped = pvibr.Projector(photo, camera, max_angle=80.0).bake(mesh.subdivide(2))
-print(f'{draped["covered"].mean():.0%} of the points are covered')
-colors = draped['projected'][:, :3].copy()
-colors[~draped['covered']] = (210, 180, 140)  # as the mesh is
-pl.subplot(0, 1)
-pl.add_mesh(draped, scalars=colors, rgb=True, lighting=False)
-pl.camera_position = place
+# 2. The scan, bare as clay and cut out as a block, with what the photographs show of it.
+pl = pv.Plotter(window_size=(16 * SIZE // 9, SIZE))
+bare = scene.terrain.clip_box((-205, 205, -150, 150, -99, 99), invert=False)
+bare = bare.extract_surface(algorithm=None).triangulate()
+base = pv.Plane(center=(0, 0, bare.bounds[4] - 12), i_size=900, j_size=900)
+block = bare.extrude_trim((0, 0, -1), base)
+scan = pl.add_mesh(block, color='#e8e0d4', smooth_shading=True, split_sharp_edges=True)
+drape = pvibr.Projector(photos, cameras, actors=[scan], casters=[scan], feather=0.06)
+pl.ibr.add(drape).gain = 0.8, 0.8, 0.8
+
+# %%
+# 3. Where the photographs were taken, and they themselves, 30 m below.
+high = 2 * 30 * np.tan(np.radians(ANGLE / 2))
+for photo, camera in zip(photos, cameras, strict=True):
+    print_ = pv.Plane(center=camera.position, i_size=1.5 * high, j_size=high)
+    pl.add_mesh(print_.translate((0, 0, -30)), texture=pv.Texture(photo), lighting=False)
+    camera.clipping_range = 0.1, 30
+    pl.add_mesh(camera.view_frustum(1.5), style='wireframe', color='#33373d', lighting=False)
+pl.camera_position, pl.camera.view_angle = [(-230, -540, 350), (0, -8, 44), (0, 0, 1)], 33
+look = pl.ibr.look('studio')
+look.effects['AmbientOcclusion'].radius, look.effects['Shadows'].casts = 12.0, [scan]
+pl.ibr.add(pvibr.Accumulation(16))
 pl.show()

@@ -20,6 +20,7 @@ pl = pv.Plotter(window_size=(960, 540))
 rings = pl.ibr.add_instances(ring, places, color='lightgray')
 pl.camera_position = [(-60, -60, 40), (0, 0, -5), (0, 0, 1)]
 pl.camera.zoom(2)
+pl.ibr.look('studio')
 
 
 # %%
@@ -40,5 +41,5 @@ mark(next(hit for hit in hits if hit))
 
 # %%
 # 4. By the mouse.
-pl.ibr.enable_picking(mark)
+pl.ibr.enable_picking(mark, left_clicking=True, show=False)
 pl.show()

@@ -54,6 +54,7 @@ pl.add_mesh(pv.Sphere(radius=0.35, center=ball(times[-1])), color='gold')
 way = pv.MultipleLines([ball(time) for time in np.linspace(0, 2 * np.pi, 100)])
 pl.add_mesh(way, color='gray', line_width=2)
 pl.camera_position = [(10, -20, 14), (0, 0, 4.5), (0, 0, 1)]
+pl.ibr.look('studio')
 pl.ibr.time = times[-1]
 pl.show(auto_close=False)
 pl.close()

@@ -14,7 +14,8 @@ import pvibr
 # %%
 # 1. A staircase, a wall behind it, a ball in the air.
 pl = pv.Plotter(window_size=(960, 540), lighting='none')
-looks = {'color': 'white', 'ambient': 0.12, 'diffuse': 0.9}
+pl.set_background('#1d2126', top='#3a424c')
+looks = {'color': 'white', 'ambient': 0.2, 'diffuse': 0.9}
 for k in range(6):
     step = pv.Box((-3, 3, 0.6 * k, 0.6 * (k + 1), -0.1, 0.35 * k))
     pl.add_mesh(step, **looks)
@@ -32,7 +33,7 @@ slide = pl.ibr.add(pvibr.Projector(examples.mapfile, camera, mode='modulate', fe
 
 # %%
 # 3. Seen from the side, the shadow of the ball and the steps bend the picture.
-pl.camera_position = [(-6.5, -6.5, 4.6), (0, 1.6, 1.5), (0, 0, 1)]
+pl.camera_position = [(-7.6, -8.4, 5.6), (0.2, 1.6, 1.75), (0, 0, 1)]
 pl.show(auto_close=False)
 
 # %%

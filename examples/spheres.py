@@ -9,7 +9,7 @@ of true spheres, at any distance.
 import numpy as np
 import pyvista as pv
 
-import pvibr
+import pvibr  # noqa: F401
 
 COUNT = 100_000
 rng = np.random.default_rng(0)
@@ -34,19 +34,15 @@ height = rng.uniform(0, 1, COUNT) * 3.5 * (1 - r / 7)
 grains = np.c_[9 + r * np.cos(turn), 2 + r * np.sin(turn), height + 0.03]
 
 # %%
-# 3. All together; a shadow of each falls on the others and on the floor.
-pl = pv.Plotter(window_size=(960, 540), lighting='none')
-pl.set_background('lightsteelblue', top='white')
-pl.add_light(pv.Light(position=(-12, -14, 22), focal_point=(3, 0, 3), light_type='scene light'))
-pl.add_light(pv.Light(light_type='headlight', intensity=0.35))
-pl.add_mesh(pv.Plane(center=(4, 0, 0), i_size=60, j_size=60), color='white')
+# 3. All together; in a look, each throws a shadow on the others and on the ground.
+pl = pv.Plotter(window_size=(960, 540))
 pl.ibr.add_spheres(atoms, radii, colors=colors, specular=0.4, specular_power=40, name='atoms')
 pl.ibr.add_spheres(
     grains, rng.uniform(0.04, 0.09, len(grains)), scalars=height, cmap='YlOrBr_r',
     show_scalar_bar=False, name='grains',
 )  # fmt: skip
-pl.ibr.add(pvibr.Shadows())
 pl.camera.position, pl.camera.focal_point, pl.camera.up = (2, -34, 12), (5, 0, 5.4), (0, 0, 1)
+pl.ibr.look('studio').effects['AmbientOcclusion'].radius = 1.0
 pl.show(auto_close=False)
 print(pl.ibr.report())
 pl.close()

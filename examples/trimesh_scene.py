@@ -15,9 +15,10 @@ COUNT = 400
 
 # %%
 # 1. Two meshes of trimesh's own kind.
+LYING = rotation_matrix(np.pi / 2, (1, 0, 0))
 capsule = trimesh.creation.capsule(height=1.0, radius=0.4, count=[48, 48])
 capsule.visual.face_colors = [200, 80, 60, 255]
-ball = trimesh.creation.icosphere(subdivisions=4, radius=0.6)
+ball = trimesh.creation.icosphere(subdivisions=4, radius=0.4)
 ball.visual.face_colors = [70, 130, 200, 255]
 
 # %%
@@ -25,8 +26,9 @@ ball.visual.face_colors = [70, 130, 200, 255]
 scene = trimesh.Scene({'capsule': capsule, 'ball': ball})
 scene.graph.clear()
 rng = np.random.default_rng(4)
-for k, place in enumerate(rng.uniform(-12, 12, (COUNT, 3))):
-    turn = rotation_matrix(rng.uniform(0, np.pi), rng.normal(size=3))
+for k in range(COUNT):
+    place = [*(1.9 * np.array(divmod(k, 20)) + rng.uniform(-0.2, 0.2, 2)), 0]
+    turn = rotation_matrix(rng.uniform(0, np.pi), (0, 0, 1)) @ LYING
     scene.graph.update(
         f'node {k}',
         matrix=translation_matrix(place) @ turn,
@@ -38,5 +40,6 @@ for k, place in enumerate(rng.uniform(-12, 12, (COUNT, 3))):
 pl = pv.Plotter(window_size=(960, 540))
 instances = pl.ibr.add_instances(scene, name='scene')
 print(f'{len(instances)} instances of {len(instances.atlases)} meshes')
-pl.camera.zoom(1.6)
+pl.camera_position = [(5, -13, 9), (17, 12, 0), (0, 0, 1)]
+pl.ibr.look('studio')
 pl.show()

@@ -36,6 +36,7 @@ def lazy_exports(package, exports):
 #: Effects in the order in which they run, and why there: one line here registers an effect. Things
 #: in a scene and effects of users run before all of these, in the order in which they were added.
 EFFECTS = {
+    'Ground': 'pvibr.effects.ground',  # a surface: in place before light looks at any
     'Shadows': 'pvibr.shadows.shadows',  # light that reaches surfaces, before any is shaded
     'Projector': 'pvibr.projection.projector',  # photographs are lit and shadowed like surfaces
     'AmbientOcclusion': 'pvibr.effects.ambient_occlusion',  # of surfaces, before what is behind
@@ -54,6 +55,7 @@ EFFECTS = {
     'Vignette': 'pvibr.effects.screen',  # its lens is darker at the rim
     'Flash': 'pvibr.effects.screen',  # light into that lens
     'Iris': 'pvibr.effects.screen',  # its shutter covers everything
+    'Accumulation': 'pvibr.effects.accumulation',  # the mean of what is shown by now
 }
 _EXPORTS = {
     **EFFECTS,
@@ -75,15 +77,21 @@ _EXPORTS = {
     'ImageLayers': 'pvibr.image_layers.image_layers',
     'Impostor': 'pvibr.impostors.impostor',
     'Instances': 'pvibr.instances.instances',
+    'Lens': 'pvibr.maths.lenses',
+    'LensCamera': 'pvibr.maths.lens_camera',
     'LiveTexture': 'pvibr.projection.live_texture',
     'matrices': 'pvibr.meshes.posed',
     'Mirror': 'pvibr.projection.live_texture',
     'Orthographic': 'pvibr.maths.orthographic',
     'silhouette_lines': 'pvibr.projection.silhouette_lines',
     'Param': 'pvibr.core.params',
+    'Photo': 'pvibr.cameras.photos',
+    'PhotoMesh': 'pvibr.projection.photo_mesh',
+    'Photos': 'pvibr.cameras.photos',
     'Pinhole': 'pvibr.maths.pinhole',
     'PvibrError': 'pvibr.core.errors',
     'PvibrWarning': 'pvibr.core.errors',
+    'read_cameras': 'pvibr.cameras.read',
     'read_city': 'pvibr.formats.cities',
     'read_gltf': 'pvibr.animation.gltf.read',
     'read_poses': 'pvibr.meshes.pose_files',
@@ -92,6 +100,7 @@ _EXPORTS = {
     'shadowed_area': 'pvibr.projection.visibility',
     'Spheres': 'pvibr.quadrics.spheres',
     'visible': 'pvibr.projection.visibility',
+    'write_cameras': 'pvibr.cameras.write',
 }
 
 __all__ = [*_EXPORTS]  # noqa: PLE0604, RUF100

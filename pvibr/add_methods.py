@@ -7,7 +7,7 @@ from importlib import import_module
 from typing import Generic, TypeVar
 
 from pvibr.core.signatures import arguments_of, docstring_of, keywords_of, method_signature
-from pvibr.scene.keywords import check_keywords
+from pvibr.scene.keywords import check_keywords, check_values
 
 Made = TypeVar('Made')
 _OF_SCALARS = ('show_scalar_bar', 'scalar_bar_args', 'label')
@@ -35,6 +35,7 @@ class AddMethod(Generic[Made]):
 
         def method(self, *args, **kwargs):
             check_keywords(make, kwargs, arguments)
+            check_values(kwargs)
             options = {name: kwargs.pop(name) for name in shown if name in kwargs}
             return add(self, make, args, kwargs, **options)
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import pyvista as pv
 
 from pvibr.add_methods import AddMethod
+from pvibr.cameras.facade import CameraFacade
 from pvibr.capture.facade import CaptureFacade
 from pvibr.core.facade import StateFacade
 from pvibr.core.params import checked_flag
@@ -17,7 +18,9 @@ from pvibr.core.report import Report
 from pvibr.core.signatures import accepts
 from pvibr.export.facade import ExportFacade
 from pvibr.export.web_report import Watch
+from pvibr.looks import LooksFacade
 from pvibr.pipeline import Pipeline
+from pvibr.scene.facade import PickFacade
 from pvibr.scene.mesh_widgets import refuse_things
 from pvibr.scene.scalar_bars import Bar
 
@@ -28,13 +31,16 @@ if TYPE_CHECKING:
     from pvibr.image_layers.image_layers import ImageLayers
     from pvibr.impostors.impostor import Impostor
     from pvibr.instances.instances import Instances
+    from pvibr.projection.photo_mesh import PhotoMesh
     from pvibr.quadrics.cylinders import Cylinders
     from pvibr.quadrics.ellipsoids import Ellipsoids
     from pvibr.quadrics.spheres import Spheres
 
 
 @pv.register_plotter_component('ibr')
-class IBRComponent(CaptureFacade, ExportFacade, StateFacade):
+class IBRComponent(
+    CameraFacade, CaptureFacade, ExportFacade, LooksFacade, PickFacade, StateFacade
+):
     """Image-based rendering of a plotter; it acts on the active subplot.
 
     Once the plotter is closed, methods that add, draw or export raise a `ClosedError`.
@@ -56,7 +62,6 @@ class IBRComponent(CaptureFacade, ExportFacade, StateFacade):
 
     def __init__(self, plotter):
         super().__init__(plotter)
-        self._buffer_objects: list = []
         self._at_close: list = []
         self._last_report = Report([])
         refuse_things(plotter)
@@ -66,22 +71,15 @@ class IBRComponent(CaptureFacade, ExportFacade, StateFacade):
             return '<plotter.ibr: closed>'
         things = sum(len(p.things) for p in self._pipelines)
         effects = len(self._all_effects()) - things
-        counts = (
-            (len(renderers_of(self._plotter)), 'subplot'),
-            (things, 'thing'),
-            (effects, 'effect'),
-        )
+        subplots = len(renderers_of(self._plotter))
+        counts = (subplots, 'subplot'), (things, 'thing'), (effects, 'effect')
         parts = [f'{count} {noun}{"" if count == 1 else "s"}' for count, noun in counts]
         playing = ', playing' if self.playing else ''
         return f'<plotter.ibr: {", ".join(parts)}, time {self.time:g} s{playing}>'
 
     # -- subplots --------------------------------------------------------------------------------
 
-    @property
-    def pipeline(self) -> Pipeline:
-        """The active subplot's pipeline."""
-        self._check_open()
-        renderer = self._plotter.renderer
+    def _pipeline_of(self, renderer) -> Pipeline:
         for pipeline in self._pipelines:
             if pipeline.renderer is renderer:
                 return pipeline
@@ -115,7 +113,7 @@ class IBRComponent(CaptureFacade, ExportFacade, StateFacade):
         found = [effect for effect in self.effects if effect.name == name]
         if not found:
             names = ', '.join(repr(effect.name) for effect in self.effects) or 'nothing'
-            msg = f'{name!r} is not in this subplot; here are: {names}'
+            msg = f'no thing {name!r} is in this subplot; here are: {names}'
             raise KeyError(msg)
         return found[0]
 
@@ -225,6 +223,9 @@ class IBRComponent(CaptureFacade, ExportFacade, StateFacade):
     add_image_layers: AddMethod[ImageLayers] = AddMethod(
         'pvibr.image_layers.image_layers.ImageLayers', _add_thing
     )
+    add_photos: AddMethod[PhotoMesh] = AddMethod(
+        'pvibr.projection.photo_mesh.PhotoMesh', _add_thing
+    )
 
     def remove(self, thing):
         """Remove an effect or a thing from its subplot.
@@ -247,103 +248,9 @@ class IBRComponent(CaptureFacade, ExportFacade, StateFacade):
         next(here, self.pipeline).remove(thing)
 
     def clear(self):
-        """Remove all effects and things from the active subplot."""
+        """Remove all effects and things from the active subplot, and its look."""
+        self._take_off(self.pipeline)
         self.pipeline.clear()
-
-    # -- picking and buffers ---------------------------------------------------------------------
-
-    def pick(self, x, y):
-        """Pick the thing at a pixel of the active subplot.
-
-        Parameters
-        ----------
-        x, y : int
-            Pixel coordinates from the lower left corner of the window.
-
-        Returns
-        -------
-        object or None
-            The nearest hit; None if nothing is hit. Of what stands for actors, such as an
-            impostor, its ``actor`` is the one that was hit.
-        """
-        hits = [hit for thing in self.pipeline.effects if (hit := thing.pick(x, y)) is not None]
-        return min(hits, key=lambda hit: getattr(hit, 'distance', 0.0), default=None)
-
-    def enable_picking(self, callback, *, left_clicking=True):
-        """Call a function with what a click hits.
-
-        Parameters
-        ----------
-        callback : callable
-            Called with the result of :meth:`pick`, unless nothing is hit.
-        left_clicking : bool
-            Whether to pick with the left mouse button, else with the right one.
-
-        Raises
-        ------
-        TypeError
-            If the renderer has no PyVista plotter.
-        """
-        if not hasattr(self._plotter, 'track_click_position'):
-            msg = 'picking by mouse needs a PyVista plotter; call pick(x, y) from your own events'
-            raise TypeError(msg)
-
-        def clicked(_point):
-            hit = self.pick(*self._plotter.iren.get_event_position())
-            if hit is not None:
-                callback(hit)
-
-        self._plotter.track_click_position(clicked, side='left' if left_clicking else 'right')
-
-    def disable_picking(self):
-        """Stop picking with the mouse."""
-        self._plotter.untrack_click_position()
-
-    def buffer(self, name):
-        """Render the active subplot and return one of its buffers.
-
-        Normals and ids are those of opaque surfaces, without translucent props and volumes.
-
-        Parameters
-        ----------
-        name : {'depth', 'normal', 'id', 'color'}
-            ``'depth'`` is the distance along the view direction in world units, inf on the
-            background; ``'normal'`` is in view space, toward the eye, 0 on the background and on
-            unlit surfaces; ``'id'`` is an index into `buffer_objects`, -1 on the background;
-            ``'color'`` is the image with all effects and without annotations.
-
-        Returns
-        -------
-        numpy.ndarray
-            (height, width) or (height, width, channels) float32, top row first.
-
-        Raises
-        ------
-        ValueError
-            If there is no such buffer.
-
-        Examples
-        --------
-        >>> import pyvista as pv
-        >>> pl = pv.Plotter(off_screen=True, window_size=(64, 48))
-        >>> ball = pl.add_mesh(pv.Sphere())
-        >>> ids = pl.ibr.buffer('id')
-        >>> ids.shape, float(ids[24, 32]), float(ids[0, 0])
-        ((48, 64), 0.0, -1.0)
-        >>> pl.ibr.buffer_objects[0] is ball
-        True
-        >>> pl.close()
-        """
-        pipeline = self.pipeline
-        self._show()
-        tap = pipeline.buffer(name)
-        self._buffer_objects = tap.numbered
-        return tap.array
-
-    @property
-    def buffer_objects(self) -> list:
-        """Actors and things that the ids of the last `buffer` refer to."""
-        return list(self._buffer_objects)
 
     # -- reports ---------------------------------------------------------------------------------
 
@@ -412,6 +319,8 @@ class IBRComponent(CaptureFacade, ExportFacade, StateFacade):
             with contextlib.suppress(Exception):  # an effect's report must not keep it open
                 self._last_report = self.pipeline.report()
         self._closed = True
+        with contextlib.suppress(Exception):  # the window may be gone
+            self.disable_picking()
         self._hand_over.stop()
         self._clock.stop()
         self._adaptive_quality.release()

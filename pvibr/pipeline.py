@@ -16,11 +16,14 @@ from pvibr.core.report import Report, Row
 from pvibr.effects import ORDER
 from pvibr.gl.annotations import Annotations
 from pvibr.gl.fused import Fused
+from pvibr.gl.offscreen import RENDERERS
 from pvibr.gl.picture import Picture
 from pvibr.gl.scene_pass import ScenePass
+from pvibr.gl.texture import release
 from pvibr.scene.buffers import Buffers, Tap
 from pvibr.scene.casters import Surfaces
 from pvibr.scene.draw_order import DrawOrder
+from pvibr.scene.splats import Splats
 from pvibr.scene.thing import Thing
 
 _PEELS_NOTHING = (
@@ -34,6 +37,7 @@ class Pipeline:
 
     def __init__(self, renderer, pace=None):
         self.renderer = renderer
+        RENDERERS.add(renderer)
         self.time = 0.0
         self._adaptive_quality = pace
         self._entries: list[_Entry] = []
@@ -89,6 +93,12 @@ class Pipeline:
         exposing = [e.effect for e in self._entries if e.running]
         return sum(e.expose(frame, picture) for e in exposing)
 
+    def horizon_color(self, frame) -> tuple[float, ...]:
+        """Return the colour of what is far away: that of the horizon, else of the background."""
+        found = (e.horizon_color(frame) for e in self._effects if e.enabled)
+        seen = next((color for color in found if color is not None), None)
+        return seen or frame.renderer.GetBackground()
+
     def add(self, effect) -> Effect:
         """Put an effect or a thing in; it is in the next frame."""
         self.check_addable(effect)
@@ -125,9 +135,10 @@ class Pipeline:
     def remove(self, effect):
         """Take an effect or a thing out and free what it holds on the GPU."""
         if effect not in self.effects:
-            name = effect.name if isinstance(effect, Effect) else repr(effect)
+            name = effect.name if isinstance(effect, Effect) else f'thing = {effect!r:.80}'
             msg = f'{name} is not in this subplot; here are: {self._names() or "none"}'
             raise ValueError(msg)
+        effect.pipeline = self  # Python's collector may have cleared it, a weak reference
         self._enter([e for e in self._entries if e.effect is not effect])
         self.make_current()
         try:
@@ -189,14 +200,19 @@ class Pipeline:
 
     def _on_start(self, _renderer, _event):
         self._drop_removed()
+        if self._turn is not None:  # a frame that did not end
+            self._turn.put_camera_back()
         quality = (
             1.0
             if self._adaptive_quality is None
             else self._adaptive_quality.quality(self.renderer)
         )
         frame = Frame.of(self.renderer, index=self._frames, time=self.time, quality=quality)
-        self._turn = turn = _Turn(frame)
         self.surfaces.begin()
+        self._turn = turn = _Turn(frame)
+        for entry in self._entries if not frame.picking else ():
+            if entry.effect.enabled:
+                turn.take(turn.guard([entry], entry.effect.as_sampled, turn.begun))
         for entry in self._entries:
             entry.running = False
         for entry in self._entries:
@@ -210,6 +226,8 @@ class Pipeline:
             turn.images = images
             effects = [e.effect for e in images]
             turn.guard(images, self._stage.begin, turn.frame, effects, self.things)
+        elif not frame.picking:
+            self._stage.rest()
 
     def _call_back(self, turn):
         """Prepare things again that an effect has drawn in other views."""
@@ -228,6 +246,7 @@ class Pipeline:
         for entry in self._entries:
             if entry.running:
                 turn.guard([entry], entry.effect.finish, turn.frame_of(entry.effect))
+        turn.put_camera_back()
         self.order.finish()
         self._stage.end(turn)
         if not self._peels and peels_samples(self.renderer):
@@ -293,9 +312,22 @@ class _Turn:
     """One frame on its way through a pipeline, with what went wrong in it."""
 
     def __init__(self, frame):
-        self.drawn, self.frame = (frame, frame) if frame.picking else frame.within_passes()
         self.images: list[_Entry] = []
         self.failures: list[str] = []
+        self.begun: Frame | None = None
+        self.take(frame)
+
+    def take(self, frame):
+        """Be of a frame; of None it stays as it is."""
+        if frame is not None and frame is not self.begun:
+            self.begun = frame
+            self.drawn, self.frame = (frame, frame) if frame.picking else frame.within_passes()
+
+    def put_camera_back(self):
+        """Let the renderer have the user's camera again, after a sample."""
+        sample = self.frame.sample
+        if sample is not None:
+            self.frame.renderer.SetActiveCamera(sample.camera)
 
     def frame_of(self, effect):
         """Return the frame as it is drawn, for effects on the picture as it is shown."""
@@ -338,6 +370,7 @@ class _Stage:
         self._picture: Picture | None = None
         self._scene: ScenePass | None = None
         self._fused: Fused | None = None
+        self._splats = Splats(renderer)
 
     @property
     def nbytes(self) -> int:
@@ -348,11 +381,18 @@ class _Stage:
         """Before the renderer draws: flat props out, and what effects need besides colours in."""
         self._things = things
         self._begun = True
+        self._splats.look()
         self._annotations.hide(frame.size)
         self._scene = scene = self._scene or ScenePass(self.renderer.GetRenderWindow())
         # A renderer that draws over others' pixels has no picture of its own in floats.
         own = not self.renderer.GetPreserveColorBuffer()
-        scene.begin(frame, own and any(e.needs_hdr for e in effects))
+        single = own and any(e.one_sample for e in effects)
+        floats = own and (
+            any(e.needs_hdr for e in effects)
+            or (any(e.draws_background for e in effects) and self._splats.shine())
+        )
+        self._splats.match(floats)
+        scene.begin(frame, floats, single=single)
         if any(e.surfaces for e in effects):
             self.buffers.attach(frame, scene, things)
 
@@ -364,9 +404,10 @@ class _Stage:
         scene.end()
         self.buffers.detach()
         self._annotations.show()
+        self._splats.settle()
         place = turn.frame.origin, turn.frame.size
         running = [e for e in turn.images if e.running]
-        if running or scene.needs_hdr:
+        if running or scene.is_apart:
             turn.guard(turn.images, self._run, turn, scene, running, place)
         self._annotations.draw(*place)
 
@@ -391,11 +432,15 @@ class _Stage:
             self._picture = Picture(window, origin, size, self._fused, needs_hdr)
         return self._picture
 
+    def rest(self):
+        """Free the pictures of frames that have none, such as those of a view that moves."""
+        release(self._picture, self._scene)
+        self._picture = self._scene = None
+
     def release(self):
-        for owner in (self._picture, self._scene, self._fused, self._annotations):
-            if owner is not None:
-                owner.release()
-        self._picture = self._scene = self._fused = None
+        self.rest()
+        release(self._fused, self._annotations)
+        self._fused = None
 
 
 def _place(entry):

@@ -25,6 +25,7 @@ from pvibr.animation.rig import Step
 from pvibr.component import IBRComponent
 from pvibr.core.effect import Effect
 from pvibr.figures.animated import animated
+from pvibr.maths import arguments
 
 # GL08 is left out: it asks for docstrings of setters; ruff's 'D1' asks for all others. PR02 is
 # left out: it takes dataclasses for classes without a constructor. RT01 too: one line is enough
@@ -63,7 +64,9 @@ def exported():
     yield from (IBRComponent, IBRAccessor)
     names = [info.name for info in pkgutil.iter_modules(pvibr.maths.__path__)]
     for module in (importlib.import_module(f'pvibr.maths.{n}') for n in names if n[0] != '_'):
-        yield from (thing for name, thing in vars(module).items() if name[0] != '_')
+        found = [thing for name, thing in vars(module).items() if name[0] != '_']
+        # What checks the arguments of users is not called by them.
+        yield from (t for t in found if getattr(t, '__module__', '') != arguments.__name__)
 
 
 def members(kind):

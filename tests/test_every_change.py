@@ -342,6 +342,7 @@ def counted_uploads(monkeypatch) -> list:
     return uploads
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize('name', CASES)
 def test_many_frames_without_change_take_nothing(name, monkeypatch):
     monkeypatch.setattr('pvibr.instances.measure.SIZES', (8, 32))
@@ -354,12 +355,13 @@ def test_many_frames_without_change_take_nothing(name, monkeypatch):
             s.pl.render()  # costs are measured, and what is cheaper is chosen
         before, count = shot(s.pl), counts(standin)
         uploads.clear()
-        for _ in range(60):
+        for _ in range(30):
             s.pl.render()
         assert (counts(standin), uploads) == (count, [])
         assert np.array_equal(shot(s.pl), before)
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize('name', CASES)
 def test_the_next_frame_shows_it(name, monkeypatch):
     make, reference, share = CASES[name]
@@ -405,6 +407,7 @@ def test_images_show_a_live_texture_as_it_is_now(name):
         assert np.abs(found - plain(s, standin)).mean() < 1  # also of what it sees itself
 
 
+@pytest.mark.slow
 def test_nothing_is_drawn_again_for_what_others_have_drawn():
     """Points and lines are scaled while they are drawn in other views."""
     s = scene()
@@ -417,3 +420,21 @@ def test_nothing_is_drawn_again_for_what_others_have_drawn():
     before = [counts(standin) for standin in standins]
     shot(s.pl)
     assert [counts(standin) for standin in standins] == before
+
+
+def test_a_still_view_begins_again():
+    s = scene()
+    still = s.pl.ibr.add(pvibr.Accumulation(2))
+    wrong = {}
+    for what, change in changes(s, ''):
+        for _ in range(4):
+            s.pl.render()
+        if still.unfinished:
+            wrong[what] = 'it changes without'
+        change()
+        found = shot(s.pl)
+        still.enabled = False
+        if not np.array_equal(found, shot(s.pl)):
+            wrong[what] = 'the mean is shown on'
+        still.enabled = True
+    assert wrong == {}

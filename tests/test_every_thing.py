@@ -5,11 +5,14 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable
 from functools import cache
+from pathlib import Path
+from tempfile import mkdtemp
 from typing import NamedTuple
 
 import numpy as np
 import pytest
 import pyvista as pv
+from PIL import Image
 
 import pvibr
 from pvibr.core import _vtk
@@ -18,6 +21,8 @@ from pvibr.core.errors import ClosedError
 from pvibr.effects import ORDER
 from tests.figures.makers import bending, worm
 from tests.pictures import off, place, plotter, shot
+
+pytestmark = pytest.mark.sampled
 
 SIZE = (120, 90)
 PLACES = np.array([(-2.0, 0.0, 0.0), (0.0, 0.8, 0.2), (2.0, -0.5, -0.2)])
@@ -53,6 +58,35 @@ def eggs(pl):
     egg = pv.Sphere(radius=1.0, theta_resolution=60, phi_resolution=60)
     found = (egg.scale(axes).translate(at) for axes, at in zip(AXES, PLACES, strict=True))
     return meshes(pl, *(egg.compute_normals() for egg in found))
+
+
+COARSE = pv.Sphere(radius=0.8, theta_resolution=24, phi_resolution=24)
+
+
+def coarse_ones():
+    """Coarse balls as one mesh."""
+    return pv.merge([COARSE.translate(at) for at in PLACES])
+
+
+def under_photos(pl):
+    """Balls in magenta under photographs in tomato from all around."""
+    K, cameras = [[60, 0, 31.5], [0, 60, 31.5], [0, 0, 1]], []
+    for eye in np.array(pv.Sphere(radius=9, theta_resolution=7, phi_resolution=5).points, float):
+        ahead = -eye / 9
+        right = np.cross(ahead, (0.1, 0.2, 1.0))
+        R = np.stack([right / np.linalg.norm(right), ahead, ahead])
+        R[1] = np.cross(ahead, R[0])
+        cameras.append(pvibr.Pinhole(K, R, -R @ eye, (64, 64)))
+    photos = [pvibr.Photo(f'{k}', camera, tomato()) for k, camera in enumerate(cameras)]
+    return pl.ibr.add_photos(coarse_ones(), photos, color='magenta', lit=True, name='it')
+
+
+@cache
+def tomato():
+    """Return the path of a picture that is all tomato."""
+    path = Path(mkdtemp(), 'tomato.png')
+    Image.new('RGB', (64, 64), 'tomato').save(path)
+    return path
 
 
 def signs(pl):
@@ -114,6 +148,12 @@ EVERY = {
         shown_by_meshes,
         IMAGES,
         {'shown': 2, 'meshes': {}},
+    ),
+    'PhotoMesh': Case(
+        under_photos,
+        lambda pl: meshes(
+            pl, pv.merge([COARSE.translate(p) for p in PLACES]), smooth_shading=False
+        ),
     ),
     'ImageLayers': Case(
         lambda pl: pl.ibr.add_image_layers([shown_by_meshes(pl)], only_if_faster=False),
@@ -306,7 +346,7 @@ def test_listed_once_as_an_actor(name):
     assert thing in pl.ibr
     assert thing.name in pl.ibr
     assert 'else' not in pl.ibr
-    with pytest.raises(KeyError, match=f"'else' is not in this subplot; here are: '{thing.name}'"):
+    with pytest.raises(KeyError, match=f"no thing 'else' is in .*: '{thing.name}'"):
         pl.ibr.remove('else')
     pl.ibr.remove(thing.name)
     assert not list(pl.ibr)
@@ -378,7 +418,8 @@ def test_pyvista_sets_what_is_pickable(name):
 def test_clipped_or_told_why_not(name):
     pl, thing = added(name)
     plane = _vtk.vtkPlane()
-    if name not in ('AnimatedActor', 'Instances'):
+    plane.SetNormal(0.4, 0.3, 1.0)
+    if name in ('Crowd', 'Impostor', 'ImageLayers'):
         with pytest.raises(AttributeError, match=f'{thing.name} cannot be clipped: '):
             thing.mapper.AddClippingPlane(plane)
         assert thing.mapper.clipping_planes is None

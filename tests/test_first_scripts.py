@@ -8,11 +8,19 @@ from pathlib import Path
 
 import pytest
 
+from tests.marks import slow
+
 FOLDER = Path(__file__).with_name('first_scripts')
-SCRIPTS = sorted(path for path in FOLDER.glob('*.py') if path.stem != 'conftest')
+#: Four seconds of processor time and more.
+SLOW = {'kinds_of_mesh', 'parallel'}
+SCRIPTS = [
+    slow(path, when=path.stem in SLOW, id=path.stem)
+    for path in sorted(FOLDER.glob('*.py'))
+    if path.stem != 'conftest'
+]
 
 
-@pytest.mark.parametrize('script', SCRIPTS, ids=lambda path: path.stem)
+@pytest.mark.parametrize('script', SCRIPTS)
 def test_it_works_as_written(script):
     try:
         with warnings.catch_warnings():

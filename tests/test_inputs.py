@@ -10,6 +10,7 @@ import inspect
 import numpy as np
 import pytest
 import pyvista as pv
+from pyvista import examples
 
 import pvibr
 import pvibr.animation
@@ -134,6 +135,7 @@ def wrap_all(made, patch):
                     patch.setattr(module, name, made.wrap(name, owner, 0))
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize('name', NAMES)
 def test_no_example_changes_its_input(name, watch, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
@@ -176,6 +178,9 @@ def given(rng):
     }
 
 
+_K = [[900.0, 0, 1023.5], [0, 900.0, 511.5], [0, 0, 1]]
+_CAMERA = pvibr.Pinhole(_K, np.diag([1.0, -1.0, -1.0]), [0.0, 0.0, 3.0], (2048, 1024))
+PHOTO = [pvibr.Photo('a.jpg', _CAMERA, examples.mapfile)]
 CLOUD = {'planes': 4, 'size': 128, 'supersample': 1}
 #: Every way to add something, and what is made of a mesh.
 CALLS = {
@@ -204,6 +209,7 @@ CALLS = {
     'add_instances': lambda pl, g: pl.ibr.add_instances(
         g['bare'], g['points'], colors=g['colors'], smooth_shading=True, bake=False
     ),
+    'add_photos': lambda pl, g: pl.ibr.add_photos(g['ball'], PHOTO, masks=g['images'][:1]),
     'add_spheres': lambda pl, g: pl.ibr.add_spheres(
         g['cloud'], g['sizes'], scalars=g['values'], visible=g['seen']
     ),
@@ -223,6 +229,7 @@ CALLS = {
 }
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize('seed', [0, 1])
 @pytest.mark.parametrize('name', CALLS)
 def test_no_call_nor_frame_changes_its_input(name, seed, monkeypatch, shared_folder):

@@ -12,7 +12,9 @@ import pyvista as pv
 import pvibr
 from pvibr.core.frame import Frame
 from pvibr.core.passes import is_llvmpipe
-from tests.pictures import plotter, shown
+from tests.pictures import plotter, shot, shown
+
+pytestmark = pytest.mark.sampled
 
 SAME = 'vec4 effect(vec2 uv) { return color_at(uv); }'
 
@@ -29,12 +31,8 @@ def test_closed_plotters_end_as_soon_as_those_without_pvibr():
     pl.ibr.add(pvibr.ShaderEffect(SAME))
     pl.show()
     plot, ibr = weakref.ref(pl), pl.ibr
-    gc.disable()
-    try:
-        del pl
-        assert plot() is None
-    finally:
-        gc.enable()
+    del pl  # no garbage is searched for here: `conftest` has it off
+    assert plot() is None
     assert repr(ibr) == '<plotter.ibr: closed>'
     with pytest.raises(pvibr.ClosedError):
         ibr.add(pvibr.Vignette())
@@ -293,3 +291,152 @@ def test_depth_peeling_of_samples_is_warned_of_once_and_the_remedy_works():
     assert red(pl) == 0  # a second warning would fail
     pl.disable_anti_aliasing()
     assert red(pl) > 0.9 * red(ghost(plotter())) > 500
+
+
+def test_what_pyvista_lists_of_a_subplot_is_what_users_added():
+    pl = plotter()
+    pl.ibr.add(pvibr.ShaderEffect(SAME))
+    listed = pl.renderer._actors
+    assert len(listed) == 0
+    assert list(listed) == []
+    ball = pl.add_mesh(pv.Sphere(), name='ball')
+    balls = pl.ibr.add_spheres([[2, 0, 0]], name='balls')
+    cube = pl.add_mesh(pv.Cube(), name='cube')
+    assert listed.keys() == ['ball', 'balls', 'cube']
+    assert list(listed) == [listed[k] for k in range(3)] == [ball, balls, cube]
+    assert list(pl.renderer.GetActors()) == [ball, balls, cube]
+    assert listed[-1] is listed['cube'] is cube
+    with pytest.raises(IndexError):
+        listed[3]
+    with pytest.raises(KeyError, match='none'):
+        listed['none']
+    del listed['ball']
+    assert listed.keys() == ['balls', 'cube']
+    del listed[-1]
+    assert dict(pl.actors) == {'balls': balls}
+
+
+@pytest.mark.parametrize('effect', [False, True])
+def test_a_closed_plotter_exports_nothing_in_pyvistas_words(effect, tmp_path):
+    pl = plotter()
+    pl.add_mesh(pv.Sphere())
+    if effect:
+        pl.ibr.add(pvibr.ShaderEffect(SAME))
+    pl.show(auto_close=False)
+    pl.close()
+    with pytest.raises(RuntimeError, match='This plotter has been closed'):
+        pl.export_vrml(tmp_path / 'scene.wrl')
+
+
+def test_numbers_of_a_scalar_bar_are_in_the_first_frame_where_they_stay():
+    """VTK alone puts them elsewhere in the first frame, if nothing opaque is in the scene."""
+
+    def pictures(effect):
+        pl = plotter((200, 150))
+        ball = pv.Sphere()
+        pl.add_mesh(ball, scalars=ball.points[:, 2], opacity=ball.points[:, 2] + 0.5)
+        if effect:
+            pl.ibr.add(pvibr.ShaderEffect(SAME))
+        pl.show(auto_close=False)
+        return pl.screenshot(None, return_img=True), shot(pl)
+
+    first, later = pictures(True)
+    np.testing.assert_array_equal(first, later)
+    np.testing.assert_array_equal(later, pictures(False)[1])
+
+
+@pytest.mark.parametrize('kind', ['spheres', 'cylinders', 'ellipsoids'])
+@pytest.mark.parametrize('mode', ['RedBlue', 'Interlaced', 'SplitViewportHorizontal'])
+def test_both_eyes_see_curved_things_where_meshes_are(kind, mode):
+    middles = np.random.default_rng(len(kind)).uniform([-2, -2, 0.5], [2, 2, 2], (5, 3))
+    half = np.array((0, 0, 0.5))
+    fine = {'theta_resolution': 60, 'phi_resolution': 60}
+
+    def picture(thing):
+        pl = plotter((200, 150))
+        hill(pl)
+        look = {'color': 'g'}
+        if thing and kind == 'spheres':
+            pl.ibr.add_spheres(middles, 0.5, **look)
+        elif thing and kind == 'cylinders':
+            pl.ibr.add_cylinders(middles, middles + 2 * half, 0.3, **look)
+        elif thing:
+            pl.ibr.add_ellipsoids(middles, np.full((5, 3), (0.3, 0.4, 0.6)), **look)
+        for at in () if thing else middles:
+            rod = pv.Cylinder(center=at + half, direction=(0, 0, 1), radius=0.3, height=1)
+            ball = pv.Sphere(radius=1, **fine).scale((0.3, 0.4, 0.6)).translate(at)
+            made = {'spheres': pv.Sphere(center=at, **fine), 'cylinders': rod, 'ellipsoids': ball}
+            pl.add_mesh(made[kind], smooth_shading=True, split_sharp_edges=True, **look)
+        pl.render_window.StereoCapableWindowOn()
+        getattr(pl.render_window, f'SetStereoTypeTo{mode}')()
+        pl.render_window.StereoRenderOn()
+        pl.camera.SetEyeAngle(6)
+        return shown(pl)
+
+    assert (np.abs(picture(True) - picture(False)).max(2) > 40).mean() < 0.01
+
+
+@pytest.mark.parametrize('thing', ['layers', 'impostor'])
+@pytest.mark.parametrize('lights', ['none', 'off'])
+def test_images_of_actors_are_drawn_where_no_light_is_on(thing, lights):
+    def picture(thing):
+        pl = plotter((160, 120))
+        ball = hill(pl)
+        if lights == 'none':
+            pl.remove_all_lights()
+        else:
+            for light in pl.renderer.lights:
+                light.switch_off()
+        if thing == 'layers':
+            pl.ibr.add_image_layers([ball], only_if_faster=False)
+        elif thing == 'impostor':
+            pl.ibr.add_impostor(ball, only_if_faster=False)
+        found = shown(pl), *((row.state for row in pl.ibr.report().rows) if thing else ())
+        for light in pv.Plotter(lighting='light kit').renderer.lights:
+            pl.add_light(light)
+        return *found, shot(pl)
+
+    (dark, state, light), (true, lit) = picture(thing), picture(None)
+    assert state == 'ran'
+    for found, meant in ((dark, true), (light, lit)):
+        assert (np.abs(found - meant).max(2) > 15).mean() < 0.01
+    assert np.abs(true - lit).mean() > 5
+
+
+BOX = (-2, 2, -2, 2, -2, 2)
+HANDLES = (
+    lambda pl: pl.add_plane_widget(lambda *_: None, bounds=BOX),
+    lambda pl: pl.add_box_widget(lambda *_: None, bounds=BOX),
+    lambda pl: pl.add_sphere_widget(lambda *_: None, center=(0.7, -0.7, 2), radius=0.4),
+    lambda pl: pl.add_spline_widget(lambda *_: None, bounds=BOX),
+)
+
+
+@pytest.mark.parametrize('first', [False, True])
+@pytest.mark.parametrize('name', ['Shadows', 'Projector'])
+def test_handles_of_widgets_cast_no_shadow_and_get_no_light_of_effects(name, first):
+    pl = plotter((160, 120), lighting='none')
+    pl.add_light(pv.Light(position=(3, -2, 8), light_type='scene light'))
+    pl.add_mesh(pv.Plane(i_size=8, j_size=8), color='#405060')
+    pl.add_mesh(pv.Sphere(center=(0, 0, 1)), color='orange')
+    pl.camera_position = [(0, -9, 7), (0, 0, 0), (0, 0, 1)]
+    lens = pv.Camera()
+    lens.position, lens.focal_point, lens.up = (3, -3, 8), (0, 0, 0), (0, 0, 1)
+    stripes = np.full((2, 2, 3), [0, 90, 250], np.uint8)
+    effect = pvibr.Shadows() if name == 'Shadows' else pvibr.Projector(stripes, lens)
+    plain = shown(pl)
+    pl.ibr.add(effect)
+    lit = shot(pl)
+    assert (lit != plain).any(2).sum() > 100
+    for add in HANDLES:
+        effect.enabled = first  # a widget comes before or after its first frame
+        widget = add(pl)
+        effect.enabled = False
+        alone = shot(pl)
+        effect.enabled = True
+        both = shot(pl)
+        widget.Off()
+        ours, same = (alone != plain).any(2), (abs(both - alone) <= 2).all(2)
+        assert ours.sum() > 20
+        assert ((both != lit).any(2) & ~ours).sum() <= 0.02 * ours.sum()  # as light as behind it
+        assert same[ours].mean() > 0.9 or widget.IsA('vtkImplicitPlaneWidget')  # translucent

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import gc
+import sys
 import weakref
 
 import numpy as np
 import pytest
 import pyvista as pv
 
+import pvibr
 from pvibr.core import _vtk
 from pvibr.core.effect import Effect
 from pvibr.core.errors import ClosedError, PvibrWarning
@@ -17,6 +19,8 @@ from pvibr.gl import Quad
 from pvibr.gl.offscreen import read_rgba
 from pvibr.pipeline import Pipeline
 from tests.pictures import depth_buffer
+
+pytestmark = pytest.mark.sampled
 
 SIZE = (160, 90)
 WHITE = np.array([255, 255, 255, 255], np.uint8)
@@ -627,3 +631,19 @@ def test_frame_of_a_tile(pl):
         assert frame.whole == pytest.approx((2 * SIZE[0], 2 * SIZE[1]))
         assert frame.pixel_scale == pytest.approx(2 * whole.pixel_scale)
         assert frame.tile[2] - frame.tile[0] == pytest.approx(0.5)
+
+
+def test_a_plotter_that_is_forgotten_unclosed_ends_in_silence(monkeypatch):
+    """Python's collector has cleared weak references when it finalizes what it found."""
+    said, gone = [], []
+    monkeypatch.setattr(sys, 'unraisablehook', lambda event: said.append(repr(event.exc_value)))
+    pl = pv.Plotter(off_screen=True, window_size=(64, 48))
+    pl.add_mesh(pv.Cube())
+    pl.ibr.add_spheres([[0.0, 0, 0]], 0.3)
+    pl.ibr.add(pvibr.Vignette())
+    pl.render()
+    weakref.finalize(pl.render_window, gone.append, True)
+    pv.plotting.plotter._ALL_PLOTTERS.pop(pl._id_name)
+    del pl
+    gc.collect()
+    assert (said, gone) == ([], [True])

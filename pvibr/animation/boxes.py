@@ -35,6 +35,18 @@ class Boxes:
             boxes = self._dual(mesh.skin, world, self._still(self._pairs, layers, time))
         return _joined(boxes)
 
+    def of_joints(self, how):
+        """Return joints, matrices and boxes that they move, None if that does not suffice."""
+        mesh = self._mesh
+        if mesh.frames is not None or mesh.morphs is not None:
+            return None
+        if mesh.skin is None:
+            return None if mesh.node < 0 else ([mesh.node], [np.eye(4)], self._still(self._all))
+        if how != 'linear' and self._others:
+            return None
+        keys = self._singles.keys
+        return mesh.skin.nodes[keys], mesh.skin.inverse_bind[keys], self._still(self._singles)
+
     def _dual(self, skin, world, boxes):
         """Return the boxes of single joints, from those of vertices that pairs of them share."""
         joints, starts, first, second = self._members
@@ -55,7 +67,7 @@ class Boxes:
         leave = (others * apart / np.maximum(1.0 - others * turned, 1e-300))[..., own]
         return _grown(_moved(rigid[..., first[own], :, :], boxes[..., own, :, :]), leave)
 
-    def _still(self, groups, layers, time):
+    def _still(self, groups, layers=(), time=0.0):
         """Return the boxes of vertex groups before skinning, (..., g, 2, 3)."""
         mesh = self._mesh
         if mesh.frames is None:
@@ -65,7 +77,8 @@ class Boxes:
         for morphs, weights in layers:
             weights = np.asarray(weights, dtype=np.float64)
             for i in np.flatnonzero((weights != 0).reshape(-1, len(morphs)).any(0)):
-                one = np.eye(len(morphs))[i]
+                one = np.zeros(len(morphs))
+                one[i] = 1.0
                 box = groups.boxes((morphs, i), lambda m=morphs, w=one: self._total(m, w))
                 boxes = boxes + _scaled(box, weights[..., i])
         return boxes
@@ -161,6 +174,13 @@ def _apart(a, b, boxes):
     between = a - b
     apart = corners @ np.swapaxes(between[..., :3, :3], -1, -2) + between[..., None, :3, 3]
     return np.sqrt((apart * apart).sum(-1).max(-1))
+
+
+def around_moved(matrices, boxes, starts):
+    """Return the unions, (f, 6), of moved boxes (g, 2, 3), each from a start to the next."""
+    moved = _moved(matrices, boxes)
+    ends = [f.reduceat(moved[:, i], starts) for i, f in enumerate((np.minimum, np.maximum))]
+    return _joined(np.stack(ends, 1)[:, None])
 
 
 def _joined(boxes):

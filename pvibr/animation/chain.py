@@ -6,7 +6,7 @@ import numpy as np
 
 from pvibr.animation.batched_quaternions import matrices
 from pvibr.animation.limits import Limits
-from pvibr.animation.skeleton import ancestors, chained
+from pvibr.animation.skeleton import Jumps
 from pvibr.maths import quaternions
 
 
@@ -30,7 +30,7 @@ class Chain:
         self._locals = np.tile(np.eye(4), (n + 1, 1, 1))
         self._locals[1:, :3, 3] = self.offsets
         self.above = self.parents + 1
-        self._jumps = ancestors(self.parents)
+        self._jumps = Jumps(self.parents)
 
     def __len__(self):
         return len(self.parents)
@@ -55,7 +55,7 @@ class Chain:
         """Return world matrices after a row for the figure's space."""
         world = self._locals.copy()
         world[1:, :3, :3] = matrices(columns)
-        return chained(world, self._jumps)
+        return self._jumps.chained(world)
 
 
 def _identities(n):

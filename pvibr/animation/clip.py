@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from pvibr.animation.pose import Pose
+from pvibr.animation.pose import check_finite, unchecked_pose
 from pvibr.maths import quaternions
 from pvibr.maths.keyframes import checked_keys
 
@@ -79,8 +79,12 @@ class Track:
         times : array_like, shape (...)
             Times in seconds.
         """
-        times = np.asarray(times, dtype=np.float64)
-        return _between(self.path, self.interpolation, self.times, self.values, times)
+        times = np.asarray(times, dtype=np.float64)[..., None]
+        return self._lane.at(times, np.zeros(1, int))[..., 0, :]
+
+    @cached_property
+    def _lane(self):
+        return Lanes([self])
 
     def _check_values(self, values, k):
         cubic = self.interpolation == 'cubic'
@@ -151,8 +155,8 @@ class Clip:
             Times in seconds.
         rest : Pose
             A single pose: the values that no track drives.
-        loop : bool
-            Restart at the end; otherwise hold the last pose.
+        loop : bool or 'pingpong'
+            Restart at the end, hold the last pose, or go there and back.
 
         Raises
         ------
@@ -161,43 +165,63 @@ class Clip:
         """
         self._check_fit(rest)
         times = self.local_time(times, loop)
-        parts = {
-            name: np.array(np.broadcast_to(value, times.shape + value.shape))
-            for name in WIDTHS
-            for value in [getattr(rest, name)]
-        }
-        for path, how, keys, nodes, values in self._groups:
-            parts[path][..., nodes, :] = _between(path, how, keys, values, times)
+        check_finite('time', times)
+        parts = {name: _repeated(getattr(rest, name), times.shape) for name in WIDTHS}
+        for lanes, places in self._lanes:
+            nodes = [self.joint_tracks[i].node for i in places]
+            parts[lanes.path][..., nodes, :] = lanes.at(times[..., None], np.arange(len(nodes)))
         for track in self._weight_tracks:
             columns = slice(track.node, track.node + track.width)
             parts['weights'][..., columns] = track.sample(times)
-        return Pose(**parts, time=times)
+        return unchecked_pose(**parts, time=times)
 
-    def local_time(self, times, loop=True):
-        """Return times within the clip, in seconds; a loop restarts at the duration itself."""
-        times = np.asarray(times, dtype=np.float64)
-        if not self.duration:
-            return np.zeros_like(times)
-        return times % self.duration if loop else np.clip(times, 0.0, self.duration)
+    def local_time(self, times, loop=True, count=None):
+        """Return times within the clip, in seconds; a loop restarts at the duration itself.
+
+        After a count of cycles, there and back for 'pingpong', the last moment is held.
+        """
+        return local_times(np.asarray(times, dtype=np.float64), *self.cycle(loop, count))
+
+    def cycle(self, loop=True, count=None) -> tuple:
+        """Return its duration, that of a cycle and of all, and the moment held after them.
+
+        Parameters
+        ----------
+        loop : bool or 'pingpong'
+            Restart at the end, hold the last pose, or go there and back.
+        count : float, optional
+            Cycles until the last moment is held; default no end.
+        """
+        _one_of('loop', loop, (True, False, 'pingpong'))
+        span = 2 * self.duration if loop == 'pingpong' else self.duration
+        if loop is False:
+            count = 1
+        if count is None:
+            return self.duration, span, np.inf, 0.0
+        return self.duration, span, count * span, (count % 1 or 1) * span
+
+    def fits(self, rest) -> bool:
+        """Return whether it drives nothing but joints that a pose has.
+
+        Parameters
+        ----------
+        rest : Pose
+            The pose.
+        """
+        return not self._weight_tracks and self._last_joint < rest.n_joints
 
     @cached_property
     def _weight_tracks(self):
         return [track for track in self.tracks if track.path == 'weights']
 
     @cached_property
-    def _groups(self):
-        """Tracks of joints grouped by key times, to be evaluated together."""
-        # The later of two tracks for the same property wins.
-        tracks = {(t.node, t.path): t for t in self.tracks if t.path != 'weights'}.values()
-        alike: dict[tuple, list[Track]] = {}
-        for track in tracks:
-            key = (track.path, track.interpolation, track.times.tobytes())
-            alike.setdefault(key, []).append(track)
-        return [
-            (path, how, group[0].times, [t.node for t in group], np.stack(values, -2))
-            for (path, how, _), group in alike.items()
-            for values in [[t.values for t in group]]
-        ]
+    def joint_tracks(self) -> list[Track]:
+        """Tracks of joints; the later of two for the same property wins."""
+        return list({(t.node, t.path): t for t in self.tracks if t.path != 'weights'}.values())
+
+    @cached_property
+    def _lanes(self):
+        return by_kind(self.joint_tracks)
 
     def _check_fit(self, rest):
         for what, last, many in self._ends(rest):
@@ -218,28 +242,64 @@ class Clip:
         return max((t.node + t.width - 1 for t in self._weight_tracks), default=-1)
 
 
-def _between(path, how, keys, values, times):
-    """Return values at times: (..., c), or (..., g, c) for g tracks with the same keys."""
-    times = np.minimum(np.maximum(times, keys[0]), keys[-1])
-    before = np.searchsorted(keys, times, side='right') - 1
-    if how == 'step':
-        return values[before]
-    after = np.minimum(before + 1, len(keys) - 1)
-    step = keys[after] - keys[before]
-    part = (times - keys[before]) / np.where(step > 0, step, 1.0)
-    rank = values.ndim - 1 - (how == 'cubic')
-    step, part = (x.reshape(x.shape + (1,) * rank) for x in (step, part))
-    if how == 'cubic':
-        before, after = (np.moveaxis(values[i], times.ndim, 0) for i in (before, after))
-        return _hermite(path, before, after, part, step)
-    if path == 'rotation':
-        return quaternions.slerp(values[before], values[after], part[..., 0])
-    return (1 - part) * values[before] + part * values[after]
+def _repeated(value, shape):
+    out = np.empty(shape + value.shape)
+    out[...] = value
+    return out
+
+
+class Lanes:
+    """Tracks of one property and interpolation, evaluated together."""
+
+    def __init__(self, tracks):
+        sizes = np.array([len(track.times) for track in tracks])
+        self.path, self._how = tracks[0].path, tracks[0].interpolation
+        self._last = np.cumsum(sizes) - 1
+        self._first = self._last - sizes + 1
+        self._keys = np.concatenate([track.times for track in tracks])
+        self._values = np.concatenate([track.values for track in tracks])
+        # Complex numbers are in order by their real parts first: by track, then by time.
+        self._order = np.repeat(np.arange(len(tracks)), sizes) + 1j * self._keys
+
+    def at(self, times, lanes):
+        """Return values (..., n, c) at times (..., n) of tracks by their numbers (n,)."""
+        keys, last = self._keys, self._last[lanes]
+        times = np.minimum(np.maximum(times, keys[self._first[lanes]]), keys[last])
+        before = np.searchsorted(self._order, lanes + 1j * times, side='right') - 1
+        if self._how == 'step':
+            return self._values[before]
+        after = np.minimum(before + 1, last)
+        step = keys[after] - keys[before]
+        part = (times - keys[before]) / np.where(step > 0, step, 1.0)
+        a, b = self._values[before], self._values[after]
+        if self._how == 'cubic':
+            return _hermite(self.path, a, b, part[..., None], step[..., None])
+        if self.path == 'rotation':
+            return quaternions.slerp(a, b, part)
+        return (1 - part[..., None]) * a + part[..., None] * b
+
+
+def by_kind(tracks) -> list[tuple[Lanes, list[int]]]:
+    """Return lanes by property and interpolation, and the places of their tracks."""
+    alike: dict[tuple, list[int]] = {}
+    for i, track in enumerate(tracks):
+        alike.setdefault((track.path, track.interpolation), []).append(i)
+    return [(Lanes([tracks[i] for i in places]), places) for places in alike.values()]
+
+
+def local_times(times, duration, span, length, end):
+    """Return times within clips from what :meth:`Clip.cycle` returns, numbers or arrays."""
+    local = times % np.where(span > 0, span, 1.0)
+    ended = np.where(times < 0, 0.0, np.where(times >= length, end, local))
+    local = np.where(length < np.inf, ended, local)
+    back = duration - np.abs(duration - local)
+    return np.where(span > duration, back, np.minimum(local, duration))
 
 
 def _hermite(path, before, after, part, step):
-    """Blend keys (3, ..., c) by Hermite polynomials (glTF 2.0, appendix C.5)."""
-    a, leaving, b, arriving = before[1], before[2] * step, after[1], after[0] * step
+    """Blend keys (..., 3, c) by Hermite polynomials (glTF 2.0, appendix C.5)."""
+    a, leaving = before[..., 1, :], before[..., 2, :] * step
+    b, arriving = after[..., 1, :], after[..., 0, :] * step
     t2, t3 = part**2, part**3
     value = (2 * t3 - 3 * t2 + 1) * a + (t3 - 2 * t2 + part) * leaving
     value = value + (3 * t2 - 2 * t3) * b + (t3 - t2) * arriving

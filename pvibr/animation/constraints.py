@@ -6,6 +6,7 @@ import numpy as np
 
 from pvibr.animation.rig import Step, as_point, placed
 from pvibr.maths import quaternions
+from pvibr.maths.transforms import inverses
 
 
 class Aim(Step):
@@ -60,7 +61,7 @@ class Aim(Step):
             if point is None:
                 return pose
             parent = rig.skeleton.parents[joint]
-            inverse = np.linalg.inv(placed(rig.skeleton, pose, parent))
+            inverse = inverses(placed(rig.skeleton, pose, parent))
             way = inverse[:3, :3] @ point + inverse[:3, 3] - pose.translation[joint]
             up = None if self.up is None else inverse[:3, :3] @ self.up
             rotation = self._aimed(pose.rotation[joint], pose.scale[joint], way, up)
@@ -149,7 +150,7 @@ class CopyTransform(Step):
     def _in_figure(self, skeleton, pose, joint, source):
         parent = placed(skeleton, pose, skeleton.parents[joint])
         source = placed(skeleton, pose, source)
-        inverse = np.linalg.inv(parent)
+        inverse = inverses(parent)
         rotation = quaternions.multiply(
             quaternions.conjugate(_rotation(parent)), _rotation(source)
         )

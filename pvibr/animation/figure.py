@@ -11,6 +11,7 @@ from pvibr.animation import sources
 from pvibr.animation.clip import Clip
 from pvibr.animation.figure_mesh import FigureMesh
 from pvibr.animation.model import Model
+from pvibr.animation.normals import turned
 from pvibr.animation.vertex_animation import VertexAnimation
 
 # Imported when a figure is saved: file formats stand above figure data.
@@ -260,8 +261,8 @@ class Figure(Model):
             Times in seconds.
         clip : str, int or Clip, optional
             Clip; default the first one, or the rest pose if there is none.
-        loop : bool
-            Restart at the end; otherwise hold the last pose.
+        loop : bool or 'pingpong'
+            Restart at the end, hold the last pose, or go there and back.
 
         Raises
         ------
@@ -328,7 +329,76 @@ class Figure(Model):
         for name, values in changed.items():
             if values is not None:
                 mesh.point_data[name] = values
-        return mesh
+        return turned(mesh) if self.meshes[index].mirrors(self.world(pose)) else mesh
+
+    def add_lights(self, plotter, pose=None, *, exposure=1.0):
+        """Add the lights of the figure's file to a plotter, where they are in a pose.
+
+        :meth:`pvibr.AnimatedActor.add_lights` adds lights that move with an actor.
+
+        Parameters
+        ----------
+        plotter : pyvista.Plotter
+            The plotter; lights are added to its active renderer.
+        pose : Pose or array_like, shape (n, 4, 4), optional
+            A pose; default at rest.
+        exposure : float
+            Factor of the intensities, which files give in candela and lux: 1 is VTK's full light.
+
+        Returns
+        -------
+        list of pyvista.Light
+            The lights, in the order of ``figure.lights``.
+
+        Examples
+        --------
+        >>> import pyvista as pv
+        >>> import pvibr
+        >>> pl = pv.Plotter(lighting='none', off_screen=True)
+        >>> pvibr.Figure([]).add_lights(pl)
+        []
+        >>> pl.close()
+        """
+        world = self.world(pose)
+        lights = [light.placed(world, exposure) for light in self.lights]
+        for light in lights:
+            plotter.add_light(light)
+        return lights
+
+    def camera(self, camera=0, pose=None):
+        """Return a camera of the figure's file, where it is in a pose: for ``plotter.camera``.
+
+        Parameters
+        ----------
+        camera : int or str
+            Index or name, of ``figure.cameras``.
+        pose : Pose or array_like, shape (n, 4, 4), optional
+            A pose; default at rest.
+
+        Returns
+        -------
+        pyvista.Camera
+            The camera.
+
+        Raises
+        ------
+        ValueError
+            If there is no such camera.
+
+        Examples
+        --------
+        >>> import pvibr
+        >>> pvibr.Figure([]).camera('front')
+        Traceback (most recent call last):
+        ...
+        ValueError: there is no camera 'front'; cameras: none.
+        """
+        for i, known in enumerate(self.cameras):
+            if camera in (known.name, i):
+                return known.placed(self.world(pose))
+        names = ', '.join(repr(known.name or i) for i, known in enumerate(self.cameras)) or 'none'
+        msg = f'there is no camera {camera!r}; cameras: {names}.'
+        raise ValueError(msg)
 
     def series(self, clip=None, fps=30.0, *, skinning='linear'):
         """Return a clip as a time series of meshes.

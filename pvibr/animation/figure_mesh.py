@@ -12,8 +12,10 @@ from pvibr.animation.morphs import Morphs
 from pvibr.animation.normals import normals_at, point_normals
 from pvibr.animation.pose import as_matrices
 from pvibr.animation.skeleton import whole_numbers
+from pvibr.animation.textures import storable
 from pvibr.animation.vertex_animation import VertexAnimation
 from pvibr.maths import skinning
+from pvibr.maths.transforms import signs_of
 
 SKINNINGS = ('linear', 'dual')
 
@@ -83,6 +85,12 @@ class Skin:
         From ``figure_from_joint`` of the whole skeleton, (..., n, 4, 4).
         """
         return np.asarray(world)[..., self.nodes, :, :] @ self.inverse_bind
+
+    @cached_property
+    def turns(self):
+        """Joints, and the sums of their weights, negative where the inverse bind mirrors."""
+        sums = np.bincount(self.joints.ravel(), self.weights.ravel(), len(self.nodes))
+        return self.nodes, sums * np.sign(np.linalg.det(self.inverse_bind[:, :3, :3]))
 
     def blend(self, world, how='linear', bulge=1.0):
         """Return ``figure_from_mesh`` of each vertex by linear blend or dual quaternion skinning.
@@ -155,10 +163,31 @@ class FigureMesh:
         self.points = np.array(self.mesh.points, dtype=np.float64)
         self.normals = np.array(point_normals(self.mesh), dtype=np.float64)
 
+    def mirrors(self, world):
+        """Return whether the joints mirror most of the mesh, which reverses its winding.
+
+        Parameters
+        ----------
+        world : array_like, shape (n, 4, 4)
+            ``figure_from_joint`` of the whole skeleton.
+        """
+        return turned_by(self, signs_of(np.asarray(world)))
+
+    def __getstate__(self):
+        return self.__dict__ | {'look': storable(self.look)}
+
     @property
     def n_targets(self):
         """Number of morph targets."""
         return 0 if self.morphs is None else len(self.morphs)
+
+
+def turned_by(mesh, signs):
+    """Return whether joints with determinants of these signs mirror most of a mesh."""
+    if mesh.skin is None:
+        return mesh.node >= 0 and bool(signs[mesh.node] < 0)
+    nodes, shares = mesh.skin.turns
+    return bool(signs[nodes] @ shares < 0)
 
 
 def _with_normals(frames, mesh):

@@ -7,6 +7,7 @@ import numpy as np
 from pvibr.animation.chain import Chain
 from pvibr.animation.kinematics import METHODS, solve
 from pvibr.animation.rig import Step, as_point, placed
+from pvibr.maths.transforms import inverses
 
 _EVEN = 1e-3  # relative difference between the axes of a scale: files round them
 
@@ -129,7 +130,7 @@ class _Limb:
             return pose
         chain = self._chain(pose)
         root = self.joints[0]
-        inverse = np.linalg.inv(placed(self.skeleton, pose, self.skeleton.parents[root]))
+        inverse = inverses(placed(self.skeleton, pose, self.skeleton.parents[root]))
 
         def local(point):
             return inverse[:3, :3] @ point + inverse[:3, 3] - pose.translation[root]

@@ -39,16 +39,18 @@ class ClipSource(Source):
         Clip seconds per second; negative plays backwards.
     offset : float
         Clip time at time 0, in seconds.
-    loop : bool
-        Restart the clip at its end.
+    loop : bool or 'pingpong'
+        Restart the clip at its end, hold the last pose, or go there and back.
     root : str or int, optional
         Joint whose translation accumulates over the loops (root motion), so that a walk cycle
         moves forward. Rotation does not accumulate.
+    count : float, optional
+        Cycles until the last pose is held; a cycle of 'pingpong' goes there and back.
 
     Raises
     ------
     ValueError
-        If the figure has no such clip or joint.
+        If the figure has no such clip or joint, or ``count`` is not above 0.
 
     Examples
     --------
@@ -60,10 +62,15 @@ class ClipSource(Source):
     1.5
     """
 
-    def __init__(self, figure, clip=None, speed=1.0, offset=0.0, loop=True, root=None):
+    def __init__(self, figure, clip=None, speed=1.0, offset=0.0, loop=True, root=None, count=None):
+        if count is not None and not 0 < count < np.inf:
+            msg = f'count is {count}; it must be above 0, or None to play on and on.'
+            raise ValueError(msg)
         self.figure = figure
         self.clip = figure.clip(clip)
-        self.speed, self.offset, self.loop = speed, offset, loop
+        self.speed, self.offset, self.loop, self.count = speed, offset, loop, count
+        if self.clip is not None:
+            self.clip.local_time(0.0, loop)  # names a loop that is none
         self.root = None if root is None else figure.skeleton.index(root)
 
     def __repr__(self):
@@ -76,13 +83,33 @@ class ClipSource(Source):
             return np.inf
         return self.clip.duration / abs(self.speed)
 
+    @property
+    def length(self):
+        """Clip seconds that are played until the last pose is held; infinite for a loop."""
+        if self.clip is None or (self.loop and self.count is None):
+            return np.inf
+        cycles = self.count if self.loop else 1
+        return cycles * self.clip.duration * (2 if self.loop == 'pingpong' else 1)
+
+    def moves_joints_only(self) -> bool:
+        """Return whether it plays a clip of joints alone, none of which moves on with loops."""
+        return self.clip is not None and self.root is None and self.clip.fits(self.figure.rest)
+
+    def timing(self) -> tuple:
+        """Return its speed and offset, and what :meth:`Clip.cycle` returns."""
+        return self.speed, self.offset, *self.clip.cycle(self.loop, self.count)
+
     def _sampled(self, times):
         times = self.offset + self.speed * times
-        pose = self.figure.sample(times, self.clip, self.loop)
-        if self.root is None or self.clip is None or not (self.loop and self.clip.duration):
+        if self.clip is None:
+            return self.figure.sample(times)
+        local = self.clip.local_time(times, self.loop, self.count)
+        pose = self.figure.sample(local, self.clip, loop=False)
+        if self.root is None or self.loop is not True or not self.clip.duration:
             return pose
         ends = self.figure.sample([0.0, self.clip.duration], self.clip, loop=False)
-        cycles = np.floor_divide(times, self.clip.duration)
+        played = times if self.count is None else np.clip(times, 0.0, self.length)
+        cycles = np.rint((played - local) / self.clip.duration)
         translation = pose.translation.copy()
         step = ends.translation[1, self.root] - ends.translation[0, self.root]
         translation[..., self.root, :] += cycles[..., None] * step

@@ -27,9 +27,10 @@ class Model:
 
     def _check_nodes(self):
         for i, mesh in enumerate(self.meshes):
-            nodes = [mesh.node] if mesh.skin is None else mesh.skin.nodes
-            if len(nodes) and not -1 <= min(nodes) <= max(nodes) < len(self.skeleton):
-                used, n = f'the joints {min(nodes)} to {max(nodes)}', len(self.skeleton)
+            nodes = np.array([mesh.node]) if mesh.skin is None else mesh.skin.nodes
+            low, high = (nodes.min(), nodes.max()) if len(nodes) else (-1, -1)
+            if not -1 <= low <= high < len(self.skeleton):
+                used, n = f'the joints {low} to {high}', len(self.skeleton)
                 msg = f'meshes[{i}] uses {used}; the skeleton has {n}.'
                 raise ValueError(msg)
 
@@ -241,6 +242,18 @@ class Model:
             return np.broadcast_to([1.0, -1.0] * 3, (*world.shape[:-3], 6))
         low, high = np.min(boxes, 0)[..., ::2], np.max(boxes, 0)[..., 1::2]
         return np.stack([low, high], -1).reshape(*low.shape[:-1], 6)
+
+    @cached_property
+    def joint_boxes(self) -> dict:
+        """Joints, matrices and boxes that they move, by skinning; None if others move points."""
+        return {how: self._joint_boxes(how) for how in ('linear', 'dual')}
+
+    def _joint_boxes(self, how):
+        pairs = zip(self._boxes, self.meshes, strict=True)
+        found = [boxes.of_joints(how) for boxes, mesh in pairs if len(mesh.points)]
+        if not found or self.correctives is not None or any(b is None for b in found):
+            return None
+        return tuple(np.concatenate(parts) for parts in zip(*found, strict=True))
 
     @cached_property
     def _boxes(self):

@@ -134,7 +134,9 @@ class Morphs:
         neutral = np.asarray(mesh.points, dtype=np.float64)
         before = normals_at(mesh, neutral)
         changes: list[tuple] = []
-        for one in np.eye(len(self)):
+        for i in range(len(self)):
+            one = np.zeros(len(self))
+            one[i] = 1.0
             points = neutral + self.total('positions', one, len(neutral))
             change = (normals_at(mesh, points) - before).astype(np.float32)
             rows = np.flatnonzero(np.abs(change).max(1) > _SAME)
@@ -162,10 +164,12 @@ def _targets(what, values, n):
     if len(values) != n:
         msg = f'{what} has {len(values)} targets, positions {n}.'
         raise ValueError(msg)
-    return [
-        None if value is None else _target(f'{what}[{i}]', what, value)
-        for i, value in enumerate(values)
-    ]
+    values = [*values]
+    known: dict[int, tuple | None] = {id(None): None}
+    for i, value in enumerate(values):
+        if id(value) not in known:
+            known[id(value)] = _target(f'{what}[{i}]', what, value)
+    return [known[id(value)] for value in values]
 
 
 def _target(name, what, value):

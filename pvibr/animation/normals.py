@@ -1,4 +1,4 @@
-"""Point normals of a mesh whose points must not be split."""
+"""Point normals of a mesh whose points must not be split, and its winding."""
 
 from __future__ import annotations
 
@@ -17,6 +17,15 @@ def point_normals(mesh):
         cell_normals=False, split_vertices=False, consistent_normals=False
     )
     return computed.point_data['Normals']
+
+
+def turned(mesh):
+    """Return a surface wound the other way, which shares all else."""
+    if mesh.n_verts or mesh.n_lines or mesh.n_strips or not mesh.is_all_triangles:
+        return mesh.flip_faces()
+    new = mesh.copy(deep=False)
+    new.regular_faces = np.ascontiguousarray(mesh.regular_faces[:, ::-1])
+    return new
 
 
 def normals_at(mesh, points):

@@ -102,7 +102,7 @@ class Pose:
         Shape (..., n, 4, 4), float64.
         """
         matrices = np.zeros((*self.translation.shape[:-1], 4, 4))
-        rotation = quaternions.to_matrices(self.rotation)
+        rotation = quaternions.unit_matrices(self.rotation)
         matrices[..., :3, :3] = rotation * self.scale[..., None, :]
         matrices[..., :3, 3] = self.translation
         matrices[..., 3, 3] = 1.0
@@ -148,13 +148,20 @@ class Pose:
         return cls(matrices[..., :3, 3], rotation, scale * sign, weights)
 
 
+def unchecked_pose(**parts):
+    """Return a pose of all five parts, of right shapes, finite, with unit quaternions."""
+    pose = object.__new__(Pose)
+    pose.__dict__.update(parts)
+    return pose
+
+
 def as_matrices(matrices, name):
     """Return checked affine matrices, (..., n, 4, 4), float64."""
     matrices = np.asarray(matrices, dtype=np.float64)
     if matrices.ndim < 3 or matrices.shape[-2:] != (4, 4):
         msg = f'{name} must be (..., n, 4, 4), not of shape {matrices.shape}.'
         raise ValueError(msg)
-    _finite(name, matrices)
+    check_finite(name, matrices)
     off = np.abs(matrices[..., 3, :] - [0, 0, 0, 1]) > 1e-9
     if off.any():
         wrong = np.argwhere(off.any(-1))
@@ -169,13 +176,13 @@ def _checked(name, values, width):
     if values.ndim < 2 or values.shape[-1] != width:
         msg = f'{name} must be (..., n, {width}), not of shape {values.shape}.'
         raise ValueError(msg)
-    _finite(name, values)
+    check_finite(name, values)
     return values
 
 
 def _fitted(name, values, shape):
     values = np.asarray(values, dtype=np.float64)
-    _finite(name, values)
+    check_finite(name, values)
     try:
         return np.broadcast_to(values, shape)
     except ValueError:
@@ -183,7 +190,8 @@ def _fitted(name, values, shape):
         raise ValueError(msg) from None
 
 
-def _finite(name, values):
+def check_finite(name, values):
+    """Raise a ValueError that names the first value that is not finite."""
     finite = np.isfinite(values)
     if not finite.all():
         bad = np.argwhere(~finite)

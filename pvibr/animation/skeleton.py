@@ -7,8 +7,7 @@ from functools import cached_property
 import numpy as np
 
 from pvibr.animation.pose import Pose, as_matrices
-
-_SINGULAR = 1e-12  # smallest scale of a joint relative to its largest
+from pvibr.maths.transforms import inverses
 
 
 class Skeleton:
@@ -26,8 +25,8 @@ class Skeleton:
     Raises
     ------
     ValueError
-        If a parent is out of range, the parents have a cycle, or the rest pose is singular or
-        does not fit; the message names the joint.
+        If a parent is out of range, the parents have a cycle, or the rest pose does not fit; the
+        message names the joint.
 
     Examples
     --------
@@ -51,7 +50,6 @@ class Skeleton:
         self._check_range()
         #: Joints by distance from their root: parents come first.
         self.levels = self._levels()
-        self._check_rest()
 
     def __len__(self):
         return len(self.parents)
@@ -66,12 +64,14 @@ class Skeleton:
 
     @cached_property
     def _jumps(self):
-        return ancestors(self.parents)
+        return Jumps(self.parents)
 
     @cached_property
     def children(self):
         """Children of each joint: a list of n int arrays."""
-        return [np.flatnonzero(self.parents == joint) for joint in range(len(self))]
+        order = np.argsort(self.parents, kind='stable')
+        starts = np.searchsorted(self.parents[order], np.arange(len(self) + 1))
+        return np.split(order, starts)[1:-1]
 
     def index(self, name):
         """Return the index of a joint, the first one of that name.
@@ -106,11 +106,7 @@ class Skeleton:
         ValueError
             If the pose has another number of joints.
         """
-        local = self._matrices(pose)
-        world = np.empty((*local.shape[:-3], len(self) + 1, 4, 4))
-        world[..., 0, :, :] = np.eye(4)
-        world[..., 1:, :, :] = local
-        return chained(world, self._jumps)[..., 1:, :, :]
+        return self._jumps.world(self._matrices(pose))
 
     def local(self, world):
         """Return ``parent_from_joint``, shape (..., n, 4, 4): the inverse of :meth:`world`.
@@ -128,7 +124,7 @@ class Skeleton:
         world = self._matrices(world)
         local = world.copy()
         joints = np.flatnonzero(self.parents >= 0)
-        inverse = np.linalg.inv(world[..., self.parents[joints], :, :])
+        inverse = inverses(world[..., self.parents[joints], :, :])
         local[..., joints, :, :] = inverse @ world[..., joints, :, :]
         return local
 
@@ -146,18 +142,15 @@ class Skeleton:
             raise ValueError(msg)
 
     def _levels(self):
-        levels = []
-        found = self.parents < 0
-        now = np.flatnonzero(found)
-        while len(now):
-            levels.append(now)
-            now = np.flatnonzero(np.isin(self.parents, now))
-            found[now] = True
-        if not found.all():
-            names = [self.names[joint] for joint in self._cycle(np.flatnonzero(~found)[0])]
+        depth = depths(self.parents)
+        lost = np.flatnonzero(depth < 0)
+        if len(lost):
+            names = [self.names[joint] for joint in self._cycle(lost[0])]
             msg = f'parents have a cycle: {" -> ".join(names)}.'
             raise ValueError(msg)
-        return levels
+        if not len(depth):
+            return []
+        return np.split(np.argsort(depth, kind='stable'), np.cumsum(np.bincount(depth))[:-1])
 
     def _cycle(self, joint):
         for _ in range(len(self)):  # from below the cycle into it
@@ -167,29 +160,39 @@ class Skeleton:
             cycle.append(self.parents[cycle[-1]])
         return cycle
 
-    def _check_rest(self):
-        size = np.abs(self.rest.scale)
-        for joint in np.flatnonzero(size.min(-1) <= _SINGULAR * size.max(-1)):
-            scale = self.rest.scale[joint].tolist()
-            msg = f'rest[{joint}] ({self.names[joint]!r}) is singular: its scale is {scale}.'
-            raise ValueError(msg)
 
-
-def ancestors(parents):
-    """Return the ancestors of joints 1, 2, 4, 8, ... levels up; row 0 is the root of all."""
-    jumps = []
-    jump = np.concatenate([[0], parents + 1])
-    while jump.any():
-        jumps.append(jump)
+def depths(parents):
+    """Return the number of ancestors of each joint, -1 in and below a cycle."""
+    jump = np.concatenate([[0], parents + 1])  # row 0 is the root of all
+    depth = (jump > 0).astype(np.int64)
+    for _ in range(len(parents).bit_length()):
+        depth += depth[jump]
         jump = jump[jump]
-    return jumps
+    return np.where(jump > 0, -1, depth)[1:]
 
 
-def chained(matrices, jumps):
-    """Return products of matrices from the roots down, in log2(levels) steps."""
-    for jump in jumps:
-        matrices = matrices.take(jump, -3) @ matrices
-    return matrices
+class Jumps:
+    """The ancestors of joints 1, 2, 4, 8, ... levels up; row 0 is the root of all."""
+
+    def __init__(self, parents):
+        self._jumps = []
+        jump = np.concatenate([[0], parents + 1])
+        while jump.any():
+            self._jumps.append(jump)
+            jump = jump[jump]
+
+    def world(self, local):
+        """Return ``figure_from_joint`` of ``parent_from_joint``, (..., n, 4, 4)."""
+        rooted = np.empty((*local.shape[:-3], local.shape[-3] + 1, 4, 4))
+        rooted[..., 0, :, :] = np.eye(4)
+        rooted[..., 1:, :, :] = local
+        return self.chained(rooted)[..., 1:, :, :]
+
+    def chained(self, matrices):
+        """Return products of matrices from row 0 down, in log2(levels) steps."""
+        for jump in self._jumps:
+            matrices = matrices.take(jump, -3) @ matrices
+        return matrices
 
 
 def whole_numbers(values, name):

@@ -63,7 +63,12 @@ def skeleton_and_skin(joints, weights, parents, rest, inverse_bind=None, names=N
     if joints is None:
         joints, weights = heaviest(weights, len(skeleton))
     if inverse_bind is None:
-        inverse_bind = np.linalg.inv(skeleton.world(skeleton.rest))
+        world = skeleton.world(skeleton.rest)
+        flat = np.flatnonzero(np.linalg.det(world[:, :3, :3]) == 0)
+        if len(flat):
+            msg = f'rest[{flat[0]}] is singular, so it has no inverse: give inverse_bind.'
+            raise ValueError(msg)
+        inverse_bind = np.linalg.inv(world)
     return skeleton, Skin(np.arange(len(skeleton)), inverse_bind, joints, weights)
 
 

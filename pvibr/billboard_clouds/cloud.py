@@ -185,11 +185,7 @@ def billboard_cloud(
     local = points - origin
     bound = None if planes is not None else epsilon * diagonal
     apart = _APART * (1e-2 * diagonal if bound is None else bound)
-    found = (
-        kmeans_planes(local, faces, planes, seed=seed)
-        if bound is None
-        else greedy_planes(local, faces, bound - apart)
-    )
+    found = _planes(local, faces, planes, bound and bound - apart, seed)
     solid = np.concatenate([np.full(p.mesh.n_cells, p.alpha_cutoff is None) for p in parts])
     sides, which = _sides(found, local, faces, solid, apart)
     away = sides.displacements(local, faces).max(1)
@@ -197,22 +193,13 @@ def billboard_cloud(
     rest = NO_PATCHES
     if patches and bound is not None:
         sheet = arranged(sides, local, faces, int(size))
-        opaque = opaque_texels(parts, origin, sides, sheet, near)
-        rest = closing_patches(parts, origin, sheet, opaque, bound)
+        rest = _closing(parts, origin, sides, sheet, near, bound)
     whole = _with_patches(sides, rest)
     points, faces = joined([*parts, *rest.parts], origin)
     sheet = arranged(whole, points, faces, int(size))
     color, normal = draw(parts, rest.parts, origin, whole, sheet, near, supersample)
     opaque = color[::-1, :, 3] > 0
-    holes, turned = coverage_errors(
-        Triangles.of(parts, origin),
-        Triangles.of(rest.parts, origin),
-        rest.planes.owner + len(sides),
-        sheet,
-        len(sides),
-        opaque,
-        normal[::-1] / 127.5 - 1,
-    )
+    holes, turned = _errors(parts, rest, origin, sheet, len(sides), opaque, normal)
     found = Planes(found.normals, found.offsets + found.normals @ origin, found.owner)
     texels = sheet.texels.prod(1)
     return BillboardCloud(
@@ -229,6 +216,27 @@ def billboard_cloud(
         int(texels.sum()) / size**2,
         time.perf_counter() - start,
     )
+
+
+def _planes(points, faces, count, bound, seed) -> Planes:
+    """Return some planes, or as many as a bound needs."""
+    if bound is None:
+        return kmeans_planes(points, faces, count, seed=seed)
+    return greedy_planes(points, faces, bound)
+
+
+def _closing(parts, origin, sides, sheet, near, bound):
+    """Return what closes the holes between planes."""
+    return closing_patches(
+        parts, origin, sheet, opaque_texels(parts, origin, sides, sheet, near), bound
+    )
+
+
+def _errors(parts, rest, origin, sheet, count, opaque, normal):
+    """Return the share of holes, and the mean angle between normals of mesh and picture."""
+    own, closing = Triangles.of(parts, origin), Triangles.of(rest.parts, origin)
+    owner = rest.planes.owner + count
+    return coverage_errors(own, closing, owner, sheet, count, opaque, normal[::-1] / 127.5 - 1)
 
 
 def _reach(planes, away, bound):

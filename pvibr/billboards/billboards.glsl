@@ -191,6 +191,9 @@ vec4 ibr_sampled(vec4 rect, vec2 texel, float lod)
 
 //@fragment.sample
   vec4 vertexVC = vertexVCVSOutput;
+#ifdef CLIPS
+  if (!ibr_kept(vertexVC.xyz)) discard;
+#endif
   vec2 ibr_dx = dFdx(ibr_texel), ibr_dy = dFdy(ibr_texel);
   float ibr_lod = 0.5 * log2(max(max(dot(ibr_dx, ibr_dx), dot(ibr_dy, ibr_dy)), 1.0));
   ibr_lod = min(ibr_lod, ibr_smallest);

@@ -16,6 +16,7 @@ from pvibr.gl.feature import Feature, sections
 from pvibr.images.projected import is_live
 from pvibr.images.sheet import as_images
 from pvibr.maths.blocks import BLOCK
+from pvibr.scene.clipping import KEPT
 from pvibr.scene.draw_order import PARTS
 from pvibr.scene.item_set import CardSet
 from pvibr.scene.looks import read_only
@@ -120,7 +121,6 @@ class Billboards(CardSet):
 
     web = 'baked', 'quads, turned to the current camera'
     fps = Param(None, 'Frame rate of a flipbook.', range='(-inf, inf)', unit='1/s', kind=float)
-    moved_by = 'set its points'
     _noun = 'points'
     cutout: float | None
 
@@ -159,10 +159,8 @@ class Billboards(CardSet):
         self.name = name
         self.cutout = checked_cutout(cutout)
         self._images: LiveImage | SheetImages
-        if is_live(image):
-            self._images = LiveImage(image)
-        else:
-            self._images = SheetImages(as_images(image, frames), cutout)
+        live = is_live(image)
+        self._images = LiveImage(image) if live else SheetImages(as_images(image, frames), cutout)
         if index is None and fps is not None:
             index = 0
         self.layout = BillboardLayout(
@@ -203,16 +201,42 @@ class Billboards(CardSet):
         self._fit()
 
     def _made(self, draws, blends) -> ShaderDraws:
-        look = {'prop': self.prop, 'feature': _feature(), 'translucent': blends}
+        look = {'prop': self.prop, 'feature': _feature(False), 'translucent': blends}
         return ShaderDraws(draws=draws, chunk=self._chunk, binder=self.binder, **look)
+
+    def _switch_clipping(self):
+        for draws in self._both():
+            draws.set_feature(_feature(bool(self._planes)))
 
     def _both(self) -> list:
         return [draws for draws in (self._draws, self._dense) if draws is not None]
 
     def _fit(self):
+        """Take over own places or sizes that changed."""
+        if self._world is not None:
+            self.layout.put(None)
         self._set_bounds(self.layout.bounds)
+        if self._world is not None:
+            self.layout.put(self._world)
+        self._fit_draws()
+
+    def _fit_draws(self):
         for draws in self._both():
             draws.place_cards(self.layout.reach_bounds())
+
+    def _check_linear(self, linear):
+        super()._check_linear(linear)
+        if self.facing == 'world':
+            self._check_similar(linear, 'cards that face the world stay rectangles')
+        if np.linalg.det(linear) < 0:
+            msg = f'scale or user_matrix of {self.name} must not mirror: images are not mirrored'
+            raise ValueError(msg)
+
+    def _put(self):
+        """Upload the positions for the next frame."""
+        self.layout.put(self._world)
+        self._fit_draws()
+        self._drop('ibr_points', 'ibr_looks')
 
     # -- what they are ------------------------------------------------------------------------
 
@@ -253,8 +277,8 @@ class Billboards(CardSet):
 
     @property
     def points(self) -> np.ndarray:
-        """Positions, shape (n, 3), world units."""
-        return read_only(self.layout.points)
+        """Positions, shape (n, 3), in its own space."""
+        return read_only(self.layout.own_points)
 
     @points.setter
     def points(self, points):
@@ -342,6 +366,7 @@ class Billboards(CardSet):
         entries, unit, cuts = self.layout.chosen(frame, others, sort=sort)
         self._drawn_count = min(len(entries) * unit, len(self))
         self._uniforms |= self.layout.view_uniforms(frame) | {
+            **(self._planes.uniforms(frame) if self._planes else {}),
             'ibr_unit': unit,
             'ibr_step': self._step(),
             'ibr_eye_from_world': frame.view_from_world[:3, :3],
@@ -421,15 +446,9 @@ class Billboards(CardSet):
         height, width = image.shape[:2]
         rects = rects[self._shown_images(frame, rows)].reshape(-1, 2, 2)
         places = rects[:, :1] + _SHARES * (rects[:, 1:] - rects[:, :1])
-        scene.quads(
-            self,
-            corners,
-            places / [width, height],
-            image,
-            colors=self._tints()[rows],
-            lighting=bool(self.prop.GetLighting()),
-            cutout=None if self.blends else self.cutout,
-        )
+        looks = {'colors': self._tints()[rows], 'lighting': bool(self.prop.GetLighting())}
+        cutout = None if self.blends else self.cutout
+        scene.quads(self, corners, places / [width, height], image, cutout=cutout, **looks)
 
     def _shown_images(self, frame, rows) -> np.ndarray:
         """Return the numbers of the images of some rows."""
@@ -457,21 +476,24 @@ class Billboards(CardSet):
         shown, frame = self.visible, Frame.of(renderer)
         for i, distance, uv in self.layout.met(frame, start, direction):
             (number,) = self._shown_images(frame, [i])
+            if not self._planes.kept(start + distance * direction):
+                continue
             if shown[i] and self._images.alpha(number, uv) >= (self.cutout or _HIT):
                 return Hit(int(i), tuple((start + distance * direction).tolist()), float(distance))
         return None
 
 
-def _feature() -> Feature:
+def _feature(clips) -> Feature:
     part = sections(shader_source(__file__))
     vertex = {
         'VTK::PositionVC::Dec': part['vertex.declare'],
         'VTK::PositionVC::Impl': part['vertex.position'],
     }
     fragment = {
-        'VTK::PositionVC::Dec': part['fragment.declare'],
+        'VTK::PositionVC::Dec': (f'#define CLIPS 1\n{KEPT}' if clips else '')
+        + part['fragment.declare'],
         'VTK::PositionVC::Impl': part['fragment.sample'],
         'VTK::Color::Impl': '//VTK::Color::Impl\n' + part['fragment.color'],
         'VTK::Normal::Impl': 'vec3 normalVCVSOutput = ibr_normal;\n',
     }
-    return Feature('billboards', vertex, fragment)
+    return Feature('billboards' + '_clipped' * clips, vertex, fragment)

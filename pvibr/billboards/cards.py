@@ -5,10 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from pvibr.core.frame import Frame
+from pvibr.maths.arguments import as_array, checked_number, naming
 from pvibr.maths.blocks import BLOCK, Blocks, morton_order
-from pvibr.maths.facing import FACINGS, TOWARDS, azimuths, cards
-from pvibr.maths.vectors import as_units
+from pvibr.maths.facing import FACINGS, TOWARDS, azimuths, cards, turned_azimuths
+from pvibr.maths.quaternions import from_matrices, multiply
+from pvibr.maths.vectors import as_units, unit_vectors
 from pvibr.scene.draw_order import depths_of
+from pvibr.scene.placing import scale_of
 
 ANCHORS = {'center': (0.5, 0.5), 'bottom': (0.5, 0.0), 'top': (0.5, 1.0)}
 UNITS = ('world', 'pixel')
@@ -35,24 +38,56 @@ class BillboardLayout:
         blend_views=False,
         yaw=0.0,
     ):
-        self.points = as_points(points)
+        self.points = self.own_points = as_points(points)
         _one_of('facing', facing, FACINGS)
         _one_of('towards', towards, TOWARDS)
         _one_of('size_unit', size_unit, UNITS)
         self.facing, self.towards, self.size_unit, self.anchor = facing, towards, size_unit, anchor
         self.views, self.blend_views = _checked_views(views, facing, len(images)), blend_views
         self._images = images[:: self.views]
-        self.yaw = _numbers('yaw', yaw, len(self))
+        self.yaw = self._own_yaw = _numbers('yaw', yaw, len(self))
         self.given_size = _checked_size(size, len(self))
         self.rotation = _numbers('rotation', rotation, len(self))
-        self.turn = _turn(facing, axis, orientation, len(self))
+        self.turn = self._own_turn = _turn(facing, axis, orientation, len(self))
+        self._world: np.ndarray | None = None
         self.own_up = facing == 'spherical' and axis is not None
         self._seer: Frame | None = None  # the camera's last frame
         self.set_index(index)
         self._arrange()
 
     def __len__(self):
-        return len(self.points)
+        return len(self.own_points)
+
+    def put(self, world):
+        """Place all by a matrix, world from own space; None for the identity."""
+        self._world = world
+        self._move()
+        self.sizes = self._sizes()
+        self._arrange()
+
+    def _move(self):
+        points, self.turn, self.yaw = self.own_points, self._own_turn, self._own_yaw
+        world = self._world
+        if world is not None:
+            points = points @ world[:3, :3].T + world[:3, 3]
+            left, _, right = np.linalg.svd(world[:3, :3])
+            if self.facing == 'world':
+                self.turn = multiply(from_matrices(left @ right), self.turn)
+            elif self.facing == 'cylindrical' or self.own_up:
+                self.yaw = self.yaw + turned_azimuths(self.turn[..., :3], left @ right)
+                axes = unit_vectors(self.turn[..., :3] @ world[:3, :3].T)
+                self.turn = np.concatenate([axes, self.turn[..., 3:]], -1)
+        self.points = points
+
+    def _sizes(self):
+        sizes = _full_sizes(self.given_size, self._images[self.index])
+        if self._world is None or self.size_unit == 'pixel':
+            return sizes
+        if self.facing != 'cylindrical':
+            return sizes * scale_of(self._world)
+        up = np.linalg.norm(self._own_turn[..., :3] @ self._world[:3, :3].T, axis=-1)
+        across = np.sqrt(scale_of(self._world) ** 3 / up)
+        return sizes * np.stack([across, up], -1)
 
     @property
     def n_images(self) -> int:
@@ -65,7 +100,7 @@ class BillboardLayout:
         self.index = _checked_index(
             np.arange(len(self)) % count if index is None else index, len(self), count
         )
-        self.sizes = _full_sizes(self.given_size, self._images[self.index])
+        self.sizes = self._sizes()
 
     def resize(self, size):
         """Set the size."""
@@ -83,7 +118,8 @@ class BillboardLayout:
         if len(points) != len(self):
             msg = f'points has {len(points)} rows; it must keep its {len(self)} billboards'
             raise ValueError(msg)
-        self.points = points
+        self.own_points = points
+        self._move()
         self._arrange()
 
     def _arrange(self):
@@ -264,23 +300,23 @@ class BillboardLayout:
         return [(int(near[k]), float(distances[k]), uv[k]) for k in found]
 
 
-def as_points(points) -> np.ndarray:
+def as_points(points, name='points') -> np.ndarray:
     """Return points as a checked float64 array."""
-    array = _floats('points', getattr(points, 'points', points))
+    array = _floats(name, getattr(points, 'points', points))
     if array.shape not in ((0,), (3,)) and array.shape[1:] != (3,):
-        msg = f'points has shape {array.shape}; it must be (n, 3)'
+        msg = f'{name} has shape {array.shape}; it must be (n, 3)'
         raise ValueError(msg)
     array = array.reshape(-1, 3)
     bad = np.flatnonzero(~np.isfinite(array).all(1))
     if len(bad):
-        msg = f'points[{bad[0]}] is {array[bad[0]].tolist()}; it must be finite ({len(bad)} such)'
+        msg = f'{name}[{bad[0]}] is {array[bad[0]].tolist()}; it must be finite ({len(bad)} such)'
         raise ValueError(msg)
     return array
 
 
 def _floats(name, values) -> np.ndarray:
     try:
-        return np.asarray(values, float)
+        return as_array(name, values, float)
     except (TypeError, ValueError) as error:
         msg = f'{name} must be numbers, not {values!r}'
         raise TypeError(msg) from error
@@ -290,7 +326,8 @@ def as_anchor(anchor) -> np.ndarray:
     """Return the position of the point on the card."""
     named = isinstance(anchor, str)
     values = ANCHORS.get(anchor) if named else anchor
-    if values is None or np.shape(values) != (2,) or not np.isfinite(values).all():
+    values = as_array('anchor', () if values is None else values)
+    if values.shape != (2,) or values.dtype.kind not in 'iuf' or not np.isfinite(values).all():
         msg = f'anchor is {anchor!r}; it must be one of {", ".join(ANCHORS)} or two shares'
         raise ValueError(msg)
     return np.asarray(values, float)
@@ -298,7 +335,7 @@ def as_anchor(anchor) -> np.ndarray:
 
 def checked_cutout(cutout):
     """Return a checked alpha threshold, or None."""
-    if cutout is not None and not 0 < cutout <= 1:
+    if cutout is not None and not 0 < checked_number('cutout', cutout) <= 1:
         msg = f'cutout is {cutout!r}; it must be above 0 and at most 1, or None to blend'
         raise ValueError(msg)
     return cutout
@@ -317,7 +354,7 @@ def checked_opacity(opacity, count, cut) -> np.ndarray:
 
 
 def _one_of(name, value, allowed):
-    if value not in allowed:
+    if not isinstance(value, str) or value not in allowed:
         msg = f'{name} is {value!r}; it must be one of {", ".join(map(repr, allowed))}'
         raise ValueError(msg)
 
@@ -377,7 +414,10 @@ def _turn(facing, axis, orientation, count):
     if facing == 'world':
         turn = as_units('orientation', (1.0, 0, 0, 0) if orientation is None else orientation)
         return _of_shape('orientation', turn, 4, count)
-    given = _of_shape('axis', as_units('axis', (0.0, 0, 1) if axis is None else axis), 3, count)
+    axis = _floats('axis', (0.0, 0, 1) if axis is None else axis)
+    with naming('axis', axis):
+        given = as_units('axis', axis)
+    given = _of_shape('axis', given, 3, count)
     return np.concatenate([given, np.zeros((*given.shape[:-1], 1))], -1)
 
 
@@ -389,7 +429,7 @@ def _of_shape(name, array, width, count):
 
 
 def _checked_index(index, count, images):
-    array = np.asarray(index)
+    array = as_array('index', index)
     if array.shape not in ((), (count,)) or array.dtype.kind not in 'iu':
         msg = f'index has shape {array.shape}, dtype {array.dtype}; it must be ({count},) integers'
         raise ValueError(msg)

@@ -1,4 +1,4 @@
-"""Adaptive quality: full at rest, and while the view moves what the frame time allows."""
+"""Adaptive quality: what the frame time allows while the view moves, full and refined at rest."""
 
 from __future__ import annotations
 
@@ -7,10 +7,11 @@ import math
 from contextlib import contextmanager
 from time import perf_counter
 
-from pvibr.capture.clock import Loop, Timer, draw, filming, is_dragged, ticks
+from pvibr.capture.clock import Loop, Timer, draw, filming, ticks
 from pvibr.core import _vtk
 from pvibr.core.costs import RunningMean
 from pvibr.core.determinism import is_deterministic
+from pvibr.core.plotters import is_dragged
 
 #: Levels of quality, 3 dB apart.
 LEVELS = tuple(2 ** (-k / 2) for k in range(9))
@@ -110,13 +111,14 @@ def _steps(ratio) -> int:
 class AdaptiveQuality:
     """Detects and times moving frames of a window, and sets their quality."""
 
-    def __init__(self, plotter, budget, playing=lambda: False):
+    def __init__(self, plotter, budget, playing=lambda: False, effects=list):
         self._plotter, self._asked_ms, self._playing = plotter, budget, playing
+        self._effects = effects
         self.budget = Budget()
         self.lowered = False
         self.why = ''
         self._quality = 1.0
-        self._moves = self._full = False
+        self._moves = self._full = self._drawing = False
         self._window: _vtk.vtkRenderWindow | None = None
         self._tags: list = []
         self._asked = self._takes = False
@@ -152,7 +154,7 @@ class AdaptiveQuality:
         if window is self._window:
             return
         self.release()
-        self._window = window
+        self._window, self._moved = window, perf_counter()
         interactor = window.GetInteractor()
         calls = [
             (window, 'StartEvent', self._on_start, 1.0),  # before and after all others
@@ -199,9 +201,13 @@ class AdaptiveQuality:
         now = perf_counter()
         self._note(1e3 * (now - began))
         self.lowered = self._quality < 1
-        if self.lowered:
+        self._drawing = False
+        if self._moves or not all(effect.rests for effect in self._effects()):
             self._moved = now
+        if self.lowered:
             self._watch_screenshots()
+        if self._may_refine():
+            self._follows()
 
     def _put_back(self, window):
         if self._samples:
@@ -241,6 +247,7 @@ class AdaptiveQuality:
 
     def _on_press(self, *_):
         self._wheels = False
+        self._stop()  # while a button is held, no observer may go
 
     def _follows(self) -> bool:
         """Start a timer that waits for rest; return True if there is one."""
@@ -251,10 +258,20 @@ class AdaptiveQuality:
     def _tick(self):
         if perf_counter() - self._moved < SETTLE:
             return
-        self._stop()
+        if self.lowered or not self._may_refine():
+            self._stop()
         self._wheels = False
         if self.lowered:
             self._draw_full()
+        elif self._may_refine() and not self._drawing:  # pages draw later, or never
+            self._drawing = True
+            draw(self._plotter)
+
+    def _may_refine(self) -> bool:
+        """Return True if further frames of the same view are of use, and may be drawn unasked."""
+        if is_dragged(self._window) or filming(self._plotter) or is_deterministic():
+            return False
+        return not self._playing() and any(effect.unfinished for effect in self._effects())
 
     def _stop(self):
         stopped, self._ticks = self._ticks, None

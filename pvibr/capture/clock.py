@@ -2,17 +2,25 @@
 
 from __future__ import annotations
 
-import asyncio
 import contextlib
 import functools
+import logging
 import math
+import sys
 from time import perf_counter
 
 from pvibr.core.determinism import is_deterministic
-from pvibr.core.plotters import frame_callbacks
+from pvibr.core.plotters import frame_callbacks, is_dragged
+from pvibr.maths.arguments import checked_number, checked_positive
 
 #: Milliseconds between two ticks.
 PERIOD = 16
+#: Time that a server has for other things after a frame, as a share of that of the frame.
+_BREATH = 0.1
+#: Seconds after which a page that takes nothing of what it is sent is given up.
+_PATIENCE = 10.0
+#: Loggers of page servers.
+_SERVERS = 'wslink.protocol', 'aiohttp.server'
 #: Modules of PyVista's trame views, which render in their callbacks.
 _VIEWS = ('trame_pyvista', 'pyvista.trame')
 
@@ -29,12 +37,9 @@ class Clock:
 
     def start(self, time, *, speed=1.0, loop=None, fps=None):
         """Start at a time."""
-        speed = float(speed)
-        if not math.isfinite(speed):
-            msg = f'speed = {speed}: must be a finite number; 0 stops the animation'
-            raise ValueError(msg)
-        _check_positive('loop', loop, 'seconds')
-        _check_positive('fps', fps, 'frames a second')
+        speed = checked_number('speed', speed)
+        loop = None if loop is None else checked_positive('loop', loop)
+        fps = None if fps is None else checked_positive('fps', fps)
         self.stop()
         self._speed, self._loop, self._fps = speed, loop, fps
         self._origin = float(time)
@@ -162,22 +167,73 @@ class Loop:
 
     def __init__(self, loop, tick):
         self._loop, self._tick = loop, tick
+        if loop.get_exception_handler() is None:
+            loop.set_exception_handler(_say_unless_closed)
+        for name in _SERVERS:
+            logging.getLogger(name).addFilter(_is_news)
+        self._behind: dict = {}
         self._wait()
 
-    def _wait(self):
-        self._next = self._loop.call_later(PERIOD / 1e3, self._run)
+    def _wait(self, seconds=PERIOD / 1e3):
+        self._next = self._loop.call_later(seconds, self._run)
 
     def _run(self):
         self._wait()
+        if self._waits_for_pages():
+            return
+        began = perf_counter()
         try:
             self._tick()
         except Exception:
             self.stop()
             raise
+        if not self._next.cancelled():  # slow frames leave the server time for its pages
+            took = perf_counter() - began
+            self._next.cancel()
+            self._wait(max(PERIOD / 1e3 - took, _BREATH * took))
+
+    def _waits_for_pages(self) -> bool:
+        """Return whether a page is behind: no frame is drawn until it has what it was sent.
+
+        wslink sends to one page after another, so that one that takes nothing holds up all.
+        """
+        now = perf_counter()
+        self._behind = {page: self._behind.get(page, now) for page in _pages_behind()}
+        for page, since in self._behind.items():
+            if now - since > _PATIENCE:
+                page.transport.abort()
+        return bool(self._behind)
 
     def stop(self):
         """Stop ticking."""
         self._next.cancel()
+
+
+def _pages_behind() -> list:
+    """Return the connections of trame's servers whose pages have not taken what they were sent."""
+    servers = getattr(sys.modules.get('trame.app.core'), 'AVAILABLE_SERVERS', {}).values()
+    webs = [s._server for s in servers if s.running]  # noqa: SLF001
+    runners = [getattr(web, 'runner', None) for web in webs]
+    pages = [page for r in runners if r is not None for page in r.server.connections]
+    return [page for page in pages if page.writing_paused and page.connected]
+
+
+def _say_unless_closed(loop, context):
+    """Say what went wrong in an event loop, but not that a page closed before a frame came."""
+    if not _is_of_closed_page(context.get('exception')):
+        loop.default_exception_handler(context)
+
+
+def _is_news(_record) -> bool:
+    """Return whether what a server logs is more than that a page closed before its answer came."""
+    return not _is_of_closed_page(sys.exc_info()[1])
+
+
+def _is_of_closed_page(error) -> bool:
+    """Return whether an error is of a closed connection, or came while one was handled."""
+    while error is not None and not isinstance(error, ConnectionError):
+        error = error.__context__
+    return error is not None
 
 
 def filming(plotter) -> bool:
@@ -198,7 +254,8 @@ def draw(plotter):
 
 def ticks(plotter, tick):
     """Call a function periodically while a plotter is shown; None if it is not."""
-    if has_page(plotter):
+    asyncio = sys.modules.get('asyncio')  # what runs a loop has imported it
+    if asyncio is not None and has_page(plotter):
         with contextlib.suppress(RuntimeError):  # nothing runs
             return Loop(asyncio.get_running_loop(), tick)
     window = plotter.renderer.GetRenderWindow()
@@ -207,14 +264,6 @@ def ticks(plotter, tick):
     if interactor is None or hidden or getattr(plotter, 'notebook', False):
         return None
     return Timer(interactor, tick)
-
-
-def is_dragged(window) -> bool:
-    """Return True if an interactor style or a widget requests interactive frame rates."""
-    interactor = None if window is None else window.GetInteractor()
-    if interactor is None:
-        return False
-    return window.GetDesiredUpdateRate() > interactor.GetStillUpdateRate()
 
 
 def has_page(plotter) -> bool:
@@ -245,9 +294,3 @@ def checked_time(seconds) -> float:
         msg = f'time = {seconds!r:.60}: must be a finite number of seconds'
         raise ValueError(msg)
     return time
-
-
-def _check_positive(name, value, unit):
-    if value is not None and not 0 < float(value) < math.inf:
-        msg = f'{name} = {value!r}: must be {unit}, above 0'
-        raise ValueError(msg)

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from pvibr.capture.adaptive_quality import AdaptiveQuality
 from pvibr.capture.clock import Clock, checked_time
-from pvibr.capture.movies import checked_duration, record
+from pvibr.capture.movies import checked_count, record
 from pvibr.capture.tiled_screenshot import TiledScreenshot
 from pvibr.core.facade import Facade
-from pvibr.core.params import Param
+from pvibr.core.params import Param, checked_flag
+from pvibr.scene.thing import Thing
 
 
 class CaptureFacade(Facade):
@@ -29,10 +30,13 @@ class CaptureFacade(Facade):
         self._time = 0.0
         self._clock = Clock(plotter, self._show_time)
         self._adaptive_quality = AdaptiveQuality(
-            plotter, lambda: self.interactive_frame_ms, lambda: self._clock.ticking
+            plotter,
+            lambda: self.interactive_frame_ms,
+            playing=lambda: self._clock.ticking,
+            effects=self._all_effects,
         )
         self._screenshots = TiledScreenshot(
-            plotter, self._all_effects, self._adaptive_quality.full
+            plotter, self._all_effects, self._every_pipeline, self._adaptive_quality.full
         )
 
     @property
@@ -49,8 +53,9 @@ class CaptureFacade(Facade):
         self._time = seconds
         for pipeline in self._pipelines:
             pipeline.time = seconds
-            for thing in pipeline.things:
-                thing.follow()
+            things: list[Thing] = pipeline.things
+            for kind in dict.fromkeys([type(thing) for thing in things]):
+                kind.follow_all([thing for thing in things if type(thing) is kind])
 
     def play(self, speed=1.0, loop=None, *, fps=None):
         """Start the animation clock of windows, notebooks and movies.
@@ -71,8 +76,8 @@ class CaptureFacade(Facade):
 
         Raises
         ------
-        ValueError
-            If a number is out of range.
+        TypeError, ValueError
+            If a number is none, or out of range.
 
         Examples
         --------
@@ -113,6 +118,7 @@ class CaptureFacade(Facade):
         window_size=None,
         transparent_background=None,
         return_img=True,
+        samples=1,
     ):
         """Take a screenshot of any size, without seams in effects.
 
@@ -134,13 +140,16 @@ class CaptureFacade(Facade):
             Whether the background is transparent; by default as the theme says.
         return_img : bool
             Whether to return the image: (h, w, 3 or 4), uint8, top row first.
+        samples : int
+            Samples of each pixel, in place of the window's: the image is their mean, as
+            :class:`pvibr.Accumulation` has it.
 
         Raises
         ------
         ValueError
             If a number is out of range, or both sizes are given.
         OSError
-            If the file cannot be written; an existing file is kept.
+            If there is no such folder, or the file cannot be written; an existing file is kept.
 
         Examples
         --------
@@ -149,10 +158,14 @@ class CaptureFacade(Facade):
         >>> _ = pl.add_mesh(pv.Sphere())
         >>> pl.ibr.screenshot(window_size=(150, 100)).shape
         (100, 150, 3)
+        >>> smooth = pl.ibr.screenshot(samples=16)
         >>> pl.close()
         """
         self._check_open()
-        image = self._screenshots.take(scale, window_size, transparent_background, filename)
+        return_img = checked_flag('return_img', return_img)
+        image = self._screenshots.take(
+            scale, window_size, transparent_background, filename, samples=samples
+        )
         return image if return_img else None
 
     def movie(
@@ -167,6 +180,8 @@ class CaptureFacade(Facade):
         each=None,
         resume=True,
         progress=None,
+        samples=1,
+        shutter=0.0,
     ):
         """Record a movie: each frame shows its own time, however long it takes to render.
 
@@ -196,6 +211,11 @@ class CaptureFacade(Facade):
             Whether to reuse the frames of an earlier call.
         progress : bool, optional
             Whether to show a progress bar on standard error; by default if that is a terminal.
+        samples : int
+            Samples of each pixel, as for :meth:`screenshot`.
+        shutter : float
+            Share of a frame's time over which its samples are spread: what moves is blurred, 0.5
+            as by most film cameras.
 
         Returns
         -------
@@ -204,12 +224,12 @@ class CaptureFacade(Facade):
 
         Raises
         ------
-        ValueError
-            If a number or the suffix is not allowed.
+        TypeError, ValueError
+            If an argument or the suffix is not allowed.
         ImportError
             If the extra ``movie`` is needed and not installed.
         OSError
-            If a file cannot be written.
+            If there is no such folder, or a file cannot be written.
 
         Examples
         --------
@@ -226,7 +246,8 @@ class CaptureFacade(Facade):
         >>> pl.close()
         """
         self._check_open()
-        seconds = checked_duration(seconds, frames, fps)
-        timing = {'fps': fps, 'start': start, 'speed': speed}
+        count = checked_count(seconds, frames, fps)
+        timing = {'fps': float(fps), 'start': start, 'speed': speed}
         options = {'each': each, 'resume': resume, 'progress': progress}
-        return record(self, self._screenshots, path, seconds, **timing, **options)
+        options |= {'samples': samples, 'shutter': shutter}
+        return record(self, self._screenshots, path, count, **timing, **options)

@@ -35,7 +35,7 @@ def check_image(path):
 
 
 def save(path, picture):
-    """Write an image in the format of its ending, and create its folder."""
+    """Write an image in the format of its ending."""
     from PIL import Image
 
     picture = picture if picture.dtype == np.uint8 else as_bytes(picture)

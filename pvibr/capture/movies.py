@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import errno
 import json
-import math
 import os
 import shutil
 from contextlib import contextmanager, nullcontext
@@ -13,13 +12,18 @@ from typing import Any
 
 import numpy as np
 
+from pvibr.capture.tiled_screenshot import check_samples
 from pvibr.core.errors import require
-from pvibr.core.files import replacing
+from pvibr.core.files import in_a_folder, replacing
+from pvibr.core.params import checked_flag
+from pvibr.maths.arguments import checked_number, checked_positive, checked_whole, naming
 
 #: Suffixes of movies; anything else is a folder of PNG files.
 MOVIES = ('.mp4', '.mov', '.mkv', '.webm', '.avi', '.gif')
 #: File that describes the frames in a folder.
 NOTE = 'movie.json'
+#: Maximum number of frames.
+_MOST = 10**7
 #: Free bytes of a disk that counts as full: ffmpeg writes more than these at once.
 _FULL = 2**16
 
@@ -28,7 +32,7 @@ class Film:
     """The frames of a movie in a folder, and the movie."""
 
     def __init__(self, path, *, count, fps, marks, resume):
-        self.path, self.count, self.fps = Path(path).expanduser(), count, fps
+        self.path, self.count, self.fps = in_a_folder('path', path), count, fps
         self.ending = self.path.suffix.lower()
         if self.ending and self.ending not in MOVIES:
             known = ', '.join(MOVIES)
@@ -36,7 +40,8 @@ class Film:
             raise ValueError(msg)
         if self.ending not in ('', '.gif'):
             require('imageio_ffmpeg', 'movie', 'Movies')
-        hidden = self.path.with_name(f'.{self.path.name}.frames')
+        with naming('path', path):
+            hidden = self.path.with_name(f'.{self.path.name}.frames')
         self.folder = hidden if self.ending else self.path
         # As JSON returns it.
         self._note = json.loads(json.dumps({'count': count, 'fps': fps, **marks}))
@@ -53,7 +58,7 @@ class Film:
 
     def missing(self) -> list[int]:
         """Return the numbers of the frames to draw."""
-        self.folder.mkdir(parents=True, exist_ok=True)
+        self.folder.mkdir(exist_ok=True)
         if not self._resume:
             with replacing(self.folder / NOTE) as file:
                 file.write_text(json.dumps(self._note), 'utf-8')
@@ -142,21 +147,40 @@ def _writer(file, ending, fps):
         raise
 
 
-def record(ibr, screenshots, path, seconds, *, fps, start, speed, each, resume, progress) -> Path:
+def record(
+    ibr, screenshots, path, count, *, fps, start, speed, each, resume, progress, samples, shutter
+) -> Path:
     """Draw the frames of a movie of ``plotter.ibr``, each at its own time, and write it."""
+    check_samples(samples)
+    shutter = checked_number('shutter', shutter, 0, 1)
+    if each is not None and not callable(each):
+        msg = f'each = {each!r:.80}: must be a function of the time, or None'
+        raise TypeError(msg)
+    resume = checked_flag('resume', resume)
+    progress = checked_flag('progress', progress, optional=True)
+    if shutter and samples == 1:
+        msg = f'shutter = {shutter!r}: needs several samples over that time, such as samples=32.'
+        raise ValueError(msg)
     ibr.stop()
     before = ibr.time
-    start = before if start is None else start
-    times = frame_times(seconds, fps, start, speed)
+    start = before if start is None else checked_number('start', start)
+    speed = checked_number('speed', speed)
+    times = start + speed * np.arange(count) / fps
     with screenshots.cameras_restored() as marks:
         marks |= {'start': start, 'speed': speed, 'state': ibr.state()}
-        film = Film(path, count=len(times), fps=fps, marks=marks, resume=resume)
+        marks |= {'samples': samples, 'shutter': shutter}
+        film = Film(path, count=count, fps=fps, marks=marks, resume=resume)
+
+        def be_at(time):
+            ibr.time = time
+            if each is not None:
+                each(float(time))
 
         def draw(k):
-            ibr.time = times[k]
-            if each is not None:
-                each(float(times[k]))
-            return screenshots.take(transparent=False)
+            be_at(times[k])
+            opened = shutter * speed / fps
+            moments = (lambda share: be_at(times[k] + share * opened)) if shutter else None
+            return screenshots.take(transparent=False, samples=samples, moments=moments)
 
         try:
             write_movie(film, draw, progress=progress)
@@ -202,29 +226,16 @@ def _bar(film, missing, wanted):
     return bar()
 
 
-def checked_duration(seconds, frames, fps) -> float:
-    """Return the duration of a movie, of which it or the number of frames is given."""
+def checked_count(seconds, frames, fps) -> int:
+    """Return the number of frames of a movie, of which it or the duration is given."""
     if (seconds is None) == (frames is None):
         msg = 'give seconds, the duration of the movie, or frames, their number: one of these'
         raise TypeError(msg)
-    if frames is None:
-        return seconds
-    if isinstance(frames, bool) or not isinstance(frames, int | np.integer) or frames < 1:
-        msg = f'frames = {frames!r}: must be an int of at least 1.'
+    fps = checked_positive('fps', fps)
+    if frames is not None:
+        return checked_whole('frames', frames, 1, _MOST)
+    count = checked_positive('seconds', seconds) * fps
+    if count > _MOST:
+        msg = f'seconds = {seconds} at fps = {fps} are more than {_MOST:,} frames'
         raise ValueError(msg)
-    return frames / fps if fps > 0 else 1.0
-
-
-def frame_times(seconds, fps, start, speed) -> np.ndarray:
-    """Return the time of each frame of a movie."""
-    for name, value, positive in (
-        ('seconds', seconds, True),
-        ('fps', fps, True),
-        ('start', start, False),
-        ('speed', speed, False),
-    ):
-        if not math.isfinite(value) or (positive and value <= 0):
-            allowed = 'a positive number' if positive else 'a finite number'
-            msg = f'{name} = {value!r}: must be {allowed}.'
-            raise ValueError(msg)
-    return start + speed * np.arange(max(1, round(seconds * fps))) / fps
+    return max(1, round(count))

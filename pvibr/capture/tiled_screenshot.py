@@ -8,11 +8,15 @@ from contextlib import contextmanager
 import numpy as np
 
 from pvibr.capture.montage import save
+from pvibr.capture.samples import sampled
 from pvibr.core import _vtk
 from pvibr.core.errors import ClosedError
+from pvibr.core.files import in_a_folder
 from pvibr.core.frame import Frame
+from pvibr.core.params import checked_flag
 from pvibr.core.passes import passes_of
 from pvibr.core.plotters import is_closed, is_never_shown
+from pvibr.maths.arguments import naming
 
 #: Reach in pixels of VTK's own passes, such as FXAA and EDL.
 _NEIGHBOURS = 8
@@ -34,19 +38,18 @@ def spans(whole, tile, margin) -> list[tuple[int, int, int]]:
     return found
 
 
-def picture(window, scale, effects, *, transparent=False) -> np.ndarray:
-    """Draw a magnified window in tiles of the window's size."""
+def picture(window, scale, effects, draw, *, transparent=False) -> np.ndarray:
+    """Draw a magnified window by a function, in tiles of the window's size."""
     size = window.GetActualSize()
     with _own_cameras(window) as cameras:
         window.SetTileScale(scale, scale)
-        _look(window, cameras, (0, 0), size, scale)
-        margins = _margins(cameras, effects, size)
+        margins = _margins(window, cameras, effects, size, scale)
         columns, rows = (spans(n * scale, n, m) for n, m in zip(size, margins, strict=True))
         whole = np.empty((size[1] * scale, size[0] * scale, 4 if transparent else 3), np.uint8)
         for bottom, low, high in rows:
             for left, first, last in columns:
                 _look(window, cameras, (left, bottom), size, scale)
-                window.Render()
+                draw(window)
                 tile = _pixels(window, size, transparent)
                 kept = tile[low - bottom : high - bottom, first - left : last - left]
                 whole[low:high, first:last] = kept
@@ -85,7 +88,6 @@ def _look(window, cameras, corner, size, scale):
     for renderer, camera in cameras.items():
         whole = np.array(renderer.GetViewport()).reshape(2, 2)
         seen = np.clip(whole, tile[:2], tile[2:])
-        share = (seen[1] - seen[0]) / (whole[1] - whole[0])
         # A renderer with fewer pixels here than the overlap is drawn in another tile; VTK's passes
         # would create empty textures for it.
         least = np.minimum(_NEIGHBOURS / np.array(size), _MOST) / scale
@@ -93,6 +95,7 @@ def _look(window, cameras, corner, size, scale):
         renderer.SetDraw(bool((seen[1] - seen[0] > least).all()))
         if not renderer.GetDraw():
             continue
+        share = (seen[1] - seen[0]) / (whole[1] - whole[0])
         own = renderer.GetActiveCamera()
         of = share[0] if camera.GetUseHorizontalViewAngle() else share[1]
         half = math.tan(math.radians(camera.GetViewAngle()) / 2)
@@ -103,15 +106,24 @@ def _look(window, cameras, corner, size, scale):
         own.SetWindowCenter(*(np.array(camera.GetWindowCenter()) / share + shift))
 
 
-def _margins(cameras, effects, size):
+def _margins(window, cameras, effects, size, scale):
     """Return the overlap of tiles, in columns and rows."""
-    frames = {renderer: Frame.of(renderer) for renderer in cameras}
-    reaches = [_reach_of_passes(renderer, frame) for renderer, frame in frames.items()]
+    frames = {}
+    for renderer in cameras:
+        # Each in a tile that has some of it: the first may have nothing.
+        corner = [
+            min(int(low * n * scale), n * (scale - 1))
+            for low, n in zip(renderer.GetViewport()[:2], size, strict=True)
+        ]
+        _look(window, cameras, corner, size, scale)
+        if renderer.GetDraw():
+            frames[renderer] = Frame.of(renderer)
+    reaches = [_reach_of_passes(*item) for item in frames.items()]
     for effect in effects:
         frame = frames.get(effect.pipeline.renderer)
         if frame is not None and effect.enabled:
             reaches.append(effect.reach(frame))
-    return [min(math.ceil(max(reaches)), int(_MOST * n)) for n in size]
+    return [min(math.ceil(max(reaches, default=0)), int(_MOST * n)) for n in size]
 
 
 def _reach_of_passes(renderer, frame):
@@ -137,25 +149,35 @@ def _pixels(window, size, transparent):
 class TiledScreenshot:
     """Screenshots of a plotter's window."""
 
-    def __init__(self, plotter, effects, full):
+    def __init__(self, plotter, effects, pipelines, full):
         self._plotter, self._effects, self._full = plotter, effects, full
+        self._pipelines = pipelines
 
-    def take(self, scale=None, size=None, transparent=None, filename=None) -> np.ndarray:
-        """Draw an image, and write it if there is a file name."""
+    def take(
+        self, scale=None, size=None, transparent=None, filename=None, *, samples=1, moments=None
+    ) -> np.ndarray:
+        """Draw an image, and write it if there is a file name; see `sampled` for the last two."""
+        check_samples(samples)
+        if filename is not None:
+            filename = in_a_folder('filename', filename)
         window = self._window()
         tile, scale, size = _checked(tuple(window.GetActualSize()), scale, size)
+        transparent = checked_flag('transparent_background', transparent, optional=True)
         if transparent is None:
             theme = getattr(self._plotter, 'theme', None)
             transparent = bool(getattr(theme, 'transparent_background', False))
         with _resized(window, tile), _transparent(window, transparent), self._full():
             if scale > 1:
                 window.Render()  # effects spread light over the whole image at the window's size
-            image = picture(window, scale, self._effects(), transparent=transparent)
-        if scale > 1 or transparent or tuple(window.GetActualSize()) != tile:
+            with sampled(self._pipelines(), samples, moments) as draw:
+                effects = self._effects()
+                image = picture(window, scale, effects, draw, transparent=transparent)
+        if scale > 1 or samples > 1 or transparent or tuple(window.GetActualSize()) != tile:
             self.draw()
         image = np.ascontiguousarray(image[: size[1], : size[0]])
         if filename is not None:
-            save(filename, image)
+            with naming('filename', filename):
+                save(filename, image)
         return image
 
     def draw(self):
@@ -218,8 +240,23 @@ def _checked(window, scale, size):
     return tuple(-(-n // scale) for n in size), scale, tuple(size)
 
 
+def check_samples(samples):
+    """Raise an error unless a number of samples of each pixel is one."""
+    if not _is_count(samples):
+        msg = f'samples = {samples!r}: must be a positive integer.'
+        raise ValueError(msg)
+
+
+#: Of what VTK takes as a whole number.
+_LARGEST = 1 << 30
+
+
 def _is_count(number):
-    return isinstance(number, int | np.integer) and not isinstance(number, bool) and number > 0
+    return (
+        isinstance(number, int | np.integer)
+        and not isinstance(number, bool)
+        and 0 < number < _LARGEST
+    )
 
 
 @contextmanager

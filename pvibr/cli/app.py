@@ -64,7 +64,9 @@ app = App(
     version=lambda: pvibr.__version__,
     suppress_keyboard_interrupt=False,
 )
-bench = app.command(App(name='bench', help='Measure run time against error, here and now.'))
+_BENCH = 'Measure run time against error, here and now.'
+_NO_BENCH = "Measurements come with a clone of pvibr: python -m pip install -e '.[bench]' in it."
+bench = app.command(App(name='bench', help=_BENCH if BENCHES else _NO_BENCH))
 
 
 @app.command

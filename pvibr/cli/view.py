@@ -13,7 +13,6 @@ from pvibr.capture.montage import check_image, save
 from pvibr.capture.offscreen import Stage
 from pvibr.maths.transforms import trs
 from pvibr.meshes.pose_files import read_poses
-from pvibr.shadows.shadows import Shadows
 
 #: Timed frames, and the camera's azimuth step in degrees.
 FRAMES, TURN = 12, 2.0
@@ -51,7 +50,7 @@ def main(
     def fill(plotter):
         drawn = plotter.ibr.add_instances(str(mesh), _scaled(matrices, scale), **looks)
         if poses is None:
-            _add_ground(plotter, drawn.bounds)
+            plotter.ibr.look('studio')
         return drawn
 
     if window:
@@ -67,15 +66,6 @@ def main(
         out = out or Path(mkdtemp(prefix='pvibr-')) / f'{Path(mesh).stem}.png'
         save(out, stage.picture())
         Console().print(f'wrote {out}', soft_wrap=True)
-
-
-def _add_ground(plotter, bounds):
-    """Add a ground under a mesh, and the shadow on it."""
-    x0, x1, y0, y1, z0, z1 = bounds
-    side = 3 * max(x1 - x0, y1 - y0, z1 - z0)
-    middle = (x0 + x1) / 2, (y0 + y1) / 2, z0
-    plotter.add_mesh(pv.Plane(center=middle, i_size=side, j_size=side), color='lightgray')
-    plotter.ibr.add(Shadows())
 
 
 def _looks(poses, found, scalars, cmap):

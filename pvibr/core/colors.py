@@ -6,6 +6,7 @@ import numpy as np
 import pyvista as pv
 
 from pvibr.core.params import Param
+from pvibr.maths.arguments import as_array
 
 #: What errors say is allowed.
 ALLOWED = 'a color: a name such as "red", a hex code, or 3 floats from 0 to 1 or ints to 255'
@@ -35,7 +36,7 @@ def color_rows(name, colors):
     """Return colours that are not numbers as bytes, (n, 3), one as (3,); numbers as they are."""
     if isinstance(colors, (str, pv.Color, dict)):
         return _bytes(name, colors)
-    array = np.asarray(colors) if hasattr(colors, '__len__') else colors
+    array = as_array(name, colors) if hasattr(colors, '__len__') else colors
     kind = getattr(getattr(array, 'dtype', None), 'kind', '')
     if kind in 'UO' and kind and np.ndim(array) >= 1:
         rows = [_bytes(f'{name}[{k}]', color) for k, color in enumerate(colors)]

@@ -102,17 +102,30 @@ class Effect(Spelled):
         """Return an instance that shows in any picture of some actors, for tests and trials."""
         return cls()
 
+    @property
+    def why_neutral(self) -> str:
+        """The setting with which it changes nothing, if it has that, else ''."""
+        if self.neutral is None or getattr(self, self.neutral[0]) != self.neutral[1]:
+            return ''
+        return f'{self.neutral[0]} is {self.neutral[1]}'
+
     # -- hooks, in the order in which they are called ----------------------------------------
 
     def attach(self, pipeline):
         """Enter a pipeline: add props to ``pipeline.renderer``."""
         self.pipeline = pipeline
 
+    def as_sampled(self, frame):
+        """Return a frame that begins as it is drawn: itself, or a sample of it."""
+        return frame
+
+    def lens_of(self, frame) -> tuple[float, float] | None:
+        """Return aperture radius and focus distance, if the eye of samples varies by these."""
+        return None
+
     def needed(self, frame) -> bool | str:
         """Return True if the frame needs the effect, or the reason why not."""
-        if self.neutral is not None and getattr(self, self.neutral[0]) == self.neutral[1]:
-            return f'{self.neutral[0]} is {self.neutral[1]}'
-        return True
+        return self.why_neutral or True
 
     def prepare(self, frame):
         """Work before the scene is drawn."""
@@ -162,6 +175,21 @@ class Effect(Spelled):
     def lives(self) -> list:
         """Live textures that it shows."""
         return []
+
+    @property
+    def one_sample(self) -> bool:
+        """Whether the scene is drawn with one sample per pixel, whatever the window has."""
+        return False
+
+    @property
+    def rests(self) -> bool:
+        """Whether nothing has changed in the last frame, of effects that look for it."""
+        return True
+
+    @property
+    def unfinished(self) -> bool:
+        """Whether more frames of the same view would refine it."""
+        return False
 
     def reach(self, frame) -> float:
         """Return how many pixels around itself a pixel depends on: tiles overlap by it."""

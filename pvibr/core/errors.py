@@ -48,7 +48,7 @@ class ClosedError(PvibrError, RuntimeError):
     """The plotter or the window is closed; what was drawn there is released."""
 
 
-#: Where frames are not the user's: pvibr, PyVista and what imports both.
+#: Where frames are not the user's: pvibr, PyVista and what imports both; and trame's packages.
 _LIBRARIES = ('pvibr', 'pvibr_widgets', 'pyvista', 'pyvistaqt', 'importlib', 'contextlib')
 
 
@@ -63,7 +63,7 @@ def warn(message, category=PvibrWarning):
 
 def _is_library(frame) -> bool:
     name = frame.f_globals.get('__name__', '')
-    return name.partition('.')[0] in _LIBRARIES
+    return name.partition('.')[0] in _LIBRARIES or name.startswith('trame')
 
 
 def require(module, extra, what):
@@ -73,4 +73,4 @@ def require(module, extra, what):
     except ImportError as error:
         package = module.partition('.')[0]
         msg = f"{what} need {package}: run pip install 'pvibr[{extra}]'"
-        raise ImportError(msg) from error
+        raise ImportError(msg, name=package) from error

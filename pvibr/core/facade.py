@@ -29,6 +29,19 @@ class Facade(Spelled):
             msg = 'the plotter is closed: make a new one and add to its ibr'
             raise ClosedError(msg)
 
+    @property
+    def pipeline(self):
+        """The active subplot's pipeline."""
+        self._check_open()
+        return self._pipeline_of(self._plotter.renderer)
+
+    def _pipeline_of(self, renderer):
+        """Return the pipeline of a subplot, made if it has none."""
+        raise NotImplementedError
+
+    def _every_pipeline(self) -> list:
+        return [self._pipeline_of(renderer) for renderer in renderers_of(self._plotter)]
+
     def _subplots(self) -> dict:
         """Return the pipelines by the number of their subplot."""
         self._check_open()
@@ -105,13 +118,13 @@ class StateFacade(Facade):
         Parameters
         ----------
         path : str or os.PathLike
-            The file; its folder is created, and an existing file is replaced once the new one is
+            The file, in a folder that is there; an existing file is replaced once the new one is
             complete.
 
         Raises
         ------
         OSError
-            If it cannot be written; an existing file is kept.
+            If there is no such folder, or it cannot be written; an existing file is kept.
 
         Examples
         --------

@@ -8,13 +8,28 @@ import os
 import uuid
 from pathlib import Path
 
+from pvibr.maths.arguments import naming
 
-def existing(path, what='') -> Path:
+
+def existing(path, what='file') -> Path:
     """Return the path of a file that must be there."""
-    path = Path(path).expanduser()
+    with naming('path', path):
+        path = Path(path).expanduser()
     if not path.is_file():
-        msg = f'{what} {str(path)!r} does not exist.'.lstrip()
+        msg = f'there is no {what} at the path {str(path)!r}'
         raise FileNotFoundError(msg)
+    return path
+
+
+def in_a_folder(name, path) -> Path:
+    """Return the path of a file to write, in a folder that is there."""
+    with naming(name, path):
+        path = Path(path).expanduser()
+        with contextlib.suppress(OSError):
+            path.stat()  # raises if it is no path at all
+        if not path.absolute().parent.is_dir():
+            msg = f'there is no folder {str(path.parent)!r}: make it first'
+            raise FileNotFoundError(msg)
     return path
 
 
@@ -30,10 +45,9 @@ def with_suffix(path, suffix) -> Path:
 @contextlib.contextmanager
 def replacing(path):
     """Write a file under another name, and give it its own once it is whole."""
-    path = Path(path)
+    path = in_a_folder('path', path)
     part = path.with_name(f'.{uuid.uuid4().hex}{path.suffix}')
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
         yield part
         with part.open('rb+') as file:
             os.fsync(file.fileno())

@@ -7,16 +7,38 @@ from typing import Any
 
 import numpy as np
 
+from pvibr.core import _vtk
 from pvibr.core.passes import margins, samples_of
+from pvibr.maths.sequences import pair
 from pvibr.maths.views import View
+
+
+@dataclass(frozen=True, eq=False)
+class Sample:
+    """One of the samples whose mean is a still picture: effects vary with it what they sample."""
+
+    index: int
+    #: How many there will be.
+    count: int = 64
+    #: The user's camera, which the renderer has again after the frame.
+    camera: Any = None
+
+    @property
+    def gap(self) -> float:
+        """Return how far apart the samples of what spans 1 are; 0 if too near to be told apart."""
+        return self.count**-0.5 if self.count < 64 else 0.0
+
+    def pair(self, name) -> tuple[float, float]:
+        """Return two numbers, 0 to 1: over all samples those of a name fill a square evenly."""
+        return pair(self.index, name)
 
 
 @dataclass(frozen=True, eq=False)
 class Frame:
     """One frame of one subplot; read-only, the only thing that is passed to effects."""
 
-    renderer: Any
-    window: Any
+    renderer: _vtk.vtkRenderer
+    window: _vtk.vtkRenderWindow
     size: tuple[int, int]
     origin: tuple[int, int]
     view: View
@@ -36,6 +58,8 @@ class Frame:
     #: Per pixel, of the window or of supersampling.
     samples: int = 1
     quality: float = 1.0
+    #: Which sample of a still picture it is; None if it is a picture of its own.
+    sample: Sample | None = None
 
     @classmethod
     def of(cls, renderer, *, index=0, time=0.0, quality=1.0) -> Frame:
@@ -125,11 +149,15 @@ class Frame:
         """Position of the camera, (3,), world units."""
         return self.view.eye
 
+    def vary(self, name) -> tuple[float, float]:
+        """Return two numbers, 0 to 1, by which effects vary what they sample; mostly 0."""
+        return (0.0, 0.0) if self.sample is None else self.sample.pair(name)
+
     @property
     def whole(self) -> tuple[float, float]:
         """Width and height of the subplot in pixels; `size` is that of the tile."""
         left, bottom, right, top = self.tile
-        return self.size[0] / (right - left), self.size[1] / (top - bottom)
+        return self.size[0] / (right - left or 1), self.size[1] / (top - bottom or 1)
 
     @property
     def pixel_scales(self) -> tuple[float, float]:
@@ -172,7 +200,7 @@ def _tile(renderer, window):
     tile, view, whole = window.GetTileViewport(), renderer.GetViewport(), window.GetSize()
     corners, shares = [], []
     for i in range(4):
-        side = view[2 + i % 2] - view[i % 2]
+        side = view[2 + i % 2] - view[i % 2] or 1
         edge = max(view[i], tile[i]) if i < 2 else min(view[i], tile[i])
         shares.append((edge - view[i % 2]) / side)
         within = min(max(view[i], tile[i % 2]), tile[2 + i % 2]) - tile[i % 2]

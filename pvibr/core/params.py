@@ -163,7 +163,7 @@ class Param:
 
     def _is_kind(self, value) -> bool:
         if self.kind is tuple:
-            is_row = isinstance(value, (tuple, list, np.ndarray)) and np.ndim(value) == 1
+            is_row = isinstance(value, (tuple, list)) or getattr(value, 'ndim', 0) == 1
             return is_row and all(_is_number(v, float) for v in value)
         return _is_number(value, self.kind)
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from math import sqrt
 
+from pyvista import vtk_version_info
+
 # Pixels that a pass draws beyond each side, by a wider view; its result has no depth.
 _MARGINS = {
     'vtkDepthOfFieldPass': 16,
@@ -11,6 +13,7 @@ _MARGINS = {
     'vtkSobelGradientMagnitudePass': 1,
 }
 _SAMPLES = sqrt(5)  # along a side, of a pixel that vtkSSAAPass draws
+_NO_DEPTH = *_MARGINS, *(['vtkSSAAPass'] if vtk_version_info < (9, 7) else [])
 
 
 def passes_of(renderer) -> list:
@@ -31,7 +34,7 @@ def has_shadows(renderer) -> bool:
 
 def loses_depth(renderer) -> bool:
     """Return whether a frame is left without the depth of the scene."""
-    return any(p.IsA(name) for p in passes_of(renderer) for name in _MARGINS)
+    return any(p.IsA(name) for p in passes_of(renderer) for name in _NO_DEPTH)
 
 
 def margins(renderer, size) -> tuple[float, float]:
@@ -43,7 +46,7 @@ def margins(renderer, size) -> tuple[float, float]:
             samples *= _SAMPLES
         margin = next((m for name, m in _MARGINS.items() if found.IsA(name)), 0)
         drawn = [n + 2 * margin / samples for n in drawn]
-    return drawn[0] / width, drawn[1] / height
+    return (drawn[0] / width, drawn[1] / height) if width and height else (1.0, 1.0)
 
 
 def samples_of(renderer) -> int:

@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import re
 import sys
+import weakref
 from contextlib import contextmanager
 
 import numpy as np
 import pyvista as pv
 from pyvista.plotting.prop_collection import _PropCollection
 
+from pvibr.core import _vtk
 from pvibr.core._vtk import address, method
+from pvibr.maths.arguments import naming
 
+_PROPERTY = re.compile(r'Get\w*Property')
 _INNER = 'pvibr'  # begins the names of props that are none of the user's
 
 
@@ -34,26 +39,78 @@ def frame_callbacks(plotter) -> list:
     return list(getattr(plotter, '_on_render_callbacks', ()))
 
 
+def is_dragged(window) -> bool:
+    """Return True if an interactor style or a widget requests interactive frame rates."""
+    interactor = None if window is None else window.GetInteractor()
+    if interactor is None:
+        return False
+    return window.GetDesiredUpdateRate() > interactor.GetStillUpdateRate()
+
+
 class _UsersProps(_PropCollection):
-    """The props of a renderer, of which ``actors`` lists those of users."""
+    """The props of a renderer that users added: names, indices and length leave out the others."""
 
-    def items(self):
-        """Yield pairs of a name and a prop."""
-        yield from (pair for pair in super().items() if not _is_inner(pair[1]))
+    def _places(self):
+        props = self._prop_collection
+        found = range(props.GetNumberOfItems())
+        return [k for k in found if not is_inner(props.GetItemAsObject(k))]
+
+    def _validate_index(self, index):
+        return self._places()[super()._validate_index(index)]
+
+    def __len__(self):
+        return len(self._places())
+
+    def __iter__(self):
+        return iter([self._prop_collection.GetItemAsObject(k) for k in self._places()])
+
+    def __getitem__(self, key):
+        if isinstance(key, str) and key in (names := self.keys()):
+            key = names.index(key)
+        return super().__getitem__(key)
 
 
-def _is_inner(prop) -> bool:
+def is_inner(prop) -> bool:
+    """Return True if a prop is none of the user's."""
     return method(prop, 'GetObjectName')().startswith(_INNER)
 
 
 def put_inner(renderer, prop):
     """Add a prop that is none of the user's: ``actors`` and ``meshes`` of PyVista leave it out."""
-    if not _is_inner(prop):
+    if not is_inner(prop):
         prop.SetObjectName(_INNER)
     listed = getattr(renderer, '_actors', None)
     if listed is not None and not isinstance(listed, _UsersProps):
         vars(renderer)['_actors'] = _UsersProps(renderer.GetViewProps())
+        vars(renderer)['GetActors'] = _users_actors(weakref.ref(renderer))
     renderer.AddViewProp(prop)
+
+
+def _users_actors(renderer):
+    def actors():
+        found = _vtk.vtkActorCollection()
+        for actor in type(renderer()).GetActors(renderer()):
+            if not is_inner(actor):
+                found.AddItem(actor)
+        return found
+
+    return actors
+
+
+def widgets_of(renderer) -> list:
+    """Return the widgets of the plotter that a renderer is of, those of its other subplots too."""
+    plotter = getattr(renderer, 'parent', None)
+    try:
+        lists = vars(getattr(plotter, 'widgets', plotter))
+    except (ReferenceError, TypeError):  # a plotter that is no more, or none
+        return []
+    return [w for name, some in lists.items() if name.endswith('_widgets') for w in some]
+
+
+def parts_of_widgets(widgets) -> set[str]:
+    """Return the addresses of the properties that widgets give to the actors they consist of."""
+    solid = [w for w in widgets if w.IsA('vtk3DWidget')]
+    return {address(getattr(w, n)()) for w in solid for n in dir(w) if _PROPERTY.fullmatch(n)}
 
 
 def border_of(renderer):
@@ -131,6 +188,9 @@ def check_bar(plotter, mapper, options):
     trial = _Trial(theme=plotter.theme, lighting='none')
     try:
         bar_places(trial).intersection_update(places)
-        trial.add_scalar_bar(mapper=mapper, **options | {'interactive': False, 'render': False})
+        with naming('scalar_bar_args', options):
+            trial.add_scalar_bar(
+                mapper=mapper, **options | {'interactive': False, 'render': False}
+            )
     finally:
         trial.close()

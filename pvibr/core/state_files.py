@@ -106,6 +106,9 @@ def to_text(kind, values) -> str:
 
 def from_text(kind, text, name='the text') -> tuple[dict, int]:
     """Return the values in a text, and the version of its layout."""
+    if not isinstance(text, (str, bytes)):
+        msg = f'text = {text!r:.60}: must be a str or bytes'
+        raise TypeError(msg)
     try:
         if isinstance(text, bytes):
             text = text.decode('utf-8-sig')

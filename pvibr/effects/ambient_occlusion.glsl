@@ -68,6 +68,7 @@ uniform int slices;
 uniform int steps;
 uniform float radius;
 uniform float thickness;
+uniform vec3 vary;    // of a sample of a still picture, 0 to 1
 
 const float PI = 3.14159265;
 const float LEAP = 4.0;  // rise over run from one surface to another
@@ -160,9 +161,9 @@ void main()
   // Counted from the axis of the view: tiles of large screenshots turn as the whole.
   ivec2 place = ivec2(floor(at_one(s.pixel) / (lens.xy * ndc_step) + 0.25)) & 3;
   int cell = 4 * place.x + place.y;
-  float turn = float((cell * 7) & 15) / 16.0;
-  float jitter = (float((cell * 11 + 5) & 15) + 0.5) / 16.0;
-  float dither = (float((cell * 5) & 15) + 0.5) / 16.0;
+  float turn = float((cell * 7) & 15) / 16.0 + vary.x;
+  float jitter = fract((float((cell * 11 + 5) & 15) + 0.5) / 16.0 + vary.y);
+  float dither = fract((float((cell * 5) & 15) + 0.5) / 16.0 + vary.z);
   float hidden = 0.0, whole = 0.0;
   for (int k = 0; k < slices; ++k)
   {

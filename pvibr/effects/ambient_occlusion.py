@@ -97,6 +97,7 @@ class AmbientOcclusion(Effect):
             'steps': _STEPS,
             'radius': float(radius),
             'thickness': float(radius if self.thickness is None else self.thickness),
+            'vary': (*frame.vary('occlusion'), frame.vary('occlusion, sectors')[0]),
         }
         depth = {'depth': picture.depth}
         found.draw(self._quads['search'], view | search, depth)

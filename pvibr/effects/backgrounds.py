@@ -8,6 +8,7 @@ from pvibr.core.colors import Color
 from pvibr.core.params import Param
 from pvibr.effects.full_screen import FullScreen, FullScreenImage
 from pvibr.images.projected import Shown
+from pvibr.maths.arguments import naming
 from pvibr.maths.draping import sample
 from pvibr.maths.vectors import unit_vectors
 
@@ -99,7 +100,7 @@ class Sky(_Behind):
         Equirectangular image, 360 x 180 degrees, centred on +x (+y if `up` is along x) and
         rotated by `turn`. A gradient by default.
     **settings
-        `up`, `turn`, `intensity`, `opacity`, `top`, `horizon`, `bottom`.
+        `up`, `turn`, `intensity`, `opacity`, `top`, `horizon`, `bottom`, `middle`.
 
     Examples
     --------
@@ -133,9 +134,16 @@ class Sky(_Behind):
     top = Color((0.20, 0.38, 0.70), 'Colour of the gradient at the zenith.')
     horizon = Color((0.80, 0.87, 0.93), 'Colour of the gradient at the horizon.')
     bottom = Color((0.35, 0.33, 0.31), 'Colour of the gradient at the nadir.')
+    middle = Param(
+        45.0,
+        'Angle from the horizon at which the gradient is half way.',
+        range='[1, 89]',
+        unit='degrees',
+    )
 
     def __init__(self, panorama=None, **settings):
-        self._image = None if panorama is None else Shown(panorama, repeat=True)
+        with naming('panorama', type(panorama).__name__):
+            self._image = None if panorama is None else Shown(panorama, repeat=True)
         super().__init__(**settings)
 
     @property
@@ -177,13 +185,19 @@ class Sky(_Behind):
         rise = np.arcsin(np.clip(to[:, 2:], -1, 1)) / (np.pi / 2)
         if self._image is None:
             end = np.where(rise > 0, self.top, self.bottom)
-            seen = np.array(self.horizon) * (1 - np.abs(rise)) + end * np.abs(rise)
+            share = np.abs(rise) / (1 + self._bend * (1 - np.abs(rise)))
+            seen = np.array(self.horizon) * (1 - share) + end * share
         else:
             around = 0.5 - np.arctan2(to[:, 1:2], to[:, :1]) / (2 * np.pi)
             picture = self._image.picture(frame.time)
             seen = sample(picture, np.hstack([around, 0.5 + 0.5 * rise]))[:, :3] / 255
         ground = np.array(frame.renderer.GetBackground())
         return np.clip(self.opacity * self.intensity * seen + (1 - self.opacity) * ground, 0, 1)
+
+    @property
+    def _bend(self) -> float:
+        """Bend of the gradient: 0 is linear in the angle."""
+        return (2 * self.middle / 90 - 1) / (1 - self.middle / 90)
 
     def horizon_color(self, frame):
         """Return the mean colour around the horizon."""
@@ -215,6 +229,7 @@ class Sky(_Behind):
             'top': self.top,
             'horizon': self.horizon,
             'bottom': self.bottom,
+            'bend': self._bend,
             'amount': (self.opacity, self.intensity),
         }
 

@@ -6,7 +6,8 @@
 // Advanced Warfare", SIGGRAPH 2014, slides 166 to 168.
 // Inputs: color (display values, above 1 where the frame has them; alpha 0 where only a plain
 // background is).
-// Defines: OPERATOR 0 subtract, 1 keep, 2 soft; FLOATS if colours may be infinite or NaN; FIREFLIES.
+// Defines: OPERATOR 0 subtract, 1 keep, 2 soft; FLOATS if colours may be infinite or NaN; FIREFLIES;
+// TAPS pixels at most that a square touches along a side; WHOLE if these are all of it.
 //@bright
 uniform sampler2D color;
 uniform vec2 size;         // of the picture, in pixels
@@ -16,15 +17,14 @@ uniform vec2 ramp;         // of the soft step: factor and summand that take its
 uniform float background;  // 1 if a plain background is included
 uniform float saturation;
 uniform float firefly_reduction;
+const vec3 LUMINANCE = vec3(0.2126, 0.7152, 0.0722);
 vec4 above(vec4 c)
 {
-#if FLOATS
-  // Infinity would stay in sums for ever. Comparisons do not find NaN: NVIDIA turns !(a < b) round.
-  if (any(isnan(c)) || any(isinf(c))) return vec4(0.0);
-  c.rgb = clamp(c.rgb, 0.0, 10000.0);
-#endif
   vec3 s = c.rgb * clamp(c.a + background, 0.0, 1.0);
-  float b = dot(s, vec3(0.2126, 0.7152, 0.0722));
+#if FLOATS
+  s = clamp(s, 0.0, 10000.0);
+#endif
+  float b = dot(s, LUMINANCE);
 #if OPERATOR == 0
   float kept = max(b - threshold, 0.0) / max(b, 1e-9);
 #elif OPERATOR == 1
@@ -33,29 +33,37 @@ vec4 above(vec4 c)
   float t = clamp(b * ramp.x + ramp.y, 0.0, 1.0);
   float kept = t * t * (3.0 - 2.0 * t);
 #endif
-  vec3 light = mix(vec3(b), s, saturation) * kept;
+  vec4 light = vec4(s * kept, 1.0);
 #if FIREFLIES
-  float weight = 1.0 / (1.0 + firefly_reduction * b * kept);
-  return vec4(light, 1.0) * weight;
-#else
-  return vec4(light, 1.0);
+  light /= 1.0 + firefly_reduction * b * kept;
 #endif
+#if FLOATS
+  // Infinity would stay in sums for ever. Comparisons do not find NaN: NVIDIA turns !(a < b) round.
+  float all = c.r + c.g + c.b + c.a;
+  light = isnan(all) || isinf(all) ? vec4(0.0) : light;
+#endif
+  return light;
 }
 void main()
 {
   vec2 low = (gl_FragCoord.xy - 0.5) * side, high = min(low + side, size);
-  ivec2 first = ivec2(low), last = ivec2(ceil(high));
-  vec4 sum = vec4(vec3(min(uv.x, 0.0)), 1e-9);
-  for (int j = first.y; j < last.y; ++j)
+  ivec2 first = ivec2(low), last = ivec2(size) - 1;
+  vec4 sum = vec4(vec3(0.0), 1e-9);
+  for (int j = 0; j < TAPS; ++j)
   {
-    float rows = min(float(j) + 1.0, high.y) - max(float(j), low.y);
-    for (int i = first.x; i < last.x; ++i)
+    for (int i = 0; i < TAPS; ++i)
     {
-      float columns = min(float(i) + 1.0, high.x) - max(float(i), low.x);
-      sum += rows * columns * above(texelFetch(color, ivec2(i, j), 0));
+#if WHOLE
+      sum += above(texelFetch(color, first + ivec2(i, j), 0));
+#else
+      vec2 at = vec2(first + ivec2(i, j));
+      vec2 share = max(min(at + 1.0, high) - max(at, low), 0.0);
+      sum += share.x * share.y * above(texelFetch(color, min(first + ivec2(i, j), last), 0));
+#endif
     }
   }
   vec3 mean = sum.rgb / sum.a;
+  mean = mix(vec3(dot(mean, LUMINANCE)), mean, saturation);
   gl_FragData[0] = vec4(mean, 1.0);
   gl_FragData[1] = vec4(1e9 * dot(mean, vec3(1.0)));
 }

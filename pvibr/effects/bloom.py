@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from pvibr.core.params import Param
 from pvibr.effects.light_spread import LightSpread
 from pvibr.gl import Quad, release, shader_source
@@ -79,7 +81,7 @@ class Bloom(LightSpread):
         return cls(threshold=0.2)
 
     def _draw_source(self, frame, picture, target, side):
-        quad = self._quad(frame.window, picture.color.is_float)
+        quad = self._quad(frame.window, picture, side)
         threshold, low, high = self._limits(frame, picture)
         factor = 1 / max(high - low, 1e-6)
         uniforms = {
@@ -101,11 +103,14 @@ class Bloom(LightSpread):
             return limits
         return [float(f) for f in to_display(to_light(limits) * 2.0**-stops)]
 
-    def _quad(self, window, is_float):
+    def _quad(self, window, picture, side):
+        whole = float(side).is_integer() and not any(n % side for n in picture.size)
         defines = {
             'OPERATOR': _OPERATORS.index(self.operator),
-            'FLOATS': int(is_float),
+            'FLOATS': int(picture.color.is_float),
             'FIREFLIES': int(self.firefly_reduction > 0),
+            'TAPS': math.ceil(side) + (not whole),
+            'WHOLE': int(whole),
         }
         made = window, defines
         if self._bright is None or self._made != made:

@@ -11,6 +11,7 @@ from pvibr.core.effect import Effect
 from pvibr.core.params import Param
 from pvibr.gl import Quad, Target, release, shader_source
 from pvibr.gl.feature import sections
+from pvibr.maths.arguments import as_array
 from pvibr.scene.thing import Thing
 
 _STAGES = ('', 'coc', 'near', 'far')
@@ -79,7 +80,8 @@ class DepthOfField(Effect):
     )
     limit = Param(
         0.05,
-        'Maximum radius of the circle of confusion, as a fraction of the height.',
+        'Maximum radius of the circle of confusion, as a fraction of the height; samples of '
+        'Accumulation have none.',
         range='(0, 0.5]',
     )
     samples = Param(48, 'Maximum number of samples per pixel.', range=f'[{_MIN_SAMPLES}, 512]')
@@ -168,14 +170,25 @@ class DepthOfField(Effect):
             Radii in pixels; negative before the focus plane.
         """
         focus = self.focus(frame)
-        scale = self.aperture(focus) / focus * frame.pixel_scale
+        # Samples see through parts of the lens, each as wide as they are apart.
+        part = 1.0 if frame.sample is None else frame.sample.gap
+        scale = part * self.aperture(focus) / focus * frame.pixel_scale
         near, far = (
             (d - focus) * scale / (1.0 if frame.parallel else d) for d in (frame.near, frame.far)
         )
         return near, far
 
+    def lens_of(self, frame) -> tuple[float, float] | None:
+        """Return aperture radius and focus distance, None where nothing is blurred."""
+        if self.debug or self.needed(frame) is not True:
+            return None
+        focus = self.focus(frame)
+        return self.aperture(focus), focus
+
     def needed(self, frame) -> bool | str:
         """Return True if the effect must run."""
+        if frame.sample is not None and not frame.sample.gap and not self.debug:
+            return 'each sample has an eye of its own within the lens'
         if self.radius != 0 and max(map(abs, self.circles(frame))) <= 0.5 and not self.debug:
             return 'nothing is out of focus by half a pixel'
         return super().needed(frame)
@@ -270,7 +283,7 @@ def _target(window, size, formats, filter) -> Target:
 
 
 def _point(target) -> tuple:
-    point = np.asarray(target)
+    point = as_array('target', target)
     if point.shape != (3,) or point.dtype.kind not in 'iuf' or not np.isfinite(point).all():
         msg = f'target = {target!r}: must be None, three finite numbers, an actor or a thing'
         raise ValueError(msg)

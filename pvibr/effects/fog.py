@@ -12,6 +12,8 @@ from pvibr.gl.fused import Pointwise
 from pvibr.maths.vectors import unit_vectors
 
 _TEXT = shader_source(__file__)
+# PyVista's first view is from two diagonals away.
+_DIAGONALS = 3.0
 
 
 class Fog(Effect):
@@ -25,8 +27,8 @@ class Fog(Effect):
     Parameters
     ----------
     visibility : float, optional
-        Distance at which 37 % of the light is left, world units; by default the diagonal of what
-        is in the scene.
+        Distance at which 37 % of the light is left, world units; by default three times the
+        diagonal of what is in the scene, which half hides it in PyVista's first view.
     **settings
         Values of the class's settings.
 
@@ -50,7 +52,7 @@ class Fog(Effect):
 
     visibility = Param(
         None,
-        'Distance at which 37 % of the light is left; the diagonal of the scene by default.',
+        'Distance at which 37 % of the light is left; three diagonals of the scene by default.',
         range='(0, inf)',
         unit='world',
         kind=float,
@@ -88,22 +90,12 @@ class Fog(Effect):
         uniforms = {
             'view_from_clip': np.linalg.inv(frame.clip_from_view),
             'parallel': int(frame.parallel),
-            'tint': (*self._color(frame), self.intensity),
+            'tint': (*(self.color or self.pipeline.horizon_color(frame)), self.intensity),
             'air': (
                 self.begin,
-                1 / (self.visibility or frame.scene_size),
+                1 / (self.visibility or _DIAGONALS * frame.scene_size),
                 1 / self.height if self.height else 0,
             ),
             'rise': (*frame.view_from_world[:3, :3] @ up, float(frame.eye @ up) - self.base),
         }
         picture.apply(Pointwise('fog', _TEXT, uniforms, {'depth': picture.depth}))
-
-    def _color(self, frame):
-        """Return the colour: what is far away has that of the horizon."""
-        if self.color is not None:
-            return self.color
-        for other in self.pipeline.effects if self.pipeline is not None else ():
-            horizon = other.horizon_color(frame) if other.enabled else None
-            if horizon is not None:
-                return horizon
-        return frame.renderer.GetBackground()

@@ -117,7 +117,11 @@ void main() { gl_FragData[0] = behind(texture(color, uv), picture()); }
 uniform vec3 top;
 uniform vec3 horizon;
 uniform vec3 bottom;
-vec3 sky(vec3 to, float rise) { return mix(horizon, rise > 0.0 ? top : bottom, abs(rise)); }
+uniform float bend;
+vec3 sky(vec3 to, float rise) {
+  float share = abs(rise) / (1.0 + bend * (1.0 - abs(rise)));
+  return mix(horizon, rise > 0.0 ? top : bottom, share);
+}
 
 //@panorama
 uniform sampler2D panorama;

@@ -14,6 +14,7 @@ from pvibr.gl import Quad, Target, release, set_fragment_uniforms, shader_source
 from pvibr.gl.blur import filtered
 from pvibr.gl.drawer import Drawer
 from pvibr.gl.feature import Feature, FeatureSet, replacements, sections
+from pvibr.maths.arguments import as_array, checked_each
 from pvibr.maths.views import covered
 from pvibr.scene.thing import Thing
 
@@ -115,7 +116,7 @@ class Glow(LightSpread):
     @weights.setter
     def weights(self, weights):
         count = len(self._actors)
-        values = np.asarray(weights, float)
+        values = as_array('weights', weights, float)
         if values.shape not in ((), (count,)) or not (np.isfinite(values) & (values >= 0)).all():
             msg = f'weights = {weights!r}: must be a number >= 0, or {count} of them'
             raise ValueError(msg)
@@ -277,6 +278,7 @@ class _Gpu:
         right, top = (min(edge + around, n) for edge, n in zip(box[2:], frame.size, strict=True))
         with self.target.drawing():
             within = left, bottom, right - left, top - bottom
+            self.drawer.light_from()  # the renderer itself does so only after this
             self.drawer.look(view, (0, 0, *frame.size), within=within)
             self.drawer.fill((0.0, 0.0, 0.0, 0.0))
             for actor, weight in glowing:
@@ -363,12 +365,7 @@ class _Past:
 
 
 def _checked_actors(actors):
-    actors = (actors,) if _can_glow(actors) else tuple(actors)
-    for actor in actors:
-        if not _can_glow(actor):
-            msg = f'actors has {actor!r}: must be actors, as add_mesh returns, or instances'
-            raise TypeError(msg)
-    return actors
+    return checked_each('actors', actors, _can_glow, 'actors, as add_mesh returns, or instances')
 
 
 def _can_glow(one) -> bool:

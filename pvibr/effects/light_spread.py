@@ -9,10 +9,12 @@ from pvibr.core._vtk import address
 from pvibr.core.effect import Effect
 from pvibr.core.params import Param
 from pvibr.gl import release
-from pvibr.gl.blur import CHAINS, Blur, Light
+from pvibr.gl.blur import CHAINS, Blur, Light, variances
 from pvibr.gl.scene_pass import is_marker
 
 _ROWS = 720  # of the picture that `downsample` is about
+_NARROWEST = 0.79  # of a kernel's width
+_ENDS = 1 / 12 + 4 / 6  # variance of a texel, and of what is between texels of half the size
 
 
 class LightSpread(Effect):
@@ -108,8 +110,10 @@ class LightSpread(Effect):
     def _spread_light(self, frame, picture):
         """Return the light of a picture, None if there is none."""
         # A tile of a picture that was not drawn whole has only its own light.
-        side = frame.whole[1] / self._rows
-        blur = self._ready(frame, picture.size, side)
+        side, width = frame.whole[1] / self._rows, 1.0
+        if frame.scale == 1:
+            side, width = self._fitted(side, picture.size)
+        blur = self._ready(frame, picture.size, side, width)
         self._draw_source(frame, picture, blur.source, side)
         lit = blur.lit()
         if self.debug == 'bright':
@@ -128,9 +132,20 @@ class LightSpread(Effect):
         """Rows of the image of the light: as many in a window of any size."""
         return 2 * _ROWS / self.downsample
 
-    def _ready(self, frame, size, side):
+    def _fitted(self, side, size):
+        """Return a whole number of pixels near a side, and by how much to widen kernels for it."""
+        # A picture of whole texels is averaged in two thirds of the time.
+        for pixels in (math.floor(side), math.ceil(side)):
+            near = pixels and _NARROWEST < side / pixels < 1 / _NARROWEST
+            if self.chain == 'gaussian' and near and not any(n % pixels for n in size):
+                halving, doubling = variances(self._levels(), self.kernel, self.chain)
+                ratio = (side / pixels) ** 2
+                return pixels, math.sqrt(ratio + (ratio - 1) * (doubling + _ENDS) / halving)
+        return side, 1.0
+
+    def _ready(self, frame, size, side, width=1.0):
         extent = size[0] / side, size[1] / side
-        key = extent, self._levels(), self.kernel, self.chain
+        key = extent, self._levels(), self.kernel, self.chain, width
         window = frame.window
         if self._blur is not None and (self._window is not window or self._blur.key != key):
             self._forget_blur()
@@ -159,8 +174,8 @@ class LightSpread(Effect):
         if self._blur is None:
             return math.nan
         side = self._side
-        squares, between = max(side**2 - 1, 0) / 12, (2 * side) ** 2 / 6
-        return math.sqrt((side * self._blur.sigma) ** 2 + squares + between)
+        pixel = min(side**2, 1) / 12
+        return side * math.sqrt(self._blur.sigma**2 + _ENDS - pixel / side**2)
 
     def _forget_blur(self):
         release(self._blur)

@@ -288,7 +288,7 @@ def _away(frame, center):
 
 def _shape_of(image):
     """Return signed distances to the edge of a mask, and its inscribed circle in uv."""
-    pixels = as_rgba(image) / 255.0
+    pixels = as_rgba(image, 'shape') / 255.0
     bright = np.pad(pixels[..., :3].mean(axis=-1) * pixels[..., 3] > 0.5, 2)
     if not bright.any():
         msg = 'shape has no bright pixel: the opening must be white and opaque'

@@ -11,6 +11,7 @@ from pvibr.core.params import Param, params_of
 from pvibr.gl import Quad, release, shader_source
 from pvibr.gl.feature import sections
 from pvibr.images.projected import Shown
+from pvibr.maths.arguments import naming
 
 _TYPES = {bool: 'bool', int: 'int', float: 'float', str: 'int', tuple: 'vec'}
 _RESERVED = ('uv', 'size', 'time', 'scale', 'nothing', 'effect')
@@ -97,7 +98,7 @@ class ShaderEffect(Effect):
         if source is not None:
             self.source = source
             self._declare(settings)
-        self._images = {name: Shown(image) for name, image in (images or {}).items()}
+        self._images = _shown(images)
         self._uniforms = _uniforms(type(self))
         _check_names([*self._uniforms, *self._images], self.name)
         for name, param in self._uniforms.items():
@@ -121,10 +122,9 @@ class ShaderEffect(Effect):
     def _read(self):
         """Read the source; a file is read anew each time."""
         source = self.source
-        if _is_file(source):
-            self._text = Path(source).read_text(encoding='utf-8')
-        else:
-            self._text = str(source)
+        with naming('source', source):
+            is_file = _is_file(source)
+            self._text = Path(source).read_text(encoding='utf-8') if is_file else str(source)
         self._asks_surfaces = bool(_SURFACES.search(_COMMENT.sub(' ', self._text)))
         if not self._text.strip():
             msg = f'{self.name}.source is empty: give GLSL with vec4 effect(vec2 uv), or a file'
@@ -217,6 +217,13 @@ class ShaderEffect(Effect):
     def report(self) -> dict:
         """Return the bytes of GPU memory."""
         return {'bytes': sum(image.nbytes for image in self._images.values())}
+
+
+def _shown(images) -> dict:
+    if images is None:
+        return {}
+    with naming('images', images):
+        return {name: Shown(image) for name, image in images.items()}
 
 
 def _is_file(source) -> bool:

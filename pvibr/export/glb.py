@@ -8,13 +8,15 @@ import pyvista as pv
 from pvibr.core._vtk import address
 from pvibr.core.files import with_suffix
 from pvibr.export.scene import SKY, names_of
+from pvibr.export.strokes import COLORS
 from pvibr.export.surfaces import albedo_of, surface_of_part
 from pvibr.formats.glb_writer import CLAMPED, LINEAR, NEAREST, GlbWriter
 from pvibr.maths.bounds import bounds_of
 from pvibr.maths.tones import to_light
+from pvibr.maths.transforms import transform_points
 from pvibr.meshes.parts import as_parts
 
-_LINES = 1  # GL enum
+_POINTS, _LINES = 0, 1  # GL enum
 #: From z up to y up, which glTF requires: a quarter turn about x.
 _UPRIGHT = [-(0.5**0.5), 0.0, 0.0, 0.5**0.5]
 
@@ -31,12 +33,12 @@ def export_glb(path, subplot, make_plain):
 
 def write_glb(renderer, path) -> list[str]:
     """Write the actors of a renderer and its camera; return the names of all other props."""
-    surfaces, lines, left_out = _contents(renderer)
+    surfaces, strokes, left_out = _contents(renderer)
     glb = GlbWriter()
-    points = [s.points for s in surfaces] + [np.asarray(m.points, float) for m, _ in lines]
+    points = [s.points for s in surfaces] + [np.asarray(m.points, float) for m, _ in strokes]
     middle = bounds_of(points).mean(0)
     primitives = [_surface(glb, s, middle) for s in surfaces]
-    primitives += [_line(glb, mesh, prop, middle) for mesh, prop in lines]
+    primitives += [p for mesh, prop in strokes for p in _strokes(glb, mesh, prop, middle)]
     meshes = [glb.add('meshes', {'primitives': [primitive]}) for primitive in primitives]
     nodes = [glb.add('nodes', {'mesh': number}) for number in meshes]
     nodes.append(_camera(glb, renderer, middle))
@@ -50,17 +52,18 @@ def write_glb(renderer, path) -> list[str]:
 
 
 def _contents(renderer):
-    """Return surfaces, lines with their property, and the names of other props."""
-    surfaces, lines, left_out = [], [], []
+    """Return surfaces, lines and points with their property, and the names of other props."""
+    surfaces, strokes, left_out = [], [], []
     names = names_of(renderer)
     for prop in renderer.GetViewProps():
         name = names.get(address(prop), prop.GetClassName())
         if not prop.GetVisibility() or name == SKY:
             continue
-        mesh = _lines_of(prop)
+        mesh = _strokes_of(prop)
         if mesh is not None:
-            lines.append((mesh, prop.GetProperty()))
-            continue
+            strokes.append((mesh, prop.GetProperty()))
+            if not mesh.GetNumberOfPolys() + mesh.GetNumberOfStrips():
+                continue
         try:
             parts = as_parts(prop) if prop.IsA('vtkActor') else []
         except (TypeError, ValueError):
@@ -73,16 +76,21 @@ def _contents(renderer):
             surfaces.append(surface)
         if not parts and not prop.IsA('vtkActor2D'):
             left_out.append(name)
-    return surfaces, lines, left_out
+    return surfaces, strokes, left_out
 
 
-def _lines_of(prop):
+def _strokes_of(prop):
+    """Return a mesh in world units that has lines or vertices, None for others."""
     if not prop.IsA('vtkActor') or prop.GetMapper() is None:
         return None
     data = prop.GetMapper().GetInputDataObject(0, 0)
-    if data is None or not data.IsA('vtkPolyData') or not data.GetNumberOfLines():
+    if data is None or not data.IsA('vtkPolyData'):
         return None
-    return None if data.GetNumberOfPolys() else pv.wrap(data)
+    if not data.GetNumberOfLines() + data.GetNumberOfVerts():
+        return None
+    mesh = pv.wrap(data).copy()
+    mesh.points = transform_points(np.reshape(prop.GetMatrix().GetData(), (4, 4)), mesh.points)
+    return mesh
 
 
 def _surface(glb, surface, middle):
@@ -125,13 +133,21 @@ def _material(glb, surface):
     )
 
 
-def _line(glb, mesh, prop, middle):
-    pairs = [np.stack([c[:-1], c[1:]], 1) for c in _cells(mesh.lines)]
-    primitive = glb.primitive(np.asarray(mesh.points, float) - middle, np.concatenate(pairs))
-    color = to_light(prop.GetColor()).tolist()
-    reflection = {'baseColorFactor': [*color, prop.GetOpacity()]}
+def _strokes(glb, mesh, prop, middle) -> list:
+    """Return the primitives of lines and vertices."""
+    colors = mesh.point_data.get(COLORS)
+    plain = to_light(prop.GetColor()) if colors is None else np.ones(3)
+    own = {} if colors is None else {'COLOR_0': to_light(np.asarray(colors)[:, :3] / 255)}
+    reflection = {'baseColorFactor': [*plain.tolist(), prop.GetOpacity()]}
     material = glb.material(reflection, blends=prop.GetOpacity() < 1, lit=False)
-    return primitive | {'material': material, 'mode': _LINES}
+    points = np.asarray(mesh.points, float) - middle
+    pairs = [np.stack([c[:-1], c[1:]], 1) for c in _cells(mesh.lines)]
+    found = {_LINES: pairs, _POINTS: list(_cells(mesh.verts))}
+    return [
+        glb.primitive(points, np.concatenate(ids), **own) | {'material': material, 'mode': mode}
+        for mode, ids in found.items()
+        if ids
+    ]
 
 
 def _cells(flat):

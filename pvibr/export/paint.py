@@ -10,7 +10,7 @@ from pvibr.export.surfaces import Surface, albedo_of, material_of
 from pvibr.maths.draping import sample
 from pvibr.maths.vectors import unit_vectors
 from pvibr.projection.samples import Samples
-from pvibr.projection.unwrap import texels_of, unwrapped
+from pvibr.projection.unwrap import tiles_of, unwrapped
 from pvibr.projection.visibility import Reach, toward_light
 from pvibr.scene.lights import lights_of
 
@@ -153,16 +153,16 @@ class Paint:
         if uv is not None:
             mesh.active_texture_coordinates = uv
         try:
-            flat = unwrapped(mesh)
+            flat = unwrapped(mesh, self.texels)
         except ImportError:
             return None
         rows = {k: v[_origin(flat, surface)] for k, v in surface.rows().items()}
         rows |= {'coordinates': np.asarray(flat.active_texture_coordinates, float)}
         whole = surface.with_rows(rows, np.asarray(flat.regular_faces, int))
-        samples, image = texels_of(flat, self.texels)
-        places = _texels(whole, samples, surface.texture)
+        (tile,) = tiles_of(flat, self.texels, self.texels)
+        places = _texels(whole, tile.samples(flat), surface.texture)
         found, lit = self._colors(places, whole, pictures, shadows)
-        texture = image.filled(_bytes(found), np.ones(len(found), bool))
+        texture = tile.filled(_bytes(found), np.ones(len(found), bool))
         whole = replace(whole, colors=None, texture=texture, repeat=False)
         return _shown(whole, lit)
 

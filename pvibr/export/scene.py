@@ -11,6 +11,7 @@ from pvibr.core._vtk import address
 from pvibr.export.copies import Copies, chosen_levels
 from pvibr.export.paint import Paint
 from pvibr.export.props import copied, range_teller
+from pvibr.export.strokes import add_strokes
 from pvibr.export.surfaces import Surface, surface_of_part, tiled
 from pvibr.gl.scene_pass import is_marker
 from pvibr.maths.vectors import unit_vectors
@@ -42,6 +43,7 @@ class BakedScene:
         self._groups: list[Copies] = []
         self._requests: list = []
         self._lines: list = []
+        self._strokes: list = []
         self._dome: Callable | None = None
 
     # -- called by effects and things ----------------------------------------------------------
@@ -54,11 +56,16 @@ class BakedScene:
         self, owner, levels, poses, *, largest=None, colors=None, multiply=False, scales=None
     ):
         """Add many copies of a mesh."""
-        if len(poses):
+        if len(poses) and any(part.mesh.n_cells for part in levels[0]):
             largest = largest or (np.inf, *[0.0] * (len(levels) - 1))
             matrices = _matrices(np.asarray(poses, float), scales)
             levels = [list(level) for level in levels]
             self._groups.append(Copies(owner, levels, largest, matrices, colors, multiply))
+
+    def strokes(self, parts, poses, *, colors=None):
+        """Add the lines and vertices of many copies of a mesh."""
+        matrices = _matrices(np.asarray(poses, float), None)
+        self._strokes += [(part, matrices, colors) for part in parts if len(part.strokes)]
 
     def quads(self, owner, corners, coordinates, image, *, colors, lighting, cutout):
         """Add rectangles with an image."""
@@ -125,6 +132,8 @@ class BakedScene:
         for surface in sorted(own, key=_last_if_cut):
             surface.add_to(plotter)
         self._add_lines(plotter, surfaces)
+        for strokes in self._strokes:
+            add_strokes(plotter, *strokes)
         self._add_dome(plotter)
 
     def _painted(self, surfaces, plain, own):
@@ -150,7 +159,7 @@ class BakedScene:
                 name = group.owner.name
                 self.dropped[name] = self.dropped.get(name, 0) + left_out
             parts += group.surfaces(level)
-        return parts + self._cards
+        return [left for s in parts + self._cards if (left := _cut(s)) is not None]
 
     def _sized(self, extents):
         """Return a function for the extent of a light, given its distance from the scene."""
@@ -287,6 +296,13 @@ def _colored(owner, part, color, multiply) -> Surface:
     if color is None:
         return surface
     return tiled(surface, np.eye(4)[None], np.asarray(color)[None], multiply)
+
+
+def _cut(surface) -> Surface | None:
+    """Return what the clipping planes of its owner leave of a surface."""
+    mapper = getattr(surface.owner, 'mapper', None)
+    planes = None if mapper is None else mapper.GetClippingPlanes()
+    return surface.clipped(planes) if planes is not None and len(list(planes)) else surface
 
 
 def _outlined(surface, frame, crease):

@@ -10,6 +10,7 @@ import pyvista as pv
 from pvibr.core import _vtk
 from pvibr.maths.vectors import unit_vectors
 from pvibr.meshes.materials import copy_property
+from pvibr.meshes.surfaces import clipped
 from pvibr.projection.samples import sides_of
 
 _FLAT, _PHONG, _PBR = 0, 2, 3  # VTK_FLAT, VTK_PHONG, VTK_PBR
@@ -76,6 +77,20 @@ class Surface:
     def with_rows(self, rows, faces) -> Surface:
         """Return a copy with other points and triangles."""
         return replace(self, faces=faces, **rows)
+
+    def clipped(self, planes) -> Surface | None:
+        """Return what clipping planes leave of it, None if nothing."""
+        mesh, rows = self.mesh(), self.rows()
+        del rows['points']
+        for name, values in rows.items():
+            mesh.point_data[name] = values
+        try:
+            left = clipped(mesh, planes).triangulate()
+        except ValueError:  # nothing
+            return None
+        rows = {name: np.asarray(left.point_data[name]) for name in rows}
+        rows['points'] = np.asarray(left.points, float)
+        return replace(self.with_rows(rows, np.asarray(left.regular_faces)), closed=False)
 
     def dataset(self) -> pv.PolyData:
         """Return the mesh with its arrays."""

@@ -68,8 +68,9 @@ def web_report(subplots, backend) -> WebReport:
 
 
 def _row(effect, subplot, backend):
-    if not effect.enabled:
-        return WebRow(effect.name, 'off', 'enabled is False', subplot)
+    off = effect.why_neutral if effect.enabled else 'enabled is False'
+    if off:
+        return WebRow(effect.name, 'off', off, subplot)
     if backend in PICTURES:
         return WebRow(effect.name, 'shown', 'in pictures that are drawn here', subplot)
     state, what = effect.web

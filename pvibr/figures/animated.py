@@ -15,7 +15,8 @@ def animated(figure, poses=None, *, clip=None, **options) -> AnimatedActor | Cro
     Parameters
     ----------
     figure : pvibr.Figure, path, trimesh.Scene, mesh, or a series of meshes
-        Meshes, skeleton and clips; a ``.glb`` file; meshes that differ in their points only.
+        Meshes, skeleton and clips; a file that :func:`pvibr.read_gltf`, PyVista or trimesh reads;
+        meshes that differ in their points only.
     poses : array_like, shape (n, 3) or (n, 4, 4), optional
         Points or matrices of the members of a crowd, in world units.
     clip : str, int or Clip, optional

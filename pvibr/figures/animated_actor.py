@@ -2,21 +2,27 @@
 
 from __future__ import annotations
 
-import numpy as np
+from contextlib import suppress
 
-from pvibr.core.errors import PvibrError
+import numpy as np
+import pyvista as pv
+
 from pvibr.core.signatures import takes
-from pvibr.figures.mesh_actors import PosedMeshActor, as_mesh_actors, posed_part
+from pvibr.figures.mesh_actors import (
+    PosedMeshActor,
+    as_mesh_actors,
+    drawn_figure,
+    moved_figure,
+    posed_part,
+)
 from pvibr.figures.picking import nearest_hit, stand_in
 from pvibr.figures.player import FigurePlayer
-from pvibr.figures.posing import Posing
+from pvibr.figures.posing import Posing, draw_together
 from pvibr.maths.transforms import transform_normals, transform_points
 from pvibr.meshes.parts import as_parts
 from pvibr.scene.picking import pixel_ray
 from pvibr.scene.placing import Placed
-
-#: Texture units left to VTK and to other things.
-_SPARE = 8
+from pvibr.scene.thing import Thing
 
 
 class AnimatedActor(FigurePlayer, Placed):
@@ -72,8 +78,6 @@ class AnimatedActor(FigurePlayer, Placed):
     _posing: Posing | None = None
     _visible: bool | None = None
     _failure: Exception | None = None
-    #: Revision and bounds of the content in the last frame, or when it was added.
-    _framed: tuple = (-1, (1.0, -1.0) * 3)
 
     @takes(mesh_kwargs=as_parts)
     def __init__(
@@ -88,15 +92,19 @@ class AnimatedActor(FigurePlayer, Placed):
         bulge=1.0,
         **mesh_kwargs,
     ):
+        look = {key: value for key, value in mesh_kwargs.items() if value is not None}
+        figure = drawn_figure(figure, look, theme)
         super().__init__(figure, clip, skinning=skinning, bulge=bulge)
         self.name = name
-        look = {key: value for key, value in mesh_kwargs.items() if value is not None}
         self._mesh_actors = as_mesh_actors(figure, look, theme)
         self._posed = [a for a in self._mesh_actors if isinstance(a, PosedMeshActor)]
         self._share_material()
         self.pickable = pickable
         self._stand_ins = [stand_in(self, a.index, a.actor) for a in self._posed]
+        # Kept: Python makes the wrapper of an object anew if it holds none.
+        self._sources = [a.GetMapper().GetInputAlgorithm() for a in self._stand_ins]
         self._meshes: tuple = (-1, [])
+        self._held: list[tuple] = []
         self._observers: list[int] = []
         self._drawn: tuple = ()
 
@@ -111,18 +119,114 @@ class AnimatedActor(FigurePlayer, Placed):
     def mesh(self):
         """Return the posed figure in world space, as :meth:`pvibr.Figure.mesh` returns it."""
         mesh = self.figure.mesh(pose=self.pose, skinning=self.skinning, bulge=self.bulge)
-        return mesh.transform(self.matrix, inplace=False)
+        return moved_figure(mesh, self.matrix)
+
+    def attach_prop(self, prop, joint, offset=None):
+        """Move an actor, or another figure, with a joint: a sword, a rider, a lamp.
+
+        Parameters
+        ----------
+        prop : pyvista.Actor, thing or pyvista.Light
+            What moves; its ``user_matrix`` is set, a light's ``transform_matrix``. Its own
+            position and scale are those in the joint's space. Attached before, it changes its
+            joint.
+        joint : str or int
+            The joint.
+        offset : array_like, shape (4, 4), optional
+            ``joint_from_prop``; default none.
+
+        Raises
+        ------
+        TypeError
+            If the prop cannot be moved.
+        ValueError
+            If there is no such joint, or the offset is not a finite (4, 4) matrix.
+
+        Examples
+        --------
+        >>> import pyvista as pv
+        >>> from pvibr import Figure
+        >>> from pvibr.animation import FigureMesh, Pose, Skeleton
+        >>> wheel = Figure([FigureMesh(pv.Disc(), node=0)], Skeleton([-1], Pose([[0, 0, 3.0]])))
+        >>> pl = pv.Plotter(off_screen=True)
+        >>> actor = pl.ibr.add_animated(wheel)
+        >>> lamp = pl.add_mesh(pv.Sphere())
+        >>> actor.attach_prop(lamp, 0)
+        >>> lamp.center
+        (0.0, 0.0, 3.0)
+        >>> pl.close()
+        """
+        offset = np.eye(4) if offset is None else np.array(offset, dtype=np.float64)
+        if offset.shape != (4, 4) or not np.isfinite(offset).all():
+            msg = f'offset has shape {offset.shape}: must be finite and (4, 4)'
+            raise ValueError(msg)
+        if prop is self or not (hasattr(prop, 'SetUserMatrix') or isinstance(prop, pv.Light)):
+            msg = f'prop = {prop!r}: must be an actor, a light or another thing that can be moved'
+            raise TypeError(msg)
+        joint = self.figure.skeleton.index(joint)
+        self.detach_prop(prop)
+        self._held.append((prop, joint, offset))
+        _put(prop, self.matrix @ self._now_shown().world[joint] @ offset)
+
+    def add_lights(self, exposure=1.0):
+        """Add the lights of the figure's file, which move with their joints.
+
+        Parameters
+        ----------
+        exposure : float
+            Factor of the intensities, which files give in candela and lux: 1 is VTK's full light.
+
+        Returns
+        -------
+        list of pyvista.Light
+            The lights, in the order of ``figure.lights``; :meth:`detach_prop` leaves one where it
+            is.
+
+        Raises
+        ------
+        ValueError
+            If the actor is in no plotter.
+
+        Examples
+        --------
+        >>> import pyvista as pv
+        >>> from pvibr import Figure
+        >>> pl = pv.Plotter(off_screen=True)
+        >>> pl.ibr.add_animated(Figure([])).add_lights()
+        []
+        >>> pl.close()
+        """
+        if self.pipeline is None:
+            msg = 'add_lights needs a plotter: add the figure to one first'
+            raise ValueError(msg)
+        lights = [light.held(exposure) for light in self.figure.lights]
+        for light, placed in zip(lights, self.figure.lights, strict=True):
+            self.pipeline.renderer.AddLight(light)
+            self.attach_prop(light, placed.node)
+        return lights
+
+    def detach_prop(self, prop):
+        """Leave a prop where it is; nothing happens if it is not attached.
+
+        Parameters
+        ----------
+        prop : pyvista.Actor, thing or pyvista.Light
+            What was attached.
+        """
+        self._held = [held for held in self._held if held[0] is not prop]
 
     def _asked(self) -> tuple:
-        return *super()._asked(), self.matrix.tobytes()
+        return *super()._asked(), self.GetMatrix().GetData()
 
     def _show(self, moment):
         matrix = self.matrix
         for mesh_actor in self._mesh_actors:
             mesh_actor.move(matrix, moment)
+        for prop, joint, offset in self._held:
+            _put(prop, matrix @ moment.world[joint] @ offset)
         self._set_bounds(moment.bounds)
-        for actor in self._stand_ins:
-            actor.GetMapper().GetInputAlgorithm().Modified()
+        for source in self._sources:
+            source.Modified()
 
     # -- the life of an effect ---------------------------------------------------------------
 
@@ -183,6 +287,7 @@ class AnimatedActor(FigurePlayer, Placed):
     def _on_start(self, _renderer, _event):
         self._put_stand_ins(False)
         try:
+            self._call_finished()
             self._show_whole()
         except Exception as error:  # noqa: BLE001, RUF100
             self._failure = error  # raised in the pipeline: VTK's loop swallows errors
@@ -190,13 +295,7 @@ class AnimatedActor(FigurePlayer, Placed):
     def _show_whole(self):
         """Take the current pose, and widen the clipping range if it cut nothing before."""
         self._now_shown()
-        changes, before = self._framed
-        if changes == self._changes:
-            return
-        renderer, now = self.pipeline.renderer, self.GetBounds()
-        self._framed = self._changes, now
-        if _is_whole(renderer, before) and not _is_whole(renderer, now):
-            renderer.ResetCameraClippingRange()
+        self._stay_whole(self._changes)
 
     def _take_out(self, renderer):
         for observer in self._observers:
@@ -224,40 +323,52 @@ class AnimatedActor(FigurePlayer, Placed):
                 actor.SetVisibility(shown)
 
     def prepare(self, frame):
-        """Pose the vertices if the pose changed, and bind their textures."""
-        moment = self._now_shown()
+        """Pose the vertices if the pose changed."""
         if frame.picking and frame.own:
             self._put_stand_ins(self.pickable)
-        if not self._posed:
-            return
-        if self._posing is None or self._posing.how != self.skinning:
-            self._release_posing()
-            rest_meshes = [a.rest_mesh for a in self._posed]
-            self._posing = Posing(frame.window, rest_meshes, how=self.skinning)
-        wanted = self._changes, self.skinning, self.bulge
-        if wanted != self._drawn:
-            self._posing.draw([[a.mesh_pose(moment)] for a in self._posed], bulge=self.bulge)
-            self._drawn = wanted
-            self.posed += 1
-        units = {name: t.activate() for name, t in self._posing.textures.items()}
-        most = frame.window.GetTextureUnitManager().GetNumberOfTextureUnits() - _SPARE
-        if not all(0 <= unit < most for unit in units.values()):
-            self.finish(frame)
-            msg = (
-                'too many figures in one subplot: each keeps textures bound. Draw equal figures '
-                'as a crowd: add_animated(figure, poses=...)'
-            )
-            raise PvibrError(msg)
-        for mesh_actor, row in zip(self._posed, self._posing.rows, strict=False):
-            mesh_actor.aim(row, units)
+        passes, together = self._pose_passes(frame.window), [self]
+        if passes:
+            things = () if self.pipeline is None else self.pipeline.things
+            for other in things:  # one pass draws all that moved
+                if isinstance(other, AnimatedActor) and other.is_drawn():
+                    with suppress(Exception):  # it says so itself
+                        passes += other._pose_passes(frame.window)  # noqa: SLF001
+                        together.append(other)
+            try:
+                draw_together(passes)
+            except Exception:
+                for actor in together:
+                    actor._drawn = ()  # noqa: SLF001
+                raise
 
-    def finish(self, frame):
+    def is_drawn(self) -> bool:
+        """Return whether frames draw it."""
+        return self.enabled and self.visibility and self._visible is not False
+
+    def _pose_passes(self, window) -> list:
+        """Return what has to be drawn to pose the meshes anew, nothing if they are up to date."""
+        moment = self._now_shown()
+        wanted = self._changes, self.skinning, self.bulge
+        if not self._posed or wanted == self._drawn:
+            return []
+        if self._posing is None:
+            self._posing = Posing(window, [a.rest_mesh for a in self._posed])
+            for mesh_actor, row in zip(self._posed, self._posing.rows, strict=False):
+                mesh_actor.aim(row)
+                mesh_actor.draws.posing = self._posing
+        places = [[a.mesh_pose(moment)] for a in self._posed]
+        passes = self._posing.passes(places, self.skinning, self.bulge)
+        self._drawn = wanted
+        self.posed += 1
+        return passes
+
+    def finish(self, _frame):
         """Release the texture units."""
-        if self._posing is not None:
-            for texture in self._posing.textures.values():
-                texture.deactivate()
+        for mesh_actor in self._posed[:1]:
+            mesh_actor.draws.unbind()
 
     def _release_posing(self):
+        self.finish(None)
         if self._posing is not None:
             self._posing.release()
         self._posing, self._drawn = None, ()
@@ -331,7 +442,9 @@ class AnimatedActor(FigurePlayer, Placed):
             return None
         meshes = self.posed_meshes()
         seen = {i: meshes[i] for i in self._seen()}
-        return nearest_hit(seen, *pixel_ray(self.pipeline.renderer, x, y))
+        planes = self.actors()[0].GetMapper().GetClippingPlanes() if seen else None
+        start, direction = pixel_ray(self.pipeline.renderer, x, y)
+        return nearest_hit(seen, start, direction, planes)
 
     # -- scalar bars -------------------------------------------------------------------------
 
@@ -347,14 +460,11 @@ class AnimatedActor(FigurePlayer, Placed):
                 mesh_actor.actor.GetMapper().SetScalarRange(limits)
 
 
-def _is_whole(renderer, bounds) -> bool:
-    """Return True if bounds are not empty and within the clipping range."""
-    if bounds[0] > bounds[1]:
-        return False
-    camera = renderer.GetActiveCamera()
-    near, far = camera.GetClippingRange()
-    axis = np.array(camera.GetDirectionOfProjection())
-    low, high = np.reshape(bounds, (3, 2)).T
-    middle = axis @ ((low + high) / 2 - camera.GetPosition())
-    half = np.abs(axis) @ (high - low) / 2
-    return bool(near <= middle - half and middle + half <= far)
+def _put(prop, matrix):
+    """Move an actor, a light or a thing by a matrix."""
+    if isinstance(prop, pv.Light):
+        prop.transform_matrix = matrix
+        return
+    prop.SetUserMatrix(pv.vtkmatrix_from_array(matrix))
+    if isinstance(prop, Thing):
+        prop.follow()

@@ -10,7 +10,20 @@ import pyvista as pv
 from pvibr.animation.figure import Figure
 from pvibr.animation.figure_mesh import FigureMesh
 from pvibr.animation.sources import series_of
+from pvibr.core.files import existing
 from pvibr.formats.trimesh_meshes import as_dataset, is_trimesh
+from pvibr.meshes.files import read_mesh
+
+#: VRM is glTF by another name.
+_GLTF = ('.glb', '.gltf', '.vrm')
+_USD = 'Blender or usd2gltf'
+#: What writes glTF from files that are not read.
+_CONVERTERS = {
+    '.fbx': 'Blender or FBX2glTF',
+    **dict.fromkeys(('.usd', '.usda', '.usdc', '.usdz'), _USD),
+    **dict.fromkeys(('.blend', '.abc', '.bvh'), 'Blender'),
+    **dict.fromkeys(('.max', '.ma', '.mb', '.c4d'), 'the exporter of the program that made it'),
+}
 
 
 def as_figure(thing):
@@ -27,11 +40,32 @@ def as_figure(thing):
 
 
 def _of_file(path):
-    if Path(path).suffix.lower() in ('.glb', '.gltf'):
+    kind = Path(path).suffix.lower()
+    if kind in _GLTF:
         from pvibr.animation.gltf.read import read_gltf
 
         return read_gltf(path)
-    return Figure.from_series(path)
+    if kind in _CONVERTERS:
+        msg = f'{path} is not read: save it as .glb, with {_CONVERTERS[kind]}.'
+        raise ValueError(msg)
+    if _is_series(existing(path)):
+        return Figure.from_series(path)
+    found = read_mesh(path)
+    if isinstance(found, pv.MultiBlock):
+        return Figure([_as_mesh(block) for block in _leaves(found)])
+    return as_figure(found)
+
+
+def _is_series(path):
+    try:
+        return hasattr(pv.get_reader(path), 'set_active_time_value')
+    except Exception:  # a format that only trimesh reads
+        return False
+
+
+def _leaves(blocks):
+    leaves = blocks.recursive_iterator(skip_none=True, skip_empty=True)
+    return [block for block in leaves if block.n_points]
 
 
 def _as_mesh(thing):

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from pvibr.core.progress import baking
 from pvibr.core.signatures import takes
 from pvibr.figures.crowd_group import CrowdGroup, CrowdState, Playback
-from pvibr.figures.mesh_actors import as_mesh_actors
+from pvibr.figures.mesh_actors import as_mesh_actors, drawn_figure, moved_figure
 from pvibr.figures.pose_atlas import bake_pose_atlas
 from pvibr.instances.instances import Instances
-from pvibr.instances.progress import baking
 from pvibr.maths.transforms import trs
 from pvibr.meshes.parts import as_parts
 from pvibr.meshes.posed import posed
@@ -108,7 +108,6 @@ class Crowd(Instances):
     ):
         Painted.__init__(self, max_error=max_error)
         self.name = name
-        self.figure = figure
         poses = posed(poses)
         count = len(poses)
         mesh_kwargs |= {'cmap': cmap, 'clim': clim}
@@ -117,6 +116,7 @@ class Crowd(Instances):
         if skinning not in ('linear', 'dual'):
             msg = f"skinning is {skinning!r}; it must be 'linear' or 'dual'"
             raise ValueError(msg)
+        self.figure = figure = drawn_figure(figure, asked, theme)
         playback = Playback(count)
         playback.clip, self._clips = self._numbers(clips, count, [])
         playback.offset = _each('times', times, count)
@@ -264,8 +264,9 @@ class Crowd(Instances):
         index : int
             Index of the figure.
         """
+        self.follow()
         mesh = self._crowd_state.shown(index, self._now())
-        return mesh.transform(_matrix(self._poses[index]), inplace=False)
+        return moved_figure(mesh, _matrix(self._poses[index]))
 
     def bake_into(self, scene):
         """Hand each figure as it is now to a scene without pvibr."""

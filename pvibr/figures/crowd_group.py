@@ -9,6 +9,8 @@ from pvibr.figures.player import Moment
 from pvibr.figures.posed_meshes import PosedPool
 from pvibr.instances.group import InstanceGroup
 from pvibr.instances.near_meshes import NearMeshes
+from pvibr.instances.placement import spheres
+from pvibr.maths.transforms import signs_of
 
 #: Seconds after which clip times are uploaded again: float32 stays exact to 1/1000 cycle so long.
 _ERA = 512.0
@@ -69,9 +71,13 @@ class CrowdGroup(InstanceGroup):
     def _near_meshes(self, _translucent):
         return _PosedMeshes(self.levels, self.state)
 
-    def tight_bounds(self) -> tuple:
+    def tight_bounds(self, poses=None) -> tuple:
         """Return the bounds of the spheres in which the figures move."""
-        return tuple(self.bounds)
+        if poses is None or not len(self):
+            return tuple(self.bounds)
+        centers, radii = spheres(poses, self.ids, self.atlas.center, self.atlas.radius)
+        bounds = np.stack([(centers - radii).min(1), (centers + radii).max(1)], 1)
+        return tuple(bounds.ravel().tolist())
 
     def _placed(self, rows=None):
         super()._placed(rows)
@@ -154,8 +160,10 @@ class CrowdState:
             (places,) = np.nonzero(clips == clip)
             poses = self.pose(int(clip), seconds[places])
             worlds = self.figure.world(poses)
+            signs = signs_of(worlds)
             for k, place in enumerate(places):
-                out[place] = Moment(worlds[k] if still else poses[k], worlds[k], self.box)
+                shown = worlds[k] if still else poses[k]
+                out[place] = Moment(shown, worlds[k], signs[k], self.box)
         return out
 
     def parts(self, member, time, matrix) -> list:

@@ -3,56 +3,132 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cached_property
 
 import numpy as np
 import pyvista as pv
 
+from pvibr.animation.figure_mesh import turned_by
+from pvibr.animation.normals import turned
+from pvibr.animation.splitting import split_figure
 from pvibr.core import _vtk
-from pvibr.figures.posing import SAMPLERS, MeshPose, RestMesh, posed_feature
+from pvibr.figures.posing import MeshPose, PosedDraws, RestMesh, posed_feature
 from pvibr.figures.shapes import MeshShapes
+from pvibr.gl import set_vertex_uniforms
 from pvibr.gl.doubles import is_cut_out
-from pvibr.maths.transforms import transform_normals, transform_points
+from pvibr.maths.transforms import inverses, signs_of, transform_normals, transform_points
 from pvibr.maths.vectors import unit_vectors
 from pvibr.meshes.parts import Part, as_parts
+from pvibr.meshes.surfaces import moved
 
 #: Relative margin of a box, so that it changes rarely.
 _ROOM = 0.25
 _SURFACE = 2  # VTK_SURFACE
 
 
-class RigidMeshActor:
-    """A mesh that moves with its joint: an ordinary actor."""
+class MeshActor:
+    """A mesh of a figure as an actor; where a pose mirrors it, its faces wind the other way.
 
-    def __init__(self, part, node):
-        self.part, self.actor, self.node = part, part.actor, node
+    VTK lights and culls by the winding that it sees.
+    """
+
+    part: Part
+    actor: pv.Actor
+    #: Whether faces wind the other way.
+    _turned = False
+
+    @cached_property
+    def _matrix(self):
+        """Matrix of what moves."""
+        matrix = _vtk.vtkMatrix4x4()
+        for actor in self._moving():
+            actor.SetUserMatrix(matrix)
+        return matrix
+
+    def move(self, user, moment):
+        """Move to the place of a moment."""
+        matrix = user @ self.local(moment)
+        self._matrix.DeepCopy(matrix.ravel().tolist())
+        if self.mirrors(matrix, moment) != self._turned:
+            self._turned = not self._turned
+            self._turn()
+
+    def local(self, moment) -> np.ndarray:
+        """Return the matrix of the actor in the figure's space at a moment, shape (4, 4)."""
+        raise NotImplementedError
+
+    def mirrors(self, matrix, _moment) -> bool:
+        """Return whether the mesh is mirrored at a moment, with the actor's matrix (4, 4)."""
+        return bool(signs_of(matrix) < 0)
+
+    def mapper(self, mirrored):
+        """Return a mapper for poses that mirror the mesh, or for those that do not."""
+        return self._mirror_mapper if mirrored else self.actor.GetMapper()
+
+    @cached_property
+    def _mirror_mapper(self):
+        return self._new_mapper(turned(pv.wrap(self.actor.GetMapper().GetInput())))
+
+    def _new_mapper(self, mesh):
+        mapper = self.part.polydata_mapper()
+        mapper.SetInputDataObject(mesh)
+        return mapper
 
     def depth_actor(self):
         """Return the actor that draws depth."""
         return self.actor
 
     def release(self, window):
-        """Release the actor's GPU resources."""
-        self.actor.ReleaseGraphicsResources(window)
+        """Release GPU resources."""
+        for actor in self._moving():
+            actor.ReleaseGraphicsResources(window)
 
-    def move(self, user, moment):
-        """Move to the place of a moment."""
-        self.actor.user_matrix = user @ self.local(moment)
+    def _moving(self) -> tuple:
+        return (self.actor,)
+
+    def _turn(self):
+        """Wind the faces the other way."""
+        raise NotImplementedError
+
+
+class RigidMeshActor(MeshActor):
+    """A mesh that moves with its joint: an ordinary actor."""
+
+    def __init__(self, part, node):
+        self.part, self.actor, self.node = part, part.actor, node
 
     def local(self, moment) -> np.ndarray:
         """Return ``figure_from_mesh`` at a moment, shape (4, 4)."""
         return _node(moment, self.node)
 
+    def _turn(self):
+        mapper = self.actor.GetMapper()
+        mapper.SetInputDataObject(turned(pv.wrap(mapper.GetInput())))
 
-class PosedMeshActor:
-    """A mesh whose vertices are posed on the GPU."""
+
+class WireMeshActor(RigidMeshActor):
+    """Points or lines, posed on the CPU."""
 
     def __init__(self, figure, index, part):
-        self.figure, self.index, self.part = figure, index, part
+        super().__init__(part, -1)
+        self.figure, self.index = figure, index
+
+    def local(self, moment) -> np.ndarray:
+        """Return the matrix to the middle of the points, which are posed."""
+        points, _ = self.figure.posed(self.index, moment.pose)
+        matrix = np.eye(4)
+        matrix[:3, 3] = points.mean(0)
+        mesh = self.actor.GetMapper().GetInput()
+        mesh.SetPoints(pv.vtk_points(points - matrix[:3, 3]))
+        return matrix
+
+
+class PosedMeshActor(MeshActor):
+    """A mesh whose vertices are posed on the GPU."""
+
+    def __init__(self, figure, index, part, draws):
+        self.figure, self.index, self.part, self.draws = figure, index, part, draws
         self.figure_mesh = figure_mesh = figure.meshes[index]
-        if part.mesh.n_points != len(figure_mesh.points):
-            counts = f'is drawn with {part.mesh.n_points} points and has {len(figure_mesh.points)}'
-            msg = f'meshes[{index}] {counts}: the look must not split them (split_sharp_edges).'
-            raise ValueError(msg)
         # Two more points hold the bounding box; they copy a vertex, and draw nothing.
         spare = int(part.mesh.regular_faces[0, 0])
         order = np.concatenate([np.arange(len(figure_mesh.points)), [spare, spare]])
@@ -77,22 +153,28 @@ class PosedMeshActor:
         return rest_mesh
 
     def _actor(self, part):
-        mapper = part.polydata_mapper()
-        mapper.SetInputDataObject(self.mesh)
-        # The shader's positions are neither shifted nor scaled.
-        mapper.SetVBOShiftScaleMethod(mapper.DISABLE_SHIFT_SCALE)
-        actor = part.new_actor(mapper)
+        actor = part.new_actor(self._new_mapper(self.mesh))
         actor.PickableOff()  # a stand-in is picked
         actor.UseBoundsOff()
         posed_feature().attach(actor)
         return actor
+
+    def _new_mapper(self, mesh):
+        mapper = super()._new_mapper(mesh)
+        self._watch(mapper)
+        return mapper
+
+    def _watch(self, mapper):
+        # The shader's positions are neither shifted nor scaled.
+        mapper.SetVBOShiftScaleMethod(mapper.DISABLE_SHIFT_SCALE)
+        self.draws.watch(mapper)
 
     def _depth_double(self):
         """Return an actor that draws only depth, by a minimal shader."""
         mapper = _vtk.vtkPolyDataMapper()
         mapper.SetInputDataObject(self.mesh)
         mapper.ScalarVisibilityOff()
-        mapper.SetVBOShiftScaleMethod(mapper.DISABLE_SHIFT_SCALE)
+        self._watch(mapper)
         double = pv.Actor()
         double.SetMapper(mapper)
         double.GetProperty().LightingOff()
@@ -111,18 +193,21 @@ class PosedMeshActor:
         ours.SetFrontfaceCulling(theirs.GetFrontfaceCulling())
         return self._double
 
-    def release(self, window):
-        """Release the actors' GPU resources."""
-        for actor in (self.actor, self._double):
-            actor.ReleaseGraphicsResources(window)
+    def _moving(self) -> tuple:
+        return self.actor, self._double
 
-    def aim(self, row, units):
-        """Set the uniforms that locate the posed vertices."""
-        for actor in (self.actor, self._double):
-            uniforms = actor.GetShaderProperty().GetVertexCustomUniforms()
-            uniforms.SetUniformi('ibr_posed_row', row)
-            for name in SAMPLERS:
-                uniforms.SetUniformi(name, units[name])
+    def _turn(self):
+        self.mesh.SetPolys(turned(self.mesh).GetPolys())
+
+    def mirrors(self, matrix, moment) -> bool:
+        """Return whether the mesh is mirrored at a moment, with the actor's matrix (4, 4)."""
+        skinned = self.figure_mesh.skin is not None  # else the matrix has the node in it
+        turns = skinned and turned_by(self.figure_mesh, moment.signs)
+        return turns != super().mirrors(matrix, moment)
+
+    def aim(self, row):
+        """Set the first row of the posed vertices."""
+        set_vertex_uniforms((self.actor, self._double), {'ibr_posed_row': row})
 
     def mesh_pose(self, moment) -> MeshPose:
         """Return the pose of the mesh at a moment."""
@@ -131,18 +216,16 @@ class PosedMeshActor:
             return MeshPose(None, self.rest_mesh.origin, *shapes)
         return MeshPose(self.figure_mesh.skin.matrices(moment.world), moment.origin, *shapes)
 
-    def move(self, user, moment):
-        """Move to the place of a moment, and update the bounding box."""
-        self.actor.user_matrix = self._double.user_matrix = user @ self.local(moment)
-
     def local(self, moment) -> np.ndarray:
         """Return ``figure_from_posed`` at a moment, shape (4, 4); update the bounding box."""
-        skinned = self.figure_mesh.skin is not None
         matrix = np.eye(4)
-        matrix[:3, 3] = moment.origin if skinned else self.rest_mesh.origin
-        if not skinned:
+        if self.figure_mesh.skin is not None:
+            matrix[:3, 3] = moment.origin
+            self._hold(moment.bounds - np.repeat(moment.origin, 2))
+        else:
+            matrix[:3, 3] = self.rest_mesh.origin
             matrix = _node(moment, self.figure_mesh.node) @ matrix
-        self._hold(moved_bounds(np.linalg.inv(matrix), moment.bounds))
+            self._hold(moved_bounds(inverses(matrix), moment.bounds))
         self._color(moment.pose)
         return matrix
 
@@ -182,18 +265,43 @@ class PosedMeshActor:
         self.mesh.Modified()
 
 
+def drawn_figure(figure, looks, theme):
+    """Return a figure as it is drawn: with sharp edges split if its look or the theme says so."""
+    theme = pv.global_theme if theme is None else theme
+    angles: list = []
+    for i, figure_mesh in enumerate(figure.meshes):
+        look = {key: v for key, v in (figure_mesh.look | looks).items() if v is not None}
+        smooth = look.get('smooth_shading', theme.smooth_shading or look.get('pbr'))
+        split = smooth and look.get('split_sharp_edges', theme.split_sharp_edges)
+        angle = look.get('feature_angle', theme.sharp_edges_feature_angle)
+        angles.append(angle if split and not _is_still(figure, i) else None)
+    return split_figure(figure, angles)
+
+
+def _is_still(figure, i):
+    """Return whether no point of a mesh moves within it."""
+    mesh = figure.meshes[i]
+    return mesh.skin is None and mesh.frames is None and not figure.layers(i)
+
+
 def as_mesh_actors(figure, looks, theme):
     """Return the meshes of a figure as actors."""
+    draws = PosedDraws()
     out: list = []
     for i, figure_mesh in enumerate(figure.meshes):
         mesh = figure_mesh.mesh.copy(deep=False)
         mesh.point_data['Normals'] = unit_vectors(figure_mesh.normals)  # as posed ones are
         mesh.point_data.active_normals_name = 'Normals'
-        part = as_parts(mesh, theme=theme, **(figure_mesh.look | looks))[0]
-        still = figure_mesh.skin is None and figure_mesh.frames is None and not figure.layers(i)
-        out.append(
-            RigidMeshActor(part, figure_mesh.node) if still else PosedMeshActor(figure, i, part)
-        )
+        still = _is_still(figure, i)
+        # The edges of others have been split already.
+        kept = {} if still else {'split_sharp_edges': False}
+        part = as_parts(mesh, theme=theme, **(figure_mesh.look | looks | kept))[0]
+        if still:
+            out.append(RigidMeshActor(part, figure_mesh.node))
+        elif not part.mesh.n_cells:
+            out.append(WireMeshActor(figure, i, part))
+        else:
+            out.append(PosedMeshActor(figure, i, part, draws))
     return out
 
 
@@ -237,10 +345,21 @@ def _high(bounds):
     return np.asarray(bounds)[1::2]
 
 
+def moved_figure(mesh, matrix):
+    """Return a posed figure, a mesh or several, moved by a matrix, a mirroring one included."""
+    if isinstance(mesh, pv.PolyData):
+        return moved(mesh, matrix)
+    for i, block in enumerate(mesh):
+        mesh.replace(i, moved(block, matrix))
+    return mesh
+
+
 def posed_part(figure, index, part, matrix, pose, skinning, bulge=1.0) -> Part:
     """Return a posed mesh as a part in world units."""
     mesh = part.mesh.copy(deep=False)
+    world = figure.world(pose)
     points, normals = figure.posed(index, pose, skinning, bulge)
     mesh.SetPoints(pv.vtk_points(transform_points(matrix, points)))
     mesh.point_data['Normals'] = transform_normals(matrix, normals)
-    return replace(part, mesh=mesh)
+    mirrored = figure.meshes[index].mirrors(world) != (np.linalg.det(matrix[:3, :3]) < 0)
+    return replace(part, mesh=turned(mesh) if mirrored else mesh)

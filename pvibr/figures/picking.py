@@ -9,6 +9,7 @@ import numpy as np
 import pyvista as pv
 
 from pvibr.core import _vtk
+from pvibr.scene.clipping import ClippingPlanes
 
 
 @dataclass(frozen=True)
@@ -22,13 +23,15 @@ class FigureHit:
     distance: float
 
 
-def nearest_hit(meshes, start, direction):
-    """Return the first hit of a ray with meshes by index, or None."""
-    hits = [_meet(i, mesh, start, direction) for i, mesh in meshes.items()]
+def nearest_hit(meshes, start, direction, planes=None):
+    """Return the first hit of a ray with meshes by index, where planes keep it, or None."""
+    first, last = ClippingPlanes(planes).reach(start, direction)
+    rays = start, direction, first, last
+    hits = [_meet(i, mesh, *rays) for i, mesh in meshes.items() if mesh.n_cells and first < last]
     return min((h for h in hits if h is not None), key=lambda h: h.distance, default=None)
 
 
-def _meet(number, mesh, start, direction):
+def _meet(number, mesh, start, direction, first, last):
     bounds = np.reshape(mesh.bounds, (3, 2))
     reach = np.linalg.norm(bounds.mean(1) - start) + np.linalg.norm(np.ptp(bounds, axis=1))
     locator = _vtk.vtkStaticCellLocator()
@@ -36,8 +39,8 @@ def _meet(number, mesh, start, direction):
     locator.BuildLocator()
     t, sub, cell = _vtk.reference(0.0), _vtk.reference(0), _vtk.reference(0)
     point, param = [0.0] * 3, [0.0] * 3
-    end = start + reach * direction
-    if not locator.IntersectWithLine(start, end, 0.0, t, point, param, sub, cell):
+    begin, end = start + first * direction, start + min(reach, last) * direction
+    if not locator.IntersectWithLine(begin, end, 0.0, t, point, param, sub, cell):
         return None
     corners = mesh.regular_faces[int(cell)]
     nearest = corners[np.linalg.norm(mesh.points[corners] - point, axis=1).argmin()]

@@ -4,24 +4,28 @@ from __future__ import annotations
 
 from contextlib import suppress
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
 from pvibr.animation.blending import crossfade
+from pvibr.animation.ensemble import Ensemble
 from pvibr.animation.figure import Figure
 from pvibr.animation.mixer import ClipSource, PoseSource, revision_of
 from pvibr.animation.pose import Pose
+from pvibr.core.errors import warn
 from pvibr.core.params import Param
+from pvibr.maths.transforms import signs_of
 from pvibr.scene.thing import Thing
 
 
 @dataclass(frozen=True, eq=False)
 class Moment:
-    """A pose of a figure, with its world matrices (n, 4, 4) and bounds."""
+    """A pose of a figure: world matrices (n, 4, 4), signs of their determinants, and bounds."""
 
     pose: Pose | np.ndarray
     world: np.ndarray
+    signs: np.ndarray
     bounds: np.ndarray
 
     @classmethod
@@ -31,12 +35,12 @@ class Moment:
         # If only joints move the vertices, the world matrices give the bounds.
         still = not any(m.frames or m.morphs for m in figure.meshes) and not figure.correctives
         bounds = figure.bounds(world if still else pose, skinning)
-        return cls(pose, world, np.asarray(bounds, float))
+        return cls(pose, world, signs_of(world), np.asarray(bounds, float))
 
     @cached_property
     def origin(self) -> np.ndarray:
         """Origin of positions on the GPU, shape (3,)."""
-        return self.bounds.reshape(3, 2).mean(1)
+        return (self.bounds[::2] + self.bounds[1::2]) / 2
 
 
 class _Fade:
@@ -75,7 +79,11 @@ class FigurePlayer(Thing):
     _moment: Moment | None = None
     _known: tuple = ()
     _weights: np.ndarray | None = None
+    #: Of the figures that were posed together with this one, if it is their first.
+    ensemble: Ensemble | None = None
     _fixed: Pose | np.ndarray | None = None
+    #: When the clip ends, and what is called then.
+    _finish: tuple | None = None
 
     def __init__(self, figure, clip=None, **settings):
         super().__init__(**settings)
@@ -102,10 +110,30 @@ class FigurePlayer(Thing):
             raise TypeError(msg)
         if driver is None:
             self._fixed = self.pose
-        self._driver = driver
+        self._driver, self._finish = driver, None
         self._show_anew()
 
-    def play(self, clip=None, *, speed=1.0, loop=True, fade=0.0, start=None):
+    def _call_finished(self):
+        """Tell who asked for it that the clip has ended, once."""
+        if self._finish is not None and self._now() >= self._finish[0]:
+            (_, call), self._finish = self._finish, None
+            try:
+                call(self)
+            except Exception as error:  # noqa: BLE001, RUF100
+                warn(f'on_finished of {self.name} raised {type(error).__name__}: {error}')
+
+    def play(
+        self,
+        clip=None,
+        *,
+        speed=1.0,
+        loop=True,
+        count=None,
+        fade=0.0,
+        start=None,
+        root=None,
+        on_finished=None,
+    ):
         """Play a clip.
 
         Parameters
@@ -114,17 +142,27 @@ class FigurePlayer(Thing):
             Name, index or clip; default the first one.
         speed : float
             Clip seconds per second; negative plays backwards.
-        loop : bool
-            Restart the clip at its end.
+        loop : bool or 'pingpong'
+            Restart the clip at its end, hold its last pose, or go there and back.
+        count : float, optional
+            Cycles until the last pose is held; a cycle of 'pingpong' goes there and back.
         fade : float
             Seconds of the cross-fade from the current animation.
         start : float, optional
             Time at which the clip starts, in seconds of ``plotter.ibr.time``; default now.
+        root : str or int, optional
+            Joint whose translation accumulates over the loops (root motion): a walk moves on.
+        on_finished : callable, optional
+            Called with the actor before the first frame at or after the end, once; it may play
+            another clip. Playing another clip before cancels it. What it raises is a warning.
 
         Raises
         ------
+        TypeError
+            If ``on_finished`` is not callable.
         ValueError
-            If there is no such clip, the speed is not finite or the fade is negative.
+            If there is no such clip, joint or loop, the speed is not finite, the fade is negative
+            or the count is not above 0, or ``on_finished`` is given without an end.
         """
         speed, fade = float(speed), float(fade)
         if not np.isfinite(speed):
@@ -133,15 +171,28 @@ class FigurePlayer(Thing):
         if not 0 <= fade < np.inf:
             msg = f'fade = {fade}: must be 0 seconds or more'
             raise ValueError(msg)
+        if on_finished is not None and not callable(on_finished):
+            msg = f'on_finished = {on_finished!r}: must be callable, with the actor'
+            raise TypeError(msg)
         now = self._now()
         start = now if start is None else float(start)
-        played = ClipSource(self.figure, clip, speed, -start * speed, bool(loop))
+        played = ClipSource(self.figure, clip, speed, -start * speed, loop, root, count)
+        if speed < 0 and np.isfinite(played.length):
+            played.offset += played.length  # backwards from its end
+        end = start + played.length / abs(speed) if speed else np.inf
+        if on_finished is not None and not np.isfinite(end):
+            msg = 'on_finished needs an end: give loop=False or a count, and a speed'
+            raise ValueError(msg)
         self.driver = _Fade(self._source(), played, now, fade) if fade else played
+        self._finish = None if on_finished is None else (end, on_finished)
 
     def _source(self):
         """Return the source of poses, also of a fixed one."""
-        if self._driver is not None:
-            return self._driver
+        driver = self._driver
+        if isinstance(driver, _Fade) and self._now() >= driver.start + driver.seconds:
+            return driver.after
+        if driver is not None:
+            return driver
         return PoseSource(self._as_pose(self._fixed))
 
     def _as_pose(self, pose) -> Pose:
@@ -175,7 +226,7 @@ class FigurePlayer(Thing):
         if shape:
             msg = f'pose holds {shape} poses; it must be a single one'
             raise ValueError(msg)
-        self._driver, self._fixed = None, pose
+        self._driver, self._fixed, self._finish = None, pose, None
         self._show_anew()
 
     def _with_weights(self, pose):
@@ -204,6 +255,25 @@ class FigurePlayer(Thing):
         self._weights = weights
         self._show_anew()
 
+    @classmethod
+    def follow_all(cls, things):
+        """Update the poses of many, together where only joints move the points."""
+        pose_together(things, things[0].pipeline.time)
+
+    def late_pose(self):
+        """Return the pose if it is not shown yet, and what shows its moment; else None.
+
+        In place of the pose, it may be the source of the clip that gives it.
+        """
+        asked = self._asked()
+        if asked == self._known:
+            return None
+        show, driver = partial(self._become, asked), self._driver
+        together = self._weights is None and self.figure.joint_boxes[self.skinning] is not None
+        if together and type(driver) is ClipSource and driver.moves_joints_only():
+            return driver, show
+        return self._sampled(self._now()), show
+
     def follow(self):
         """Update the pose, so that bounds are right before drawing."""
         if self.pipeline is not None:
@@ -219,11 +289,15 @@ class FigurePlayer(Thing):
         known = self._asked()
         if self._moment is None or known != self._known:
             pose = self._sampled(self._now())
-            self._moment = Moment.of(self.figure, pose, self.skinning)
-            self._changes += 1
-            self._show(self._moment)
-            self._known = known
+            return self._become(known, Moment.of(self.figure, pose, self.skinning))
         return self._moment
+
+    def _become(self, known, moment) -> Moment:
+        self._moment = moment
+        self._changes += 1
+        self._show(moment)
+        self._known = known
+        return moment
 
     def _asked(self) -> tuple:
         """Return what the pose and its bounds depend on."""
@@ -242,3 +316,29 @@ class FigurePlayer(Thing):
 
     def _show(self, moment):
         """Move the actors to a moment."""
+
+
+def pose_together(players, time):
+    """Update poses to a time, together where only joints move the points; those that fail stay."""
+    alike = []
+    for player in players:
+        with suppress(Exception):
+            late = player.late_pose()
+            if late is None:
+                continue
+            pose, show = late
+            figure, how = player.figure, player.skinning
+            if figure.joint_boxes[how] is None or isinstance(pose, np.ndarray):
+                show(Moment.of(figure, pose, how))
+            else:
+                alike.append((player, pose, show))
+    if not alike:
+        return
+    first = alike[0][0]
+    members = [(p.figure, p.skinning, getattr(pose, 'clip', None)) for p, pose, _ in alike]
+    if first.ensemble is None or first.ensemble.members != members:
+        first.ensemble = Ensemble(members)
+    moved = first.ensemble.moved([pose for _, pose, _ in alike], time)
+    for (_, _, show), moment in zip(alike, moved, strict=True):
+        with suppress(Exception):
+            show(Moment(*moment))

@@ -9,7 +9,7 @@ import numpy as np
 
 from pvibr.animation.clip import Clip
 from pvibr.animation.figure import Figure
-from pvibr.animation.normals import point_normals
+from pvibr.animation.normals import point_normals, turned
 from pvibr.core.errors import warn
 from pvibr.figures.mesh_actors import PosedMeshActor
 from pvibr.gl.offscreen import hidden_window
@@ -132,7 +132,7 @@ class PoseSampler:
         self.center = np.zeros(3)
 
     def shapes(self, pose) -> list:
-        """Return points and normals of each mesh, (v, 3) float64 each."""
+        """Return points and normals of each mesh, (v, 3) float64 each, and if it is mirrored."""
         world = self.figure.world(pose)
         return [
             self._shape(i, mesh_actor, pose, world)
@@ -147,13 +147,22 @@ class PoseSampler:
             mesh = mesh_actor.part.mesh
             points = transform_points(matrix, mesh.points)
             normals = transform_normals(matrix, point_normals(mesh))
-        return points - self.center, normals
+        return points - self.center, normals, self.figure.meshes[index].mirrors(world)
 
     def parts(self, pose) -> list[Part]:
         """Return the parts of the figure in a pose."""
         parts = [_own(mesh_actor.part) for mesh_actor in self.mesh_actors]
-        put(parts, self.shapes(pose))
+        self.put(parts, pose)
         return parts
+
+    def put(self, parts, pose):
+        """Set points, normals and winding of parts that :meth:`parts` returned."""
+        shapes = zip(self.mesh_actors, parts, self.shapes(pose), strict=True)
+        for mesh_actor, part, (points, normals, mirrored) in shapes:
+            part.mesh.points = points.astype(np.float32)
+            part.mesh.point_data.active_normals = normals.astype(np.float32)
+            mesh = mesh_actor.part.mesh
+            part.mesh.SetPolys((turned(mesh) if mirrored else mesh).GetPolys())
 
 
 def _own(part) -> Part:
@@ -161,20 +170,12 @@ def _own(part) -> Part:
     return part.with_mesh(part.mesh.copy())  # deep: a shallow copy shares its points
 
 
-def put(parts, shapes):
-    """Set points and normals of parts."""
-    for part, (points, normals) in zip(parts, shapes, strict=True):
-        part.mesh.points = points.astype(np.float32)
-        part.mesh.point_data.active_normals = normals.astype(np.float32)
-        part.mesh.Modified()
-
-
 def _reach(sampler, motion):
     """Return the largest distance of a point from the centre over a motion."""
     poses = sampler.figure.sample(motion.times, motion.clip, loop=False)
     reach = 0.0
     for i in range(len(motion.times)):
-        for points, _ in sampler.shapes(poses[i]):
+        for points, *_ in sampler.shapes(poses[i]):
             reach = max(reach, float((points**2).sum(1).max()) ** 0.5)
     return reach + float(np.diff(motion.way).max(initial=0.0)) / 2
 
@@ -186,7 +187,7 @@ def motion_of(sampler, clip):
     poses = sampler.figure.sample(times, clip, loop=False)
     before, steps, corners = None, [0.0], []
     for i in range(len(times)):
-        points = np.concatenate([p for p, _ in sampler.shapes(poses[i])])
+        points = np.concatenate([p for p, *_ in sampler.shapes(poses[i])])
         corners += [points.min(0), points.max(0)]
         if before is not None:
             steps.append(float(np.percentile(np.linalg.norm(points - before, axis=1), 99)))
@@ -248,7 +249,7 @@ def _key(sampler, poses, tile, counts):
             for name in sorted(data.keys()):
                 values += [name, np.ascontiguousarray(data[name])]
     for pose in poses:
-        values += [a.astype(np.float32) for shape in sampler.shapes(pose) for a in shape]
+        values += [np.asarray(a, np.float32) for shape in sampler.shapes(pose) for a in shape]
     return key_of(*values)
 
 
@@ -261,7 +262,7 @@ def _baked(sampler, motions, counts, poses, grid, advance):
         baker = Baker(renderer, parts, np.zeros(3), radius, (VIEWS, tile, 2))
         try:
             for i, pose in enumerate(poses):
-                put(parts, sampler.shapes(pose))
+                sampler.put(parts, pose)
                 pictures.append(baker.pictures(frames))
                 if advance is not None:
                     advance((i + 1) / len(poses))

@@ -7,7 +7,8 @@ from itertools import pairwise
 import numpy as np
 
 from pvibr.figures.mesh_actors import PosedMeshActor
-from pvibr.figures.posing import SAMPLERS, Posing, posed_feature
+from pvibr.figures.posing import Posing, posed_feature
+from pvibr.gl import set_vertex_uniforms
 from pvibr.instances.mesh_pool import MeshPool, lendable
 
 
@@ -19,6 +20,8 @@ class _Group(list):
 
 class PosedPool(MeshPool):
     """Actors of a figure, lent to near members and posed with them."""
+
+    turns = False  # where a pose mirrors, faces are wound the other way
 
     def __init__(self, level, mesh_actors, skinning):
         super().__init__(level)
@@ -46,17 +49,14 @@ class PosedPool(MeshPool):
         return 0 if self._posing is None else self._posing.nbytes
 
     def pose(self, window, keys, moments_of, matrix_of):
-        """Pose the lent actors if any changed, and bind their textures."""
+        """Pose the lent actors if any changed."""
         shown = {self.lent[i].number: (i, key) for i, key in keys.items()}
         if any(self._shown.get(number) != what for number, what in shown.items()):
             moments = moments_of(list(keys.values()))
             self._draw(window, dict(zip(keys, moments, strict=True)), matrix_of)
-            self._shown = shown
-        if self._posing is None or not shown:
-            return
-        units = {name: t.activate() for name, t in self._posing.textures.items()}
-        for group in self.lent.values():
-            self._aim(self._posing, group, units)
+        self._shown = shown  # what is lent anew has no pose yet
+        for mesh_actor in self._posed:
+            mesh_actor.draws.posing = self._posing
 
     def _draw(self, window, moments, matrix_of):
         for i, moment in moments.items():
@@ -64,13 +64,16 @@ class PosedPool(MeshPool):
             for mesh_actor, actor in zip(self.mesh_actors, self.lent[i], strict=True):
                 matrix = world @ mesh_actor.local(moment)
                 actor.GetUserMatrix().DeepCopy(np.asarray(matrix, float).ravel().tolist())
+                mapper = mesh_actor.mapper(mesh_actor.mirrors(matrix, moment))
+                if actor.GetMapper() is not mapper:
+                    actor.SetMapper(mapper)
         if not self._posed:
             return
         if self._posing is None or self._posing.poses < self._made_so_far:
             self._release_posing()
             rest_meshes = [b.rest_mesh for b in self._posed]
             room = max(4, 1 << (self._made_so_far - 1).bit_length())
-            self._posing = Posing(window, rest_meshes, poses=room, how=self.skinning)
+            self._posing = Posing(window, rest_meshes, poses=room)
         # Unused poses are drawn too, but never read.
         some = next(iter(moments.values()))
         placed = [some] * self._posing.poses
@@ -80,9 +83,11 @@ class PosedPool(MeshPool):
         for mesh_actor in self._posed:
             made = {id(moment): mesh_actor.mesh_pose(moment) for moment in moments.values()}
             places.append([made[id(moment)] for moment in placed])
-        self._posing.draw(places)
+        self._posing.draw(places, how=self.skinning)
+        for group in self.lent.values():
+            self._aim(self._posing, group)
 
-    def _aim(self, posing, group, units):
+    def _aim(self, posing, group):
         moved = [
             a
             for b, a in zip(self.mesh_actors, group, strict=True)
@@ -90,18 +95,15 @@ class PosedPool(MeshPool):
         ]
         for actor, (first, end) in zip(moved, pairwise(posing.rows), strict=True):
             rows = (end - first) // posing.poses
-            uniforms = actor.GetShaderProperty().GetVertexCustomUniforms()
-            uniforms.SetUniformi('ibr_posed_row', first + group.number * rows)
-            for name in SAMPLERS:
-                uniforms.SetUniformi(name, units[name])
+            set_vertex_uniforms((actor,), {'ibr_posed_row': first + group.number * rows})
 
     def finish(self):
         """Release the texture units."""
-        if self._posing is not None:
-            for texture in self._posing.textures.values():
-                texture.deactivate()
+        for mesh_actor in self._posed[:1]:
+            mesh_actor.draws.unbind()
 
     def _release_posing(self):
+        self.finish()
         if self._posing is not None:
             self._posing.release()
         self._posing, self._shown = None, {}

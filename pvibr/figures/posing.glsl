@@ -1,26 +1,25 @@
 // Posing: where every vertex of a body is in a pose, one texel a vertex.
-// Drawn once a pose into two textures, positions and normals; the vertex shaders of all passes
-// fetch them by the vertex's number. Shapes (key frames, morph targets, correctives) are weighted
-// sums of differences; then joints move the vertex, blended as matrices, or as dual quaternions
-// after the stretch: Kavan et al., "Geometric Skinning with Approximate Dual Quaternion Blending",
-// ACM Transactions on Graphics 27(4), 2008. The twin in float64 is Figure.posed.
+// Drawn once a pose into rows of two textures that the figures of a window share, positions and
+// normals; the vertex shaders of all passes fetch them by the vertex's number. Shapes (key frames,
+// morph targets, correctives) are weighted sums of differences; then joints move the vertex, blended
+// as matrices, or as dual quaternions after the stretch: Kavan et al., "Geometric Skinning with
+// Approximate Dual Quaternion Blending", ACM Transactions on Graphics 27(4), 2008. The twin in
+// float64 is Figure.posed.
 // Spaces: rest = the mesh's, less the middle of its points; posed = the figure's, less an origin
 // near the pose, so that floats of 32 bits keep their digits wherever the figure is.
 // Texels are looked up at their middles, unfiltered: software drivers have less to do for that than
 // for texelFetch.
-// Defines: GROUPS, joints a vertex has, divided by 4 (0 without a skin); DUAL, SHAPES and WRAP (the
-// state of a pose has several rows) 0 or 1; WIDTH, vertices of a row.
+// A row of the target is a row of a mesh at rest, in the pose of a state.
+// Defines: GROUPS, joints a vertex has, divided by 4 (0 without a skin); DUAL and SHAPES 0 or 1;
+// NUMBERS, the state of one pose as uniform matrices, 0 for a texture; WIDTH and STATE_WIDTH, vertices
+// and numbers of a row, powers of two; TEXTURES, how many are written.
 
 //@pose
 uniform sampler2D ibr_rest;           // rest positions
 uniform sampler2D ibr_rest_normals;
-uniform float ibr_poses;              // how many are drawn together, one above another
-uniform sampler2D ibr_state;          // what makes the poses: joints, then shapes
-uniform int ibr_state_first;          // first row of the mesh
-uniform int ibr_state_rows;           // rows of a pose
-uniform vec2 ibr_state_sides;         // texels
+uniform float ibr_rest_share;         // a row of them over all
 #if GROUPS
-uniform sampler2D ibr_joints;         // numbers of four joints; groups of rows for more of them
+uniform sampler2D ibr_joints;         // numbers of four joints; further rows for more of them
 uniform sampler2D ibr_weights;        // the heaviest first
 #endif
 #if DUAL
@@ -28,25 +27,33 @@ uniform float ibr_bulge;
 #define HALF_TURN 1e-6
 #endif
 #if SHAPES
-uniform int ibr_palette;              // texels of the joints, before the shapes
 uniform sampler2D ibr_shapes;         // differences of positions, a group of rows each
 uniform sampler2D ibr_shape_normals;
-uniform float ibr_shape_share;        // a group over all rows
+uniform float ibr_shape_share;        // a row over all
+uniform float ibr_shape_first;        // row at rest of the first vertex
 #endif
 
-int ibr_pose;  // first row of its state
+#if NUMBERS
+uniform mat4 ibr_numbers[NUMBERS];    // of one pose, if they are few: no texture is uploaded
+uniform vec4 ibr_place;               // as in ibr_places, less the target's row
 
 vec4 ibr_number(int i)
 {
-#if WRAP
-  int width = int(ibr_state_sides.x);
-  ivec2 place = ivec2(i % width, i / width);
-#else
-  ivec2 place = ivec2(i, 0);  // divisions of integers are slow where they are not needed
-#endif
-  place.y += ibr_pose;
-  return textureLod(ibr_state, (vec2(place) + 0.5) / ibr_state_sides, 0.0);
+  return ibr_numbers[i >> 2][i & 3];
 }
+#else
+uniform sampler2D ibr_state;          // what makes the poses: joints, then shapes
+uniform sampler2D ibr_places;         // row at rest, first number, rows of the mesh, joints
+uniform vec2 ibr_shares;              // a row over all, of both
+int ibr_first;
+
+vec4 ibr_number(int i)
+{
+  uint k = uint(ibr_first + i);  // of powers of two: no division is left
+  vec2 place = vec2(float(k % uint(STATE_WIDTH)) + 0.5, float(k / uint(STATE_WIDTH)) + 0.5);
+  return textureLod(ibr_state, place * vec2(1.0 / float(STATE_WIDTH), ibr_shares.x), 0.0);
+}
+#endif
 
 vec3 ibr_unit(vec3 v)
 {
@@ -56,17 +63,23 @@ vec3 ibr_unit(vec3 v)
 
 void main()
 {
-  float up = uv.y * ibr_poses, pose = floor(up);
-  vec2 place = vec2(uv.x, up - pose);
-  ibr_pose = ibr_state_first + int(pose) * ibr_state_rows;
+#if NUMBERS
+  vec4 row = ibr_place + vec4(gl_FragCoord.y, 0.0, 0.0, 0.0);
+#else
+  vec4 row = textureLod(ibr_places, vec2(0.5, gl_FragCoord.y * ibr_shares.y), 0.0);
+  row.x += 0.5;
+  ibr_first = int(row.y);
+#endif
+  vec2 place = vec2(gl_FragCoord.x / float(WIDTH), row.x * ibr_rest_share);
   vec3 p = textureLod(ibr_rest, place, 0.0).xyz;
   vec3 n = textureLod(ibr_rest_normals, place, 0.0).xyz;
 #if SHAPES
-  vec4 counts = ibr_number(ibr_palette);  // key frames, all shapes
+  int palette = int(row.w);
+  vec4 counts = ibr_number(palette);  // key frames, all shapes
   for (int i = 0; i < int(counts.y); ++i)
   {
-    vec4 shape = ibr_number(ibr_palette + 1 + i);  // its group of rows, its weight
-    vec2 there = vec2(place.x, (shape.x + place.y) * ibr_shape_share);
+    vec4 shape = ibr_number(palette + 1 + i);  // its first row, its weight
+    vec2 there = vec2(place.x, (shape.x + row.x - ibr_shape_first) * ibr_shape_share);
     p += shape.y * textureLod(ibr_shapes, there, 0.0).xyz;
     n += shape.y * textureLod(ibr_shape_normals, there, 0.0).xyz;
     if (i + 1 == int(counts.x)) n = ibr_unit(n);
@@ -81,7 +94,7 @@ void main()
 #endif
   for (int g = 0; g < GROUPS; ++g)
   {
-    vec2 there = vec2(place.x, (place.y + float(g)) / float(GROUPS));
+    vec2 there = vec2(place.x, (row.x + float(g) * row.z) * ibr_rest_share);
     vec4 joints = textureLod(ibr_joints, there, 0.0);
     vec4 weights = textureLod(ibr_weights, there, 0.0);
     for (int i = 0; i < 4; ++i)
@@ -139,14 +152,21 @@ void main()
 }
 
 //@store
-// A shape goes to its group of rows.
-uniform sampler2D ibr_shape;
-uniform sampler2D ibr_shape_normal;
+// Images go to rows.
+uniform sampler2D ibr_part0;
+uniform sampler2D ibr_part1;
+uniform sampler2D ibr_part2;
+uniform sampler2D ibr_part3;
+uniform float ibr_first;              // row
 void main()
 {
-  ivec2 texel = ivec2(uv * vec2(textureSize(ibr_shape, 0)));
-  gl_FragData[0] = texelFetch(ibr_shape, texel, 0);
-  gl_FragData[1] = texelFetch(ibr_shape_normal, texel, 0);
+  ivec2 texel = ivec2(gl_FragCoord.xy - vec2(0.0, ibr_first));
+  gl_FragData[0] = texelFetch(ibr_part0, texel, 0);
+  gl_FragData[1] = texelFetch(ibr_part1, texel, 0);
+#if TEXTURES > 2
+  gl_FragData[2] = texelFetch(ibr_part2, texel, 0);
+  gl_FragData[3] = texelFetch(ibr_part3, texel, 0);
+#endif
 }
 
 //@vertex.declare

@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
-from pvibr.gl import Quad, Target, Texture, shader_source, texture_limit
-from pvibr.gl.feature import sections
+from pvibr.figures.pose_sheet import WIDTH, Rows
+from pvibr.gl import Texture, release
 from pvibr.scene.shader_draws import pack
 
 #: Memory budget for the shapes of one mesh, in bytes.
 BUDGET = 2**28
-_FEW = 8
 _ATTRIBUTES = ('positions', 'normals')
 
 
@@ -82,96 +79,62 @@ class MeshShapes:
 class ShapeStore:
     """A GPU cache of the shapes of a mesh, within a memory budget."""
 
-    def __init__(self, window, shapes, width, budget=BUDGET):
-        self.window, self.shapes, self.width, self.budget = window, shapes, width, budget
-        points = shapes.n_points
-        self.rows = -(-points // width)
-        self._target: Any = None
-        self._where: dict[int, int] = {}  # row group by shape, least recently used first
+    def __init__(self, window, shapes):
+        self.shapes = shapes
+        #: Rows of a shape.
+        self.rows = -(-shapes.n_points // WIDTH)
+        self._held = Rows(window, ('ibr_shapes', 'ibr_shape_normals'))
+        self._room = BUDGET // (WIDTH * 32)
+        self._where: dict[int, int] = {}  # first row by shape, least recently used first
         #: Number of uploads so far.
         self.loads = 0
         self._staging = [Texture(window), Texture(window)]
-        store = sections(shader_source(__file__, 'posing'))['store']
-        self._quad = Quad(window, store, 'shapes')
 
     @property
     def nbytes(self) -> int:
         """Bytes on the GPU."""
-        drawn = 0 if self._target is None else self._target.nbytes
-        return drawn + sum(t.nbytes for t in self._staging)
-
-    @property
-    def capacity(self) -> int:
-        """Number of shapes that fit now."""
-        return 0 if self._target is None else self._target.height // self.rows
+        return self._held.nbytes + sum(t.nbytes for t in self._staging)
 
     @property
     def share(self) -> float:
-        """Rows of one shape relative to all rows."""
-        return self.rows / self._target.height
+        """A row relative to all rows."""
+        return 1.0 / max(self._held.height, 1)
 
     @property
     def textures(self) -> dict:
         """Positions and normals, by the names of their samplers."""
-        names = ('ibr_shapes', 'ibr_shape_normals')
-        return dict(zip(names, self._target.colors, strict=True))
+        return self._held.textures
 
-    def slots(self, wanted) -> dict[int, int]:
-        """Return the row groups of shapes, loading missing ones."""
-        missing = wanted - self._where.keys()
-        if self._target is None or (missing and len(self._where) + len(missing) > self.capacity):
-            self._grow(len(wanted))
-            missing = wanted - self._where.keys()
-        for shape in wanted - missing:
+    def places(self, wanted) -> dict[int, int]:
+        """Return the first rows of shapes, loading missing ones."""
+        for shape in wanted & self._where.keys():
             self._where[shape] = self._where.pop(shape)  # most recently used
-        for shape in sorted(missing):
-            self._load(shape, self._room(wanted))
+        for shape in sorted(wanted - self._where.keys()):
+            self._load(shape, self._free(wanted))
         return self._where
 
-    def _grow(self, wanted):
-        """Enlarge the cache up to the budget; its content is lost."""
-        most = texture_limit(self.window) // self.rows
-        if wanted > most:
-            msg = f'{wanted} shapes of {self.rows * self.width} vertices at once; {most} fit here.'
+    def _free(self, wanted) -> int:
+        """Return the first of free rows, or of those of the least recently used shape."""
+        held, most = len(self._where), max(self._room, len(wanted) * self.rows)
+        if (held + 1) * self.rows <= most and self._held.has(self.rows):
+            return self._held.take(self.rows, most)
+        oldest = next((shape for shape in self._where if shape not in wanted), None)
+        if oldest is None:
+            size = f'{len(wanted)} shapes of {self.rows * WIDTH} vertices at once'
+            msg = f'{size}; {held} fit here.'
             raise ValueError(msg)
-        afforded = max(self.budget // (self.rows * self.width * 32), wanted, 1)
-        asked = max(_FEW, 2 * self.capacity, 2 * wanted)
-        capacity = min(asked, len(self.shapes), max(afforded, wanted), most)
-        capacity = max(capacity, 1)
-        if capacity <= self.capacity:
-            return
-        if self._target is not None:
-            self._target.release()
-        self._target = Target(
-            self.window, self.width, capacity * self.rows, ('rgba32f', 'rgba32f'), filter='nearest'
-        )
-        self._where = {}
-
-    def _room(self, wanted) -> int:
-        """Return a free row group, or that of the least recently used shape."""
-        if len(self._where) < self.capacity:
-            return len(self._where)
-        oldest = next(shape for shape in self._where if shape not in wanted)
         return self._where.pop(oldest)
 
-    def _load(self, shape, slot):
+    def _load(self, shape, first):
         empty = np.zeros((self.shapes.n_points, 3), np.float32)
         for texture, found in zip(self._staging, self.shapes[shape], strict=True):
             values = empty if found is None else found.astype(np.float32)
-            texture.upload(pack(np.ascontiguousarray(values), self.width, 3))
-        state = self.window.GetState()
-        names = ('ibr_shape', 'ibr_shape_normal')
-        with self._target.drawing():
-            rect = (0, slot * self.rows, self.width, self.rows)
-            state.vtkglViewport(*rect)
-            state.vtkglScissor(*rect)
-            self._quad.draw({}, dict(zip(names, self._staging, strict=True)))
-        self._where[shape] = slot
+            texture.upload(pack(np.ascontiguousarray(values), WIDTH, 3))
+        self._held.write(first, self.rows, self._staging)
+        self._where[shape] = first
         self.loads += 1
 
     def release(self):
         """Release all GPU resources; the context must be alive."""
-        for owner in (self._target, *self._staging, self._quad):
-            if owner is not None:
-                owner.release()
-        self._target, self._where = None, {}
+        release(self._held, *self._staging)
+        self._where = {}

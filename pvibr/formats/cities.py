@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -74,9 +75,20 @@ def read_city(path, lod=None):
         raise ValueError(msg[:1000]) from error
 
 
+def _cjio(module):
+    """Return a module of cjio, without what it sets as it is imported: all JSON is rounded."""
+    names = vars(json.encoder)
+    kept = {name: names[name] for name in names if name in ('c_make_encoder', 'float')}
+    try:
+        return require(f'cjio.{module}', 'city', 'CityJSON files')
+    finally:
+        names.pop('float', None)
+        names.update(kept)
+
+
 def _upgraded(path) -> dict:
     """Return the file's JSON, upgraded to the supported version."""
-    cityjson = require('cjio.cityjson', 'city', 'CityJSON files')
+    cityjson = _cjio('cityjson')
     with path.open('rb') as file:
         model = cityjson.reader(file)
     if model.get_version() != VERSION:
@@ -91,7 +103,7 @@ class _City:
     """The objects of a file, and its vertices."""
 
     def __init__(self, tree, lod):
-        self._triangulate = require('cjio.geom_help', 'city', 'CityJSON files').triangulate_face
+        self._triangulate = _cjio('geom_help').triangulate_face
         self._lod = lod
         self._objects = list(tree['CityObjects'].values())
         transform = tree.get('transform', {'scale': (1, 1, 1), 'translate': (0, 0, 0)})

@@ -31,6 +31,22 @@ class Accessors:
         """Return the number of elements of an accessor."""
         return follow(self._file.document.accessors, index, place, 'accessors').count
 
+    def is_empty(self, index, place) -> bool:
+        """Return True if an accessor has no bytes in the file."""
+        accessor = follow(self._file.document.accessors, index, place, 'accessors')
+        return accessor.buffer_view is None and accessor.sparse is None
+
+    def fill(self, index, elements, place):
+        """Give an accessor its elements (n, c), which an extension holds."""
+        accessor = follow(self._file.document.accessors, index, place, 'accessors')
+        shape = accessor.count, int(np.prod(_SHAPES.get(accessor.type, 0)))
+        if elements.shape != shape:
+            msg = f'{place} holds {elements.shape}; accessors[{index}] is {shape}.'
+            raise GltfError(msg)
+        if elements.dtype.itemsize > 4:
+            elements = elements.astype(np.float32)
+        self._raw.setdefault(index, elements)
+
     def floats(self, index, place, *types):
         """Return an accessor as floats, (n, c)."""
         self._check_type(index, place, types)
@@ -54,7 +70,8 @@ class Accessors:
     def _check_type(self, index, place, types):
         accessor = follow(self._file.document.accessors, index, place, 'accessors')
         if accessor.type not in types:
-            msg = f'{place} is accessors[{index}] of {accessor.type}; allowed: {", ".join(types)}.'
+            found, allowed = accessor.type[:40], ', '.join(types)
+            msg = f'{place} is accessors[{index}] of {found}; allowed: {allowed}.'
             raise GltfError(msg)
         return accessor
 

@@ -4,17 +4,20 @@ from __future__ import annotations
 
 import base64
 import binascii
+import re
 import struct
 import urllib.parse
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import msgspec
 
 from pvibr.core.errors import PvibrError, warn
-from pvibr.formats.gltf_schema import Gltf
+from pvibr.formats.gltf_schema import Asset, Gltf
 
 _MAGIC, _JSON, _BIN = b'glTF', b'JSON', b'BIN\0'
+#: An extension in use: the name of an object with a prefix in capitals, as attributes wholly are.
+_EXTENSION = re.compile(rb'"([A-Z][A-Z0-9]{1,9}_[a-z][A-Za-z0-9_]{1,60})"\s*:\s*\{')
 #: Memory budget of arrays and images: bytes, plus bytes per byte of the files. Accessors may share
 #: bytes, and images of one colour compress well.
 _ROOM, _GROWTH = 2**28, 64
@@ -39,8 +42,8 @@ class GltfError(PvibrError, ValueError):
         super().__init__(_clipped(message))
 
 
-class MissingFileError(GltfError):
-    """An external file of a glTF file does not exist."""
+class TooLargeError(GltfError):
+    """A glTF file asks for far more memory than it has bytes."""
 
 
 @contextmanager
@@ -70,17 +73,23 @@ class GltfFile:
         self.path = Path(path)
         data = self.path.read_bytes()
         json, self._blob = _chunks(data) if data[:4] == _MAGIC else (data, None)
-        self._room = _ROOM + _GROWTH * len(data)
+        self._room = self._most = _ROOM + _GROWTH * len(data)
         self._buffers: dict[int, memoryview] = {}
         self._left_out: dict[str, str] = {}
+        self._json = json
         self.document = _parsed(json)
+
+    def extensions(self):
+        """Return the names of all extensions in the JSON, declared or not."""
+        return sorted({name.decode() for name in _EXTENSION.findall(self._json)})
 
     def spend(self, size, place):
         """Count bytes that are about to be allocated; raise an error beyond the budget."""
         self._room -= size
         if self._room < 0:
-            msg = f'{place} asks for {size} bytes, far more than the file has data for.'
-            raise GltfError(msg)
+            needed, most = (self._most - self._room) >> 20, self._most >> 20
+            msg = f'{place} needs {needed} MiB in all; a file of this size may need {most} MiB.'
+            raise TooLargeError(msg)
 
     def leave_out(self, what, place):
         """Note an unsupported feature of the file."""
@@ -109,6 +118,7 @@ class GltfFile:
             return _decoded(uri, place)
         data = self._read(self._located(uri, place), place, limit)
         self._room += _GROWTH * len(data)
+        self._most += _GROWTH * len(data)
         return data
 
     def _buffer(self, index, place):
@@ -147,7 +157,7 @@ class GltfFile:
             inside = True
         if inside:
             msg = f'{place} is {_short(uri)}: no such file.'
-            raise MissingFileError(msg)
+            raise GltfError(msg)
         msg = f'{place} is {_short(uri)}: outside of the folder of the glTF file.'
         raise GltfError(msg)
 
@@ -197,9 +207,12 @@ def _split(data):
 
 
 def _parsed(json) -> Gltf:
+    json = json.removeprefix(b'\xef\xbb\xbf')
     try:
-        document = msgspec.json.decode(json.removeprefix(b'\xef\xbb\xbf'), type=Gltf)
+        document = _decoded_as(json, Gltf)
     except msgspec.ValidationError as error:
+        with suppress(msgspec.DecodeError, RecursionError):
+            _check_version(_decoded_as(json, _Versioned).asset)
         fault, _, place = str(error).partition(' - at ')
         msg = f'{place.strip("`").removeprefix("$.") or "the file"}: {fault}.'
         raise GltfError(msg) from None
@@ -209,13 +222,42 @@ def _parsed(json) -> Gltf:
     except ValueError as error:  # of msgspec, or of invalid UTF-8
         msg = f'the file is neither GLB nor JSON: {error}'
         raise GltfError(msg) from None
-    if not document.asset.version.startswith('2.'):
-        msg = f'asset.version is {document.asset.version[:20]!r}; only 2.x is supported.'
-        raise GltfError(msg)
-    if document.asset.min_version not in (None, '2.0'):
-        msg = f'asset.minVersion is {document.asset.min_version[:20]!r}; only 2.0 is supported.'
-        raise GltfError(msg)
+    _check_version(document.asset)
     return document
+
+
+class _Versioned(msgspec.Struct):
+    """A glTF file of any version."""
+
+    asset: Asset = Asset('2.0')
+
+
+def _decoded_as(json, kind):
+    try:
+        return msgspec.json.decode(json, type=kind)
+    except msgspec.ValidationError as error:
+        if 'Expected `int`, got `float`' not in str(error):
+            raise
+        # JSON has no integers: 1.0 is one, too.
+        return msgspec.convert(_integral(msgspec.json.decode(json)), kind)
+
+
+def _integral(value):
+    """Return a JSON with integers for all floats that are whole."""
+    if isinstance(value, dict):
+        return {key: _integral(inner) for key, inner in value.items()}
+    if isinstance(value, list):
+        return [_integral(inner) for inner in value]
+    return int(value) if isinstance(value, float) and value.is_integer() else value
+
+
+def _check_version(asset):
+    if not asset.version.startswith('2.'):
+        msg = f'asset.version is {asset.version[:20]!r}; only 2.x is supported.'
+        raise GltfError(msg)
+    if asset.min_version not in (None, '2.0'):
+        msg = f'asset.minVersion is {asset.min_version[:20]!r}; only 2.0 is supported.'
+        raise GltfError(msg)
 
 
 def _decoded(uri, place) -> bytes:

@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+import re
 from typing import Annotated, Literal
 
 import msgspec
 from msgspec import Meta, Struct, field
 
+#: A pointer to what joints have.
+_POINTER = re.compile(
+    r'/nodes/(\d{1,9})/(?:(translation|rotation|scale|weights)'
+    r'|extensions/KHR_node_visibility/visible)'
+)
 #: Largest integer that float64, and so JSON, holds exactly.
 _LARGEST = 2**53
 #: Beyond it float32 and matrix products overflow.
@@ -22,7 +28,7 @@ Vec4 = tuple[Number, Number, Number, Number]
 Indices = Annotated[list[Index], Meta(min_length=1)]
 
 
-class _Thing(Struct, rename='camel', omit_defaults=True, frozen=True):
+class _Thing(Struct, rename='camel', omit_defaults=True, frozen=True, gc=False):
     """Base of all elements."""
 
 
@@ -86,13 +92,27 @@ class Accessor(_Named, frozen=True):
 
     component_type: Literal[5120, 5121, 5122, 5123, 5125, 5126]
     count: Count
-    type: Literal['SCALAR', 'VEC2', 'VEC3', 'VEC4', 'MAT2', 'MAT3', 'MAT4']
+    #: A name of `gltf_accessors`; unused ones may have any.
+    type: str
     buffer_view: Index | None = None
     byte_offset: Index = 0
     normalized: bool = False
     sparse: Sparse | None = None
     min: list[float] | None = None
     max: list[float] | None = None
+
+
+class Draco(_Thing, frozen=True):
+    """A compressed mesh: its bytes, and the numbers of its attributes."""
+
+    buffer_view: Index
+    attributes: dict[str, Index]
+
+
+class PrimitiveExtensions(_Thing, frozen=True):
+    """Extensions of a primitive."""
+
+    draco: Draco | None = field(default=None, name='KHR_draco_mesh_compression')
 
 
 class Primitive(_Thing, frozen=True):
@@ -103,6 +123,7 @@ class Primitive(_Thing, frozen=True):
     material: Index | None = None
     mode: Annotated[int, Meta(ge=0, le=6)] = 4
     targets: list[dict[str, Index]] = []
+    extensions: PrimitiveExtensions = PrimitiveExtensions()
 
 
 class MeshExtras(_Thing, frozen=True):
@@ -131,11 +152,18 @@ class Instancing(_Thing, frozen=True):
     attributes: dict[str, Index] = {}
 
 
+class Visibility(_Thing, frozen=True):
+    """Whether a node and those below it are shown."""
+
+    visible: bool = True
+
+
 class NodeExtensions(_Thing, frozen=True):
     """Extensions of a node."""
 
     instancing: Instancing | None = field(default=None, name='EXT_mesh_gpu_instancing')
     lights: LightIndex | None = field(default=None, name='KHR_lights_punctual')
+    visibility: Visibility = field(default=Visibility(), name='KHR_node_visibility')
 
 
 class Node(_Named, frozen=True):
@@ -167,11 +195,32 @@ class Skin(_Named, frozen=True):
     skeleton: Index | None = None
 
 
+class Pointer(_Thing, frozen=True):
+    """The place of a property in the file's JSON."""
+
+    pointer: str
+
+
+class TargetExtensions(_Thing, frozen=True):
+    """Extensions of the target of a channel."""
+
+    pointer: Pointer | None = field(default=None, name='KHR_animation_pointer')
+
+
 class Target(_Thing, frozen=True):
     """The property that a channel drives."""
 
     path: str
     node: Index | None = None
+    extensions: TargetExtensions = TargetExtensions()
+
+    def place(self):
+        """Return node and path: 'visible' for visibility, else a pointer without a node."""
+        pointer = self.extensions.pointer
+        if self.path != 'pointer' or pointer is None:
+            return self.node, self.path
+        found = _POINTER.fullmatch(pointer.pointer)
+        return (int(found[1]), found[2] or 'visible') if found else (None, pointer.pointer)
 
 
 class Channel(_Thing, frozen=True):
@@ -219,6 +268,12 @@ class TextureInfo(_Thing, frozen=True):
     extensions: TextureInfoExtensions = TextureInfoExtensions()
 
 
+class NormalTextureInfo(TextureInfo, frozen=True):
+    """Reference to a normal map."""
+
+    scale: Number = 1.0
+
+
 class Metallic(_Thing, frozen=True):
     """Metallic-roughness shading."""
 
@@ -263,7 +318,7 @@ class Material(_Named, frozen=True):
     """Look of a primitive."""
 
     pbr_metallic_roughness: Metallic = Metallic()
-    normal_texture: TextureInfo | None = None
+    normal_texture: NormalTextureInfo | None = None
     occlusion_texture: TextureInfo | None = None
     emissive_texture: TextureInfo | None = None
     emissive_factor: Vec3 = (0.0, 0.0, 0.0)
@@ -285,7 +340,7 @@ class Sampler(_Named, frozen=True):
 class TextureSource(_Thing, frozen=True):
     """The WebP image of a texture."""
 
-    source: Index
+    source: Index | None = None
 
 
 class TextureExtensions(_Thing, frozen=True):
@@ -346,7 +401,8 @@ class Spot(_Thing, frozen=True):
 class Light(_Named, frozen=True):
     """A light that shines along -z: lux if directional, else candela."""
 
-    type: Literal['directional', 'point', 'spot']
+    #: 'directional', 'point' or 'spot'; others are left out.
+    type: str
     color: Vec3 = (1.0, 1.0, 1.0)
     intensity: NotNegative = 1.0
     range: Positive | None = None

@@ -331,6 +331,9 @@ class _Columns(Table):
         self.names, self._held = names, {}
         for name in names:
             array = np.asarray(columns[name])
+            if not array.ndim:
+                msg = f'{self.path}: column {name!r} is one {array.item()!r:.80}'
+                raise ValueError(msg)
             self._held[name] = _as_numbers(array) if array.dtype.kind == 'O' else array
         lengths = {name: len(array) for name, array in self._held.items()}
         if len(set(lengths.values())) > 1:

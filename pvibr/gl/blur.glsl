@@ -5,8 +5,7 @@
 // down13, tent: half and twice the size in one pass each: J. Jimenez, "Next generation post
 // processing in Call of Duty: Advanced Warfare", SIGGRAPH 2014, slides 153 to 162: 13 taps for
 // five overlapping squares, the middle one as much as the others together; 3 x 3 taps of a tent.
-// Beyond edges images go on as in a mirror: at 0 by the texture's wrap, at the other end, which may
-// be within the last texel, by extent.
+// Beyond edges images go on as in a mirror: at 0, and at extent, which may be within the last texel.
 // add: light to be blended with a picture.
 // Inputs: image, wide (linear filter, clamped to the edge); places are counted in texels, so that
 // odd sizes keep their scale. PAIRS taps with PLACES (texels from the middle) and WEIGHTS.
@@ -21,7 +20,7 @@ void main()
   vec4 sum = vec4(min(uv.x, 0.0));
   for (int i = 0; i < PAIRS; ++i)
   {
-    vec2 at = middle + PLACES[i] * axis;
+    vec2 at = abs(middle + PLACES[i] * axis);
     sum += WEIGHTS[i] * texture(image, min(at, 2.0 * extent - at) * texel);
   }
   gl_FragData[0] = sum;
@@ -48,7 +47,7 @@ void main()
     for (int i = -1; i <= 1; ++i)
     {
       float weight = 0.03125 * float((2 - abs(i)) * (2 - abs(j)));
-      vec2 at = middle + 2.0 * vec2(i, j);
+      vec2 at = abs(middle + 2.0 * vec2(i, j));
       sum += weight * texture(image, min(at, 2.0 * extent - at) * texel);
     }
   }
@@ -56,7 +55,7 @@ void main()
   {
     for (int i = -1; i <= 1; i += 2)
     {
-      vec2 at = middle + vec2(i, j);
+      vec2 at = abs(middle + vec2(i, j));
       sum += 0.125 * texture(image, min(at, 2.0 * extent - at) * texel);
     }
   }
@@ -76,7 +75,7 @@ void main()
     for (int i = -1; i <= 1; ++i)
     {
       float weight = 0.0625 * float((2 - abs(i)) * (2 - abs(j)));
-      vec2 at = 0.5 * gl_FragCoord.xy + vec2(i, j);
+      vec2 at = abs(0.5 * gl_FragCoord.xy + vec2(i, j));
       sum += weight * texture(wide, min(at, 2.0 * extent - at) * texel);
     }
   }
@@ -84,11 +83,15 @@ void main()
 }
 //@add
 uniform sampler2D light;
-uniform vec2 place;    // of a pixel in the light: one over its pixels
-uniform vec2 shift;    // of the picture in the light, in shares of it
+uniform vec2 place;    // of the picture in the light: what share of it is as large as the picture
+uniform vec2 shift;    // and where it begins, in shares of it
 uniform float intensity;
 void main()
 {
-  vec3 more = intensity * texture(light, gl_FragCoord.xy * place + shift).rgb + min(uv.x, 0.0);
+#if WHOLE  // llvmpipe samples at places that are interpolated, not computed, a third faster
+  vec3 more = intensity * texture(light, uv).rgb;
+#else
+  vec3 more = intensity * texture(light, uv * place + shift).rgb;
+#endif
   gl_FragData[0] = vec4(more, clamp(max(more.r, max(more.g, more.b)), 0.0, 1.0));
 }

@@ -24,17 +24,17 @@ _PASSES = {'gaussian': ('halve', 'mix'), 'tent': ('down13', 'tent')}
 CHAINS = tuple(_PASSES)
 
 
-def halving_taps(kernel):
+def halving_taps(kernel, width=1.0):
     """Return the bilinear taps of a Gaussian that halves an image along one axis."""
-    texels, weights = (a.reshape(-1, 2) for a in _gaussian(kernel))
+    texels, weights = (a.reshape(-1, 2) for a in _gaussian(kernel, width))
     pairs = weights.sum(axis=1)
     places = (texels * weights).sum(axis=1) / pairs
     return places, pairs / pairs.sum()
 
 
-def _gaussian(kernel):
+def _gaussian(kernel, width):
     texels = np.arange(2 * kernel) - kernel + 0.5
-    return texels, np.exp(-0.5 * (texels * 3 / kernel) ** 2)
+    return texels, np.exp(-0.5 * (texels * 3 / (kernel * width)) ** 2)
 
 
 def halves(size, times=1) -> tuple[int, int]:
@@ -71,14 +71,14 @@ class Light:
 class Blur:
     """Blurs an image: its result is of half the size, and as bright in sum."""
 
-    def __init__(self, window, extent, levels, kernel, chain='gaussian'):
-        self.key = extent, levels, kernel, chain
+    def __init__(self, window, extent, levels, kernel, chain='gaussian', width=1.0):
+        self.key = extent, levels, kernel, chain, width
         size = math.ceil(extent[0] - _TINY), math.ceil(extent[1] - _TINY)
         text = sections(shader_source(__file__))
-        text['halve'] = _constants(kernel) + text['halve']
+        text['halve'] = _constants(kernel, width) + text['halve']
         self._quads = {n: Quad(window, text[n], f'blur {n}') for n in _PASSES[chain]}
-        self._add = text['add']
-        self.source = _target(window, size, (*_FORMAT, 'r8'))
+        self._add = [f'#define WHOLE {k}\n' + text['add'] for k in (0, 1)]
+        self.source = Target(window, size[0], size[1], (*_FORMAT, 'r8'))
         self._chain = chain
         self._levels = [_Level(window, halves(size, k)) for k in range(levels)]
 
@@ -93,7 +93,7 @@ class Blur:
     @property
     def sigma(self) -> float:
         """Standard deviation of the widest blur alone, in texels of `source`."""
-        return float(np.sqrt(_variance(*self.key[1:])))
+        return float(np.sqrt(sum(variances(*self.key[1:]))))
 
     @property
     def reach(self) -> int:
@@ -140,14 +140,13 @@ class Blur:
         """Apply light to a picture."""
         scale, corner = tile or (1, (0, 0))
         texels = [light.scale * scale * n for n in light.image.size]
-        uniforms = {
-            'place': [1 / n for n in texels],
-            'shift': [c / n for c, n in zip(corner, texels, strict=True)],
-            'intensity': intensity,
-        }
+        place = [n / t for n, t in zip(picture.size, texels, strict=True)]
+        shift = [c / t for c, t in zip(corner, texels, strict=True)]
+        uniforms = {'place': place, 'shift': shift, 'intensity': intensity}
+        text = self._add[np.allclose((place, shift), ((1, 1), (0, 0)), atol=1e-6)]
         how = '' if alone else 'screen' if screen else 'add'
         box = _placed(light.box, scale, corner)
-        picture.apply(Pointwise('light', self._add, uniforms, {'light': light.image}, how, box))
+        picture.apply(Pointwise('light', text, uniforms, {'light': light.image}, how, box))
 
     def release(self):
         """Free the GPU's memory; the context must be alive."""
@@ -157,18 +156,9 @@ class Blur:
 class _Level:
     def __init__(self, window, size):
         width, height = halves(size)
-        self.tall, self.small, self.mixed = self.targets = tuple(
-            _target(window, s) for s in ((width, size[1]), (width, height), (width, height))
-        )
-
-
-def _target(window, size, formats=_FORMAT):
-    """Return a target that goes on beyond its edges as in a mirror."""
-    target = Target(window, size[0], size[1], formats)
-    image = target.colors[0].object
-    image.SetWrapS(image.MirroredRepeat)
-    image.SetWrapT(image.MirroredRepeat)
-    return target
+        sizes = (width, size[1]), (width, height), (width, height)
+        self.targets = [Target(window, w, h, _FORMAT) for w, h in sizes]
+        self.tall, self.small, self.mixed = self.targets
 
 
 def _placed(box, scale, corner):
@@ -176,18 +166,18 @@ def _placed(box, scale, corner):
     return [round(scale * b) - round(corner[i % 2]) for i, b in enumerate(box)]
 
 
-def _variance(levels, kernel, chain):
-    """Return the variance of the widest blur along an axis, in texels of the first image."""
+def variances(levels, kernel, chain, width=1.0) -> tuple[float, float]:
+    """Return those of the widest blur by halving and by doubling, in texels of the first image."""
     down, up = 1.75, 2.75  # of 13 taps, and of a tent between texels
     if chain == 'gaussian':
-        texels, weights = _gaussian(kernel)
+        texels, weights = _gaussian(kernel, width)
         down, up = (weights * texels**2).sum() / weights.sum(), 0.75
     steps = 4.0 ** np.arange(levels)
-    return down * steps.sum() + up * steps[1:].sum()
+    return down * steps.sum(), up * steps[1:].sum()
 
 
-def _constants(kernel):
-    places, weights = halving_taps(kernel)
+def _constants(kernel, width):
+    places, weights = halving_taps(kernel, width)
     text = f'#define PAIRS {kernel}\n'
     for name, values in (('PLACES', places), ('WEIGHTS', weights)):
         numbers = ', '.join(f'{v:.9f}' for v in values)

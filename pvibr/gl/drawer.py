@@ -70,6 +70,12 @@ class Drawer:
             for light in theirs:
                 self.inner.AddLight(light)
 
+    def have_a_light(self):
+        """Add a light if none is on: without one, VTK's programs know no normals."""
+        if not any(light.GetSwitch() for light in self.inner.GetLights()):
+            self.inner.AddLight(_vtk.vtkLight())
+            self.inner.UpdateLights()
+
     def draw_depth(self, actors, *, faces='both'):
         """Draw the depth of visible opaque actors."""
         self.draw([self.doubles.of(actor, faces) for actor in actors])

@@ -8,9 +8,10 @@ from pvibr.core import _vtk
 from pvibr.core._vtk import address
 
 # Interleaved gradient noise: Jimenez, "Next Generation Post Processing in Call of Duty: Advanced
-# Warfare", SIGGRAPH 2014, slide 123. The same picture every time.
+# Warfare", SIGGRAPH 2014, slide 123. The same picture every time, but for samples of a still one,
+# which shift it by `Frame.vary`.
 DITHER = (
-    '#define IBR_DITHER fract(52.9829189 * fract(dot(gl_FragCoord.xy, '
+    '#define IBR_DITHER(shift) fract(shift + 52.9829189 * fract(dot(gl_FragCoord.xy, '
     'vec2(0.06711056, 0.00583715))))\n'
 )
 # Stands in names that VTK may declare, and goes once it has: its passes look for such names in

@@ -53,30 +53,38 @@ class Fused:
         self.window = window
         self._programs: dict[object, Quad] = {}
 
-    def draw(self, picture, points):
-        """Draw programs on a picture, in order."""
+    def draw(self, picture, points, to=None) -> bool:
+        """Draw programs on a picture, in order; the last of them to another target, if given.
+
+        Return whether that was drawn: not where all that there is was blended with the picture.
+        """
         most: list[Pointwise] = []
         for point in points:
             if sum(len(p.textures) for p in [*most, point]) > _MOST_TEXTURES and most:
                 self._draw(picture, most)
                 most = []
             most.append(point)
-        self._draw(picture, most)
+        return self._draw(picture, most, to)
 
-    def _draw(self, picture, points):
+    def _draw(self, picture, points, to=None) -> bool:
         # Light is most often local: each in its box costs less than all of them everywhere.
-        if len(points) == 1 or all(p.blend in ('add', 'screen') for p in points):
-            points = [p for p in points if not self._draw_in_place(picture, p)]
+        alone = len(points) == 1 or all(p.blend in ('add', 'screen') for p in points)
+        points = list(points)
+        while points and ((alone and to is None) or _is_local(points[0], picture.size)):
+            if not self._draw_in_place(picture, points[0]):
+                break
+            points.pop(0)
         if not points:
-            return
+            return False
         uniforms: dict[str, object] = {}
         textures = {'color': picture.color}
         for k, point in enumerate(points):
             uniforms |= {f'{name}_{k}': value for name, value in point.uniforms.items()}
             textures |= {f'{name}_{k}': texture for name, texture in point.textures.items()}
         key = tuple((point.text, point.blend) for point in points)
-        with picture.drawing():
+        with picture.drawing() if to is None else to.drawing():
             self._program(key, points).draw_alone(uniforms, textures)
+        return True
 
     def _draw_in_place(self, picture, point) -> bool:
         """Blend with the picture in place; return False if that is not possible."""
@@ -107,11 +115,24 @@ class Fused:
 
 def _cut(picture, box):
     """Clip to a box."""
-    left, bottom = (max(b, 0) for b in box[:2])
-    right, top = (min(b, n) for b, n in zip(box[2:], picture.size, strict=True))
     state = picture.window.GetState()
     state.SetEnumState(SCISSOR_TEST, True)
-    state.vtkglScissor(left, bottom, max(right - left, 0), max(top - bottom, 0))
+    state.vtkglScissor(*_within(box, picture.size))
+
+
+def _within(box, size):
+    """Return left, bottom, width and height of the part of a box that is in a picture."""
+    left, bottom = (max(b, 0) for b in box[:2])
+    right, top = (min(b, n) for b, n in zip(box[2:], size, strict=True))
+    return left, bottom, max(right - left, 0), max(top - bottom, 0)
+
+
+def _is_local(point, size) -> bool:
+    """Return whether it pays to add a program's light within its box before all others."""
+    if point.box is None or point.blend != 'add':
+        return False
+    width, height = _within(point.box, size)[2:]
+    return width * height < size[0] * size[1] / 2
 
 
 def fuse(points) -> str:
@@ -128,7 +149,7 @@ def fuse(points) -> str:
     return (
         'uniform sampler2D color;\nvec4 ibr_color, ibr_found;\n'
         + '\n'.join(texts)
-        + 'void main()\n{\n  ibr_color = texture(color, uv);\n'
+        + 'void main()\n{\n  ibr_color = texelFetch(color, ivec2(gl_FragCoord.xy), 0);\n'
         + ''.join(steps)
         + '  gl_FragData[0] = ibr_color;\n}\n'
     )

@@ -55,22 +55,22 @@ class MipTexture(Texture):
         self._levels = self._levels or self._made_levels()
         height, width = array.shape[:2]
         texture = Texture(self.window).upload(array)
-        source = _Level(self.window, texture.object, 0, width, height)
+        source = Level(self.window, texture.object, 0, width, height)
         copy(source, self._levels[k])
-        source.object.ReleaseGraphicsResources(self.window)
+        source.release()
         texture.release()
 
     def _made_levels(self):
         width, height = self.size
         count = int(np.log2(max(width, height))) + 1
         return [
-            _Level(self.window, self.object, k, max(width >> k, 1), max(height >> k, 1))
+            Level(self.window, self.object, k, max(width >> k, 1), max(height >> k, 1))
             for k in range(count)
         ]
 
     def _forget_levels(self):
         for level in self._levels:
-            level.object.ReleaseGraphicsResources(self.window)
+            level.release()
         self._levels = []
 
     def release(self):
@@ -80,7 +80,7 @@ class MipTexture(Texture):
         self.nbytes = 0
 
 
-class _Level:
+class Level:
     """One level of a texture, to be copied from and to."""
 
     def __init__(self, window, texture, number, width, height):
@@ -93,8 +93,12 @@ class _Level:
         self.object.AddColorAttachment(0, texture, 0, 0, number)
         state.PopFramebufferBindings()
 
+    def release(self):
+        """Free the framebuffer; the texture stays."""
+        self.object.ReleaseGraphicsResources(self.window)
 
-def copy(source: Target | _Level, target: Target | _Level, *, turned=False):
+
+def copy(source: Target | Level, target: Target | Level, *, turned=False):
     """Copy colours; pixels of a larger picture are averaged."""
     left, right = (source.width, 0) if turned else (0, source.width)
     rects = (left, 0, right, source.height), (0, 0, target.width, target.height)
@@ -109,8 +113,8 @@ def put_rows(texture, array, rows):
         texture.upload(array)
         return
     part = Texture(texture.window).upload(array[rows])
-    source = _Level(texture.window, part.object, 0, width, len(rows))
-    target = _Level(texture.window, texture.object, 0, width, height)
+    source = Level(texture.window, part.object, 0, width, len(rows))
+    target = Level(texture.window, texture.object, 0, width, height)
     starts = np.flatnonzero(np.diff(rows, prepend=-2) != 1).tolist()
     for a, b in pairwise([*starts, len(rows)]):
         row = int(rows[a])
@@ -118,5 +122,5 @@ def put_rows(texture, array, rows):
         state = texture.window.GetState()
         blit(state, source.object, target.object, gl.COLOR_BUFFER_BIT, *rects)
     for level in (source, target):
-        level.object.ReleaseGraphicsResources(texture.window)
+        level.release()
     part.release()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from contextlib import contextmanager
+from weakref import WeakSet
 
 import numpy as np
 
@@ -12,10 +13,14 @@ from pvibr.gl.drawer import Drawer
 from pvibr.gl.target import Target
 from pvibr.gl.texture import texture_limit
 
+#: Renderers within whose frames something may be drawn off screen.
+RENDERERS: WeakSet = WeakSet()
+
 
 @contextmanager
 def hidden_window(width=64, height=64):
-    """Yield a small off-screen window with a live context, finalized afterwards."""
+    """Yield a small off-screen window with a live context, which it gives back afterwards."""
+    before = next((w for r in RENDERERS if _is_current(w := r.GetRenderWindow())), None)
     renderer = _vtk.vtkOpenGLRenderer()  # first: it loads VTK's OpenGL, which the window needs
     window = _vtk.vtkRenderWindow()
     window.SetOffScreenRendering(1)
@@ -29,6 +34,12 @@ def hidden_window(width=64, height=64):
     finally:
         window.RemoveRenderer(renderer)
         window.Finalize()
+        if before is not None:
+            before.MakeCurrent()
+
+
+def _is_current(window) -> bool:
+    return window is not None and not window.GetNeverRendered() and bool(window.IsCurrent())
 
 
 def rasterize(actors, view, size, formats=('rgba8',), *, samples=1, blend=False) -> list:
@@ -62,6 +73,7 @@ def rasterize_views(actors, views, size, formats=('rgba8',), *, samples=1, blend
         drawer, target = Drawer(renderer), Target(window, wide, high, formats, depth=True)
         try:
             for view in views:
+                window.MakeCurrent()  # who asks for views may draw elsewhere between them
                 with target.drawing(clear=(0.0, 0.0, 0.0, 0.0)):
                     drawer.look(view, (0, 0, wide, high))
                     if blend:
@@ -70,6 +82,7 @@ def rasterize_views(actors, views, size, formats=('rgba8',), *, samples=1, blend
                     drawer.draw(actors)
                 yield [color.download() for color in target.colors]
         finally:
+            window.MakeCurrent()
             for actor in actors:
                 actor.ReleaseGraphicsResources(window)
             target.release()

@@ -10,7 +10,7 @@ from pvibr.gl import enums as gl
 from pvibr.gl.fused import Pointwise
 from pvibr.gl.quad import Quad, shader_source
 from pvibr.gl.scene_pass import like_window
-from pvibr.gl.target import Target, blit
+from pvibr.gl.target import Target, WindowTarget, blit
 from pvibr.gl.texture import Texture, release
 
 
@@ -27,7 +27,7 @@ class Picture:
         self._resolving: Quad | None = None
         self._fused = fused
         self._pending: list[Pointwise] = []
-        self._ends = False
+        self._ends = self._is_apart = False
         #: Whether the last effect is drawing.
         self.last = False
         #: Finds the depth of a scene that was drawn without any.
@@ -53,6 +53,7 @@ class Picture:
         """Take colours and depth of a target: where that is all of it as it is, else copied."""
         self._drawn, self._pending, self._ends = None, [], False
         self.find_depth = None
+        self._is_apart = scene.object is not self.window.GetRenderFramebuffer()
         samples = scene.object.GetMultiSamples()
         if samples <= 1 and (scene.width, scene.height) == self.size and self.origin == (0, 0):
             self._source = scene
@@ -129,16 +130,32 @@ class Picture:
             whole = (0, 0, *self.size)
             self._blit(self._source.object, framebuffer, gl.DEPTH_BUFFER_BIT, whole, place)
 
+    def put_depth(self, framebuffer):
+        """Have the window keep the depth of a framebuffer of its size instead of the scene's."""
+        target, place, whole = self._source.object, (0, 0, *self.size), (0, 0, *self.size)
+        if not self._is_apart:
+            target, place = self.window.GetRenderFramebuffer(), self._place()
+        self._blit(framebuffer, target, gl.DEPTH_BUFFER_BIT, whole, place)
+
     def present(self):
         """Copy the picture to the window if it changed."""
-        self._draw_pending()
         window = self.window.GetRenderFramebuffer()
         place, whole = self._place(), (0, 0, *self.size)
-        if self.needs_hdr:
+        if self._is_apart:
             self._blit(self._source.object, window, gl.DEPTH_BUFFER_BIT, whole, place)
+            if self._pending and self.origin == (0, 0):  # so that pixels have the same places
+                pending, self._pending = self._pending, []
+                if self._fused.draw(self, pending, self._window_target()):
+                    return
+        self._draw_pending()
         drawn = self._drawn or self._source
-        if drawn.object is not window and (self.needs_hdr or self._drawn is not None):
+        if drawn.object is not window and (self._is_apart or self._drawn is not None):
             self._blit(drawn.object, window, gl.COLOR_BUFFER_BIT, whole, place)
+
+    def _window_target(self):
+        target = WindowTarget(self.window)
+        target.width, target.height = self.size
+        return target
 
     def _place(self):
         (x, y), (width, height) = self.origin, self.size

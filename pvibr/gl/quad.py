@@ -26,6 +26,7 @@ _GEOMETRY_HEAD = '//VTK::System::Dec\n'
 _BLENDS = {
     'over': gl.OVER,
     'add': (gl.ONE, gl.ONE, gl.ONE_MINUS_DST_ALPHA, gl.ONE),
+    'sum': (gl.ONE, gl.ONE, gl.ONE, gl.ONE),
     'screen': (gl.ONE_MINUS_DST_COLOR, gl.ONE, gl.ONE_MINUS_DST_ALPHA, gl.ONE),
 }
 _MOST_LINES = 8  # of a driver's log in a message

@@ -6,8 +6,8 @@ from typing import Any
 
 from pvibr.core import _vtk
 from pvibr.core._vtk import method
-from pvibr.gl.enums import COLOR_BUFFER_BIT
-from pvibr.gl.target import Target, WindowTarget
+from pvibr.gl.enums import COLOR_BUFFER_BIT, DEPTH_BUFFER_BIT
+from pvibr.gl.target import Target, WindowTarget, blit
 from pvibr.gl.texture import Texture, release
 
 _MARK = 'pvibr: '  # begins the names of props that are no part of a scene
@@ -23,8 +23,10 @@ class ScenePass:
     def __init__(self, window):
         self.window = window
         self.needs_hdr = False
-        self._floats: Target | None = None
+        self._own: Any = None
         self._made: tuple = ()
+        self._origin: tuple = ()
+        self._is_apart = False
         self._surfaces: Texture | None = None
         self._marker: _Marker | None = None
         self._attached: Any = None
@@ -32,36 +34,59 @@ class ScenePass:
     @property
     def framebuffer(self):
         """The framebuffer with colours and depth of the frame."""
-        if self.needs_hdr and self._floats is not None:
-            return self._floats.object
-        return self.window.GetRenderFramebuffer()
+        return self._own.object if self.is_apart else self.window.GetRenderFramebuffer()
 
     @property
     def target(self) -> Target:
         """The same as something to draw into."""
-        if self.needs_hdr and self._floats is not None:
-            return self._floats
-        return WindowTarget(self.window)
+        return self._own if self.is_apart else WindowTarget(self.window)
+
+    @property
+    def is_apart(self) -> bool:
+        """Whether the scene is drawn elsewhere than into the window."""
+        return self._is_apart and self._own is not None
 
     @property
     def nbytes(self) -> int:
         """Bytes on the GPU."""
-        return sum(owner.nbytes for owner in (self._floats, self._surfaces) if owner is not None)
+        return sum(owner.nbytes for owner in (self._own, self._surfaces) if owner is not None)
 
-    def begin(self, frame, needs_hdr):
-        """Take the frame that VTK is about to draw."""
-        self.needs_hdr = False
-        if needs_hdr:
-            samples = self.window.GetRenderFramebuffer().GetMultiSamples()
-            made = *_extent(frame), samples
-            if self._floats is None or self._made != made:
-                release(self._floats)
-                self._floats = like_window(self.window, made[:2], 'rgba32f', samples)
-                self._made = made
-            self.window.GetState().PushFramebufferBindings()
-            self.needs_hdr = True
-            self._floats.object.Bind()
-            self._floats.object.ActivateDrawBuffer(0)
+    def begin(self, frame, needs_hdr, *, single=False):
+        """Take the frame that VTK is about to draw, with the window's samples or a single one."""
+        samples = self.window.GetRenderFramebuffer().GetMultiSamples()
+        self.needs_hdr = needs_hdr
+        self._is_apart = needs_hdr or (single and samples > 1)
+        if not self._is_apart:
+            return
+        kind = 'rgba32f' if needs_hdr else 'rgba8'
+        made = *_extent(frame), kind, 0 if single else samples
+        if self._own is None or self._made != made:
+            old, self._own = self._own, None
+            release(old)
+            self._own = like_window(self.window, made[:2], kind, made[3])
+            self._made = made
+        self.window.GetState().PushFramebufferBindings()
+        self._own.object.Bind()
+        self._own.object.ActivateDrawBuffer(0)
+        self._origin = frame.origin if volumes_of(frame.renderer) else ()
+        if self._origin:
+            self._mark(frame)
+
+    def _mark(self, frame):
+        self._marker = self._marker or _Marker(frame.renderer, self._after_opaque)
+        self._marker.add()
+
+    def _after_opaque(self):
+        self._detach()
+        if self.is_apart and self._origin:
+            self._give_depth()
+
+    def _give_depth(self):
+        """Copy the depth into the window, where volumes drawn by the CPU look for it."""
+        own, window = self._own.object, self.window.GetRenderFramebuffer()
+        if own.GetMultiSamples() == window.GetMultiSamples():
+            place = (*self._origin, *self._made[:2])
+            blit(self.window.GetState(), own, window, DEPTH_BUFFER_BIT, place, place)
 
     def attach_surfaces(self, frame) -> Texture:
         """Attach a second colour for opaque props, detached after the last of them."""
@@ -69,8 +94,7 @@ class ScenePass:
             release(self._surfaces)
             width, height = _extent(frame)
             self._surfaces = Texture(self.window).allocate(width, height, 'rgba32f')
-        self._marker = self._marker or _Marker(frame.renderer, self._detach)
-        self._marker.add()
+        self._mark(frame)
         self._attached = framebuffer = self.framebuffer
         framebuffer.AddColorAttachment(1, self._surfaces.object)
         if frame.renderer.GetPreserveColorBuffer():
@@ -104,20 +128,25 @@ class ScenePass:
     def end(self):
         """Restore the bindings after VTK has drawn."""
         self._detach()
-        if self.needs_hdr:
+        if self.is_apart:
             self.window.GetState().PopFramebufferBindings()
 
     def release(self):
         """Free the GPU's memory; the context must be alive."""
         self._detach()
-        release(self._floats, self._surfaces, self._marker)
-        self._floats = self._surfaces = self._marker = None
-        self.needs_hdr = False
+        release(self._own, self._surfaces, self._marker)
+        self._own = self._surfaces = self._marker = None
+        self.needs_hdr = self._is_apart = False
 
 
 def _extent(frame):
     """Return the right and upper end of a subplot in the window."""
     return frame.origin[0] + frame.size[0], frame.origin[1] + frame.size[1]
+
+
+def volumes_of(renderer) -> list:
+    """Return the visible volumes of a renderer."""
+    return [volume for volume in renderer.GetVolumes() if volume.GetVisibility()]
 
 
 class _Marker:

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import pyvista as pv
 
+from pvibr.core import _vtk
 from pvibr.gl import shader_source
 from pvibr.gl.binder import Binder
 from pvibr.gl.feature import Feature, sections
@@ -37,7 +36,7 @@ class LayerCard(SoftDraws):
 
     def __init__(self):
         super().__init__(_feature(), prop=pv.Property(lighting=False), binder=Binder())
-        self.window: Any = None
+        self.window: _vtk.vtkRenderWindow | None = None
         self._inputs: tuple[dict, dict] = {}, {}
         self._bounds: tuple | None = None
 

@@ -57,7 +57,8 @@ class Lighting:
         renderer.UpdateLightsGeometryToFollowCamera()
         on = [light for light in renderer.GetLights() if light.GetSwitch()]
         self.kinds = [_kind(light) for light in on]
-        self.colors = np.array([np.ravel(colors_of(light)) for light in on]).reshape(len(on), -1)
+        colors = [np.ravel(colors_of(light)) for light in on]
+        self.colors = np.array(colors) if on else np.zeros((0, 9))
         self.places = np.array([light.GetTransformedPosition() for light in on]).reshape(-1, 3)
         ends = np.array([light.GetTransformedFocalPoint() for light in on]).reshape(-1, 3)
         ways = ends - self.places

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from pvibr.gl import MipTexture, Texture, texture_limit
+from pvibr.maths.arguments import naming
 from pvibr.maths.draping import sample
 
 _FILMS = ('.avi', '.gif', '.m4v', '.mkv', '.mov', '.mp4', '.mpeg', '.mpg', '.webm')
@@ -176,8 +177,13 @@ def is_live(image) -> bool:
     return hasattr(type(image), 'shown') and hasattr(image, 'size')
 
 
-def as_rgba(image) -> np.ndarray:
-    """Return a picture as colours with alpha."""
+def as_rgba(image, name='image') -> np.ndarray:
+    """Return a picture, the value of an argument, as colours with alpha."""
+    with naming(name, type(image).__name__ if hasattr(image, 'shape') else image):
+        return _as_rgba(image)
+
+
+def _as_rgba(image):
     if isinstance(image, str | Path):
         image = _read(_file('image', image))
     elif hasattr(image, 'to_array'):
@@ -239,10 +245,34 @@ def _is_film(image):
 
 def _mask(mask, size):
     """Return a mask as (h, w) float, 0 to 1, of the picture's size."""
-    picture = as_rgba(mask)
+    picture = as_rgba(mask, 'mask')
     gray = picture[..., 0] / 255 * (picture[..., 3] / 255)
     if gray.shape == (size[1], size[0]):
         return gray
     u, v = (np.arange(size[0]) + 0.5) / size[0], 1 - (np.arange(size[1]) + 0.5) / size[1]
     uv = np.stack(np.meshgrid(u, v), -1).reshape(-1, 2)
     return sample(gray, uv).reshape(size[1], size[0])
+
+
+def resized(picture, size):
+    """Return a picture in another size, averaged by areas."""
+    from PIL import Image
+
+    if picture.shape[1::-1] == tuple(size):
+        return picture[..., 0] if picture.shape[2] == 1 else picture
+    flat = Image.fromarray(picture[..., 0] if picture.shape[2] == 1 else picture)
+    return np.array(flat.resize(size, Image.Resampling.BOX))
+
+
+def decoded(path, whole, size):
+    """Return a picture in another size, of JPEG without decoding all of it; None if it cannot."""
+    from PIL import Image
+
+    try:
+        with Image.open(path) as file:
+            if file.size != tuple(whole) or file.mode not in ('RGB', 'L', 'YCbCr', 'RGBA', 'P'):
+                return None
+            file.draft('RGB', size)
+            return resized(np.array(file.convert('RGBA')), size)
+    except OSError:
+        return None  # imageio reads more

@@ -8,6 +8,7 @@ import numpy as np
 
 from pvibr.gl import MipTexture, texture_limit
 from pvibr.images.projected import as_rgba, is_live
+from pvibr.maths.arguments import naming
 
 #: Texels along a side that a sheet may have: what drivers of the last ten years take.
 LARGEST = 16_384
@@ -184,7 +185,8 @@ def _numbered(i, image, count):
 
 def _cut_up(image, frames):
     height, width = image.shape[:2]
-    good = np.shape(frames) == (2,) and all(isinstance(f, int | np.integer) for f in frames)
+    with naming('frames', frames):
+        good = np.shape(frames) == (2,) and all(isinstance(f, int | np.integer) for f in frames)
     if not good or min(frames) < 1 or width % frames[0] or height % frames[1]:
         msg = (
             f'frames = {frames!r}: it must be columns and rows that divide the image of '

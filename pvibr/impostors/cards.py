@@ -28,9 +28,16 @@ def card_feature(*, depth, shiny, several) -> Feature:
             'VTK::Depth::Impl': (part['fragment.depth'] if depth else '') + '//VTK::Depth::Impl\n',
             'VTK::Color::Impl': '//VTK::Color::Impl\n' + part['fragment.color'],
             'VTK::Normal::Impl': 'vec3 normalVCVSOutput = ibr_normal;\n',
-            'VTK::Light::Impl': light if shiny else DULL[0] + light + DULL[1],
+            'VTK::Light::Impl': light.join(_SHINY if shiny else DULL),
         },
     )
+
+
+# VTK declares both only where there is a light.
+_SHINY = (
+    '#define specularColor ibr_specular\n#define specularPower ibr_matter.w\n',
+    '#undef specularColor\n#undef specularPower\n',
+)
 
 
 class ImpostorCards(ShaderDraws):

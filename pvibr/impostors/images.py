@@ -125,6 +125,7 @@ class Images:
         seen = card_view(card, k, texel, parallel=parallel)
         x, y, _ = self.tile[view].tolist()
         self.drawer.look(seen, (x, y, *size.tolist()))
+        self.drawer.have_a_light()
         self.drawer.fill((0.0, 0.0, 0.0, 0.0))
         # GL reads columns: the rows of view from world are those of its inverse.
         turned = seen.view_from_world[:3, :3].ravel().tolist()

@@ -110,5 +110,4 @@ in vec4 vertexVCVSOutput;
 //@fragment.color
   ambientColor = ibr_matter.x * ibr_base_color;
   diffuseColor = ibr_matter.y * ibr_base_color;
-  specularColor = ibr_matter.z * ibr_shine;
-  specularPower = ibr_matter.w;
+  vec3 ibr_specular = ibr_matter.z * ibr_shine;

@@ -70,7 +70,7 @@ class InstanceSet:
     def pool(self, number, texels) -> MeshPool:
         """Return the mesh pool of the level that is within the error at a size."""
         group = self.thing.groups[number]
-        limits = self.thing.limits[number].meshes
+        limits = self.thing.limits[number].meshes.min(1)
         level = max(k for k, limit in enumerate(limits) if k == 0 or texels <= limit)
         key = number, level
         if key not in self._pools:

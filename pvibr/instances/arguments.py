@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
+from pvibr.core.params import checked_flag
 from pvibr.formats.trimesh_meshes import is_trimesh
+from pvibr.maths.arguments import as_array
 from pvibr.maths.transforms import trs
 from pvibr.meshes.files import scene_instances
 from pvibr.meshes.glyphs import Glyphs, named
@@ -60,7 +63,7 @@ def checked_index(index, n, meshes):
     """Return the mesh of each instance, in turn by default."""
     if index is None:
         return np.arange(n) % meshes if meshes > 1 else np.zeros(n, int)
-    index = np.asarray(index)
+    index = as_array('index', index)
     if index.shape != (n,) or index.dtype.kind not in 'iu':
         msg = f'index has shape {index.shape}, dtype {index.dtype}; it must be ({n},) integers'
         raise ValueError(msg)
@@ -74,9 +77,12 @@ def checked_index(index, n, meshes):
 
 def index_of_phase(phase, meshes):
     """Return the meshes that phases, modulo 1, show."""
-    phase = np.asarray(phase)
+    phase = as_array('phase', phase)
     if phase.dtype.kind not in 'fiu' or not np.isfinite(phase).all():
         msg = f'phase has dtype {phase.dtype}; it must be finite numbers'
+        raise ValueError(msg)
+    if phase.ndim > 1:
+        msg = f'phase has shape {phase.shape}; it must be a number, or one for each'
         raise ValueError(msg)
     return np.minimum((phase % 1.0 * meshes).astype(int), meshes - 1)
 
@@ -117,7 +123,7 @@ def checked_ids(ids, count):
 
 def repeated(name, values, count):
     """Return one value for each of so many instances; a single one is that of all."""
-    values = np.asarray(values)
+    values = as_array(name, values)
     rows = values[None] if values.ndim == 0 else values
     if len(rows) not in (1, count):
         msg = f'{name} has {len(rows)} rows; it must be one, or one for each of {count} instances'
@@ -134,15 +140,22 @@ def same_kind(poses, others):
 
 def checked_blend(blend):
     """Return how colours of instances combine with those of the mesh."""
-    if blend not in ('replace', 'multiply'):
+    if not isinstance(blend, str) or blend not in ('replace', 'multiply'):
         msg = f"blend is {blend!r}; it must be 'replace' or 'multiply'"
         raise ValueError(msg)
     return blend
 
 
+def checked_cache(cache):
+    """Return a flag, or the path of a folder."""
+    if isinstance(cache, str | os.PathLike) and cache != '':
+        return cache
+    return checked_flag('cache', cache)
+
+
 def checked_views(views):
     """Return True if a mesh is baked from the upper hemisphere only."""
-    if views not in ('full', 'half'):
+    if not isinstance(views, str) or views not in ('full', 'half'):
         msg = f"views is {views!r}; it must be 'full' or 'half'"
         raise ValueError(msg)
     return views == 'half'

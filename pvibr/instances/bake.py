@@ -9,21 +9,17 @@ import numpy as np
 from pvibr.core import _vtk
 from pvibr.gl import Quad, Target, set_fragment_uniforms, shader_source, texture_limit
 from pvibr.gl.drawer import Drawer
+from pvibr.gl.feature import Feature
 from pvibr.gl.offscreen import hidden_window
 from pvibr.instances.atlas import MARGIN, Atlas, bounding_sphere
 from pvibr.maths import octahedral
 from pvibr.maths.surfaces import encloses
 from pvibr.maths.views import orthographic
-from pvibr.meshes.materials import copy_property
+from pvibr.meshes.maps import attach_maps, emission_of
+from pvibr.meshes.materials import PROPERTY_TEXTURES, copy_property, copy_texture
 from pvibr.meshes.turntable import Turntable
 
 _FLAT = 0  # VTK_FLAT
-#: Settings of a VTK texture, by the names of their methods.
-TEXTURE_MODES = (
-    *('Interpolate', 'Mipmap', 'Wrap', 'ColorMode', 'BlendingMode', 'PremultipliedAlpha'),
-    *('UseSRGBColorSpace', 'RestrictPowerOf2ImageSmaller'),
-)
-
 # Lighting is computed by VTK and thrown away: what is kept is the colour before light, which
 # VTK then multiplies by the texture, and the normal after VTK's own flips for two-sided surfaces.
 # Ambient light is none, but VTK sets the colours of back faces only where its uniforms are used.
@@ -156,15 +152,13 @@ def unlit_actor(part, closed=None):
     texture = copy_texture(part.actor.GetTexture())
     if texture is not None:
         actor.SetTexture(texture)
-    shader = actor.GetShaderProperty()
     cut = _CUT if part.alpha_cutoff else ''  # a discard, even unused, costs early depth tests
-    for tag, text in (
-        ('//VTK::Light::Impl', _UNLIT),
-        ('//VTK::DepthPeeling::Impl', cut + _OUTPUT),
-    ):
-        shader.AddFragmentShaderReplacement(tag, True, text, False)
+    # Images have no place for emitted light: it brightens the colour, which is lit.
+    attach_maps(actor, emission_of(part.actor))
+    texts = {'VTK::Light::Impl': _UNLIT, 'VTK::DepthPeeling::Impl': cut + _OUTPUT}
+    Feature('bake', fragment=texts).attach(actor)
     if cut:
-        shader.GetFragmentCustomUniforms().SetUniformf('ibr_cut', part.alpha_cutoff)
+        set_fragment_uniforms((actor,), {'ibr_cut': float(part.alpha_cutoff)})
     return actor
 
 
@@ -180,20 +174,11 @@ def _unlit(prop):
     copy.SetSpecular(0.0)
     copy.SetOpacity(1.0)
     copy.EdgeVisibilityOff()
-    return copy
-
-
-def copy_texture(texture):
-    """Return a new texture with the same image, for another window."""
-    if texture is None or texture.GetInput() is None:
-        return None
-    copy = _vtk.vtkTexture()
-    copy.SetInputData(texture.GetInput())
-    copy.SetLookupTable(texture.GetLookupTable())
-    copy.SetTransform(texture.GetTransform())
-    copy.SetBorderColor(texture.GetBorderColor())
-    for name in TEXTURE_MODES:
-        getattr(copy, f'Set{name}')(getattr(texture, f'Get{name}')())
+    for name in PROPERTY_TEXTURES:
+        texture = copy_texture(prop.GetTexture(name))
+        if texture is not None:
+            copy.RemoveTexture(name)  # or VTK warns of its replacement
+            copy.SetTexture(name, texture)
     return copy
 
 

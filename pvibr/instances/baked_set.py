@@ -11,7 +11,7 @@ from pvibr.instances.memory import hold, room
 from pvibr.instances.posed_set import PosedSet
 from pvibr.instances.sources import MESH_CHANGED, Sources
 from pvibr.meshes.parts import culled_faces
-from pvibr.meshes.poses import mirror
+from pvibr.meshes.poses import mirror, placed_by
 
 
 class BakedSet(PosedSet):
@@ -77,8 +77,11 @@ class BakedSet(PosedSet):
         super()._take_back(before)
 
     def _may_move(self, kept, poses) -> bool:
-        turned = not self._unculled and self._culled() and mirror(poses)
-        return super()._may_move(kept, poses) and not turned
+        if not super()._may_move(kept, poses):
+            return False
+        if self._unculled or not self._culled():
+            return True
+        return not mirror(poses if self._world is None else placed_by(self._world, poses))
 
     def _lacking(self) -> set:
         """Return also the meshes without images that may have them now."""

@@ -14,6 +14,11 @@ PATCH_SIDE = 4
 PATCHES = PATCH_SIDE**2
 
 
+def at_patches(values, patches) -> np.ndarray:
+    """Return values by patch at some patches, the least of all where one is unknown, -1."""
+    return np.append(values, values.min(-1, keepdims=True), -1)[..., patches]
+
+
 class CardLayer(SoftDraws):
     """The cards of one shader, drawn in parts from the same entries."""
 

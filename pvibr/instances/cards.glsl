@@ -8,7 +8,7 @@
 // Spaces: q = the object's bounding sphere scaled to the unit sphere; eye = VTK's VC.
 // ibr_first, the first slot of a draw, and ibr_end, the block after its last, are an actor's custom
 // uniforms: VTK declares them.
-// IBR_DITHER is a number from 0 to 1 that depends on the pixel alone.
+// IBR_DITHER is a number from 0 to 1 that depends on the pixel, and on its shift.
 // Defines: VIEWS_BLENDED 1 or 3; STEPS 0, 1, 2; CORNERS 4 or 1; SPLAT 0 or 1;
 // CARD_TAPS 1 or 4: points of a pixel at which its views are looked up;
 // PATCH_SIDE, of the square of patches of directions, each with errors of its own;
@@ -351,6 +351,7 @@ uniform vec4 ibr_paint;               // a colour in place of the albedo, where 
 uniform float ibr_margin;
 uniform vec3 ibr_part;                // coverages from, to; opacity: below 0 the coverage
 uniform int ibr_fades;                // 1 where levels blend with each other
+uniform float ibr_dither;             // shift of the pattern by which levels share pixels
 uniform float ibr_error;              // px, how far from the mesh a level may be
 uniform vec4 ibr_clip_depth;          // rows z and w of clip from eye, z columns: zz, zw, wz, ww
 in vec4 vertexVCVSOutput;
@@ -513,7 +514,7 @@ void ibr_tap(vec2 off, inout vec4 geometry, inout vec4 albedo)
   }
   if (ibr_fades == 1) { ibr_coverage *= clamp(ibr_card.w, 0.0, 1.0); }
   if (ibr_coverage < ibr_part.x || ibr_coverage >= ibr_part_of.x) { discard; }
-  if (ibr_fades == 1 && ibr_part_of.y > 0.5 && IBR_DITHER < ibr_card.z) { discard; }
+  if (ibr_fades == 1 && ibr_part_of.y > 0.5 && IBR_DITHER(ibr_dither) < ibr_card.z) { discard; }
 
 //@fragment.depth
   {

@@ -276,6 +276,7 @@ class Cards:
             'ibr_clip_from_eye': clip,
             'ibr_clip_depth': (clip[2, 2], clip[2, 3], clip[3, 2], clip[3, 3]),
             'ibr_fades': int(not self.solid),
+            'ibr_dither': frame.vary('levels')[0],
             'ibr_error': 1.0 / frame.quality,
         }
 

@@ -7,7 +7,6 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import pyvista as pv
 
-from pvibr.instances.bake import copy_texture
 from pvibr.instances.foliage_quads import Groups, clusters, components, dilated, quads
 from pvibr.instances.mesh_pool import lendable
 from pvibr.maths.facing import CLOSE
@@ -15,6 +14,7 @@ from pvibr.maths.flip import flip
 from pvibr.maths.image_error import box_reduce, psnr, silhouette_iou
 from pvibr.maths.vectors import as_units
 from pvibr.meshes.decimate import lighter
+from pvibr.meshes.materials import copy_texture
 from pvibr.meshes.parts import Part, as_parts, check_triangles
 from pvibr.meshes.surfaces import some_triangles
 from pvibr.meshes.turntable import Turns

@@ -13,10 +13,9 @@ from scipy.spatial import cKDTree
 from pvibr.core import _vtk
 from pvibr.gl.offscreen import rasterize
 from pvibr.images.sheet import shelves
-from pvibr.instances.bake import copy_texture
 from pvibr.instances.mesh_pool import lendable
 from pvibr.maths.views import orthographic
-from pvibr.meshes.materials import copy_property
+from pvibr.meshes.materials import copy_property, copy_texture
 from pvibr.meshes.parts import Part, as_parts
 
 _SAMPLES = 2  # along a side of a texel

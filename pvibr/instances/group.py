@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from pvibr.core import _vtk
-from pvibr.instances.card_layers import PATCH_SIDE
+from pvibr.instances.card_layers import PATCH_SIDE, at_patches
 from pvibr.instances.cards import FADE, Cards
 from pvibr.instances.materials import copy_light
 from pvibr.instances.near_meshes import NearMeshes
@@ -150,13 +150,16 @@ class InstanceGroup:
         centers = np.ascontiguousarray(self.blocks.centers.T)
         return np.stack([(centers - reach).min(1), (centers + reach).max(1)], 1).ravel()
 
-    def tight_bounds(self) -> tuple:
-        """Return the world bounds of the points of all instances: x, y and z, low and high."""
+    def tight_bounds(self, poses=None) -> tuple:
+        """Return the bounds of the points of all instances, or of these at other poses."""
         if not len(self):
             return (1.0, -1.0) * 3
-        center, ids = self.atlas.center, self.ids[self.placement.outermost()]
-        found = spheres(self.poses, ids, center, self.atlas.radius)
-        bounds = posed_bounds(self.model.corners, self.poses[ids], center, found)
+        ids = self.ids
+        if poses is None:
+            poses, ids = self.poses, ids[self.placement.outermost()]
+        center = self.atlas.center
+        found = spheres(poses, ids, center, self.atlas.radius)
+        bounds = posed_bounds(self.model.corners, poses[ids], center, found)
         return tuple(bounds.T.ravel().tolist())
 
     def upload(self, window):
@@ -205,7 +208,7 @@ class InstanceGroup:
             cored = self._first_cored(large[used])
             chosen[name] = Choice(table[used], depths[used], ranges, level, cored, limits)
             self.counts[name] = min(len(used) * self.unit, len(self))
-        self.large = table[large >= _least(limits.mesh)[patches]]
+        self.large = table[large >= at_patches(limits.mesh, patches)]
         return chosen
 
     def _first_cored(self, sizes) -> int:
@@ -232,10 +235,6 @@ class InstanceGroup:
             found, inside = octahedral.cells(seen, PATCH_SIDE, self.atlas.half)
             out[some] = np.where(inside > _UNSURE, found, _UNKNOWN)
         return out
-
-    def least_of_meshes(self, frame, limits, slots, eye, sizes):
-        """Return the sizes from which slots are drawn as meshes."""
-        return _least(limits.mesh)[self.patches(frame, limits, slots, eye, sizes)]
 
     def _rises(self, frame, index, origins):
         """Return the sines of the camera's elevation over instances; None without a turntable."""
@@ -301,17 +300,13 @@ class InstanceGroup:
         self.near.release(window)
 
 
-def _least(values):
-    """Return values by patch, and at the end, for unknown ones, the least."""
-    return np.append(values, values.min())
-
-
 def _fits(span, patches, small, large):
     """Return which blocks may have instances of a span of sizes."""
     low, high = span
     none = high <= low
-    low, high = _least(np.where(none, np.inf, low)), -_least(np.where(none, 0.0, -high))
-    return (large >= low[patches]) & (small < high[patches] * FADE)
+    low = at_patches(np.where(none, np.inf, low), patches)
+    high = -at_patches(np.where(none, 0.0, -high), patches)
+    return (large >= low) & (small < high * FADE)
 
 
 def _ranges(span, mesh):

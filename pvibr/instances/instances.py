@@ -13,6 +13,7 @@ from pvibr.core.plotters import put_inner
 from pvibr.core.signatures import takes
 from pvibr.instances.arguments import (
     checked_blend,
+    checked_cache,
     checked_index,
     checked_views,
     index_of_phase,
@@ -125,7 +126,6 @@ class Instances(BakedSet):
     )
     web = 'baked', 'meshes, far ones billboard clouds'
     presets = {'fine': {'max_error': 0.5}, 'fast': {'max_error': 3.0}}
-    moved_by = 'set its poses'
     _force_level: str | dict | None = None
     #: Whether near meshes have an actor each, as their shaders failed.
     _singly = False
@@ -190,7 +190,8 @@ class Instances(BakedSet):
         asked = self._ask(len(poses), scalars, colors, blend, mesh_kwargs)
         parts = [with_own_culling(found) for found in as_meshes(meshes, theme=theme, **asked)]
         self._sources = Sources(meshes, partial(as_parts, theme=theme, **asked), parts)
-        baking = {'half': checked_views(views), 'cache': cache, 'progress': progress}
+        baking = {'half': checked_views(views), 'cache': checked_cache(cache)}
+        baking['progress'] = progress
         self._bake, self._materials = bake, {}
         self._share = checked_share(gpu_memory, len(meshes))
         self._poses, self._meshes = poses, parts
@@ -229,6 +230,8 @@ class Instances(BakedSet):
     def set_clipping_planes(self, planes):
         """Cut it off by a vtkPlaneCollection: an actor for each is drawn."""
         self._planes = planes if planes is not None and planes.GetNumberOfItems() else None
+        if self._stand_ins is not None:
+            self._stand_ins.clip(self._planes)
         self._rebuild()
 
     def _paint(self, scalars, colors):
@@ -299,14 +302,17 @@ class Instances(BakedSet):
         """Add the instances to a scene without pvibr."""
         for k, model in self._models.items():
             ids = np.flatnonzero((self._index == k) & self.visible)
+            colors = None if self._colors is None else self._colors[ids]
+            found = model.limits(self.max_error) if model.atlas.errors else None
             scene.copies(
                 self,
                 [level.parts for level in model.levels],
                 self._poses[ids],
-                largest=model.limits(self.max_error).meshes if model.atlas.errors else None,
-                colors=None if self._colors is None else self._colors[ids],
+                largest=found and tuple(found.meshes.min(1).tolist()),
+                colors=colors,
                 multiply=self.multiplies,
             )
+            scene.strokes(model.levels[0].parts, self._poses[ids], colors=colors)
 
     def _parts(self):
         return [p for model in self._models.values() for p in model.levels[0].parts]
@@ -463,4 +469,5 @@ class Instances(BakedSet):
         """Return the nearest instance under a pixel."""
         if not self._can_pick():
             return None
-        return nearest_hit(self.groups, self.pipeline.renderer, x, y, self.visible)
+        renderer = self.pipeline.renderer
+        return nearest_hit(self.groups, renderer, x, y, self.visible, self._planes)

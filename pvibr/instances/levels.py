@@ -11,22 +11,25 @@ import numpy as np
 
 from pvibr.core import _vtk
 from pvibr.core.errors import warn
+from pvibr.core.progress import baking
 from pvibr.instances.atlas import Atlas, bounding_sphere
-from pvibr.instances.bake import TEXTURE_MODES, bake_parts
+from pvibr.instances.bake import bake_parts
 from pvibr.instances.cache import AtlasCache, key_of
 from pvibr.instances.limits import SIDES, Limits, by_cost, cast, limits_of
-from pvibr.instances.measure import measure, of_cards, of_meshes
+from pvibr.instances.measure import measure, of_cards
 from pvibr.instances.memory import bytes_of, tiles
 from pvibr.instances.mesh_pool import MeshLevel
-from pvibr.instances.progress import baking
 from pvibr.instances.stored_levels import from_arrays, to_arrays
 from pvibr.instances.worth import why_not
 from pvibr.maths.posed_bounds import hull_corners
 from pvibr.meshes.decimate import displacement, lighter
+from pvibr.meshes.maps import emission_of
+from pvibr.meshes.materials import TEXTURE_MODES
 from pvibr.meshes.parts import as_parts, check_triangles
 from pvibr.meshes.smoothed import smoothed
+from pvibr.scene.content_key import textures_of
 
-VERSION = 34  # of what is kept in the cache: a change of bake, measure or decimation raises it
+VERSION = 39  # of what is kept in the cache: a change of bake, measure or decimation raises it
 SHARE = 0.25  # of a level's triangles, in the next lighter
 _ALIKE = 0.5  # px: a greater error of the smallest cards is one of what was baked
 _LIGHTEST = 150  # triangles of the lightest level, at least
@@ -83,9 +86,9 @@ class LodModel:
         ]
         meshes = [
             f'{level.triangles} triangles '
-            + (f'to {limit:.0f} px' if limit < 1e5 else 'at any size')
-            for level, limit in zip(reversed(self.levels), reversed(limits.meshes), strict=True)
-            if limit > limits.mesh.min()
+            + (f'to {_between(sizes)} px' if sizes.max() < 1e5 else 'at any size')
+            for level, sizes in zip(self.levels[::-1], limits.meshes[::-1], strict=True)
+            if (sizes > limits.mesh).any()
         ]
         head = f'{a.views} x {a.views} views of {a.tile} texels{self.note}'
         head += f', baked in {a.seconds:.1f} s'
@@ -146,7 +149,7 @@ def _fitting(content, views, tile, half, room) -> int:
 def _new_model(parts, store, key, progress, **grid) -> LodModel:
     """Bake and measure; meshes alone are left where the driver fails."""
     try:
-        model = _baked(_levels(parts), _smooth_levels(parts), progress, **grid)
+        model = _baked(_levels(parts), progress, **grid)
     except RuntimeError as error:
         msg = (
             f'cards are off, meshes are drawn instead: {error}. Look at `pvibr doctor`, or update '
@@ -186,7 +189,7 @@ def unbaked(parts, why, needs=0.0) -> LodModel:
     return LodModel([MeshLevel(list(parts))], blank, why, needs)
 
 
-def _baked(levels, others, progress, **grid):
+def _baked(levels, progress, **grid):
     start = time.perf_counter()
     turns = _turns(levels[0].parts)
     light = _bake_level(levels)
@@ -194,9 +197,8 @@ def _baked(levels, others, progress, **grid):
         shown = _bake_parts(levels[: level + 1])
         with baking(progress) as advance:
             atlas = bake_parts(shown, turns=turns, progress=lambda d: advance(d / 2), **grid)
-            model = LodModel([*levels, *others], atlas)
-            errors = measure(model, lambda d: advance((1 + d) / 2))
-            model.levels, atlas.errors = _least_wrong(levels, others, errors)
+            model = LodModel(levels, atlas)
+            atlas.errors = measure(model, lambda d: advance((1 + d) / 2))
         if level == 0 or np.median(of_cards(atlas.errors['blended'][:2])) < _ALIKE:
             break  # else what the pictures show is not the mesh: once more, from the mesh itself
     atlas.seconds = time.perf_counter() - start
@@ -223,14 +225,6 @@ def _levels(parts):
     return levels + _lighter_levels(parts)
 
 
-def _smooth_levels(parts) -> list:
-    """Return the lighter levels of facets whose normals are smoothed, if there are any."""
-    smooth = [] if given(parts) else [smoothed(part) for part in parts]
-    if not any(smooth):
-        return []
-    return _lighter_levels([s or p for s, p in zip(smooth, parts, strict=True)])
-
-
 def _lighter_levels(parts) -> list:
     radius = bounding_sphere(np.concatenate([p.mesh.points for p in parts]))[1]
     levels = [MeshLevel(list(parts))]
@@ -242,19 +236,12 @@ def _lighter_levels(parts) -> list:
         known = [m for m in moved if m is not None]
         level.error = max(known) / radius if len(known) == len(moved) else None
         levels.append(level)
-    return levels[1:]
+    return [_with_fitted_normals(parts, level) for level in levels[1:]]
 
 
-def _least_wrong(levels, others, errors) -> tuple[list, dict]:
-    """Return for each lighter level the way with the least error, and the errors of those."""
-    made, last = [*levels, *others], len(levels) - 1
-    kept, table = levels[:1], {n: e for n, e in errors.items() if not n.startswith('mesh')}
-    for k in range(1, len(levels)):
-        ways = [k, last + k] if k <= len(others) else [k]
-        best = min(ways, key=lambda i: of_meshes(errors[f'mesh{i}']).mean())
-        kept.append(made[best])
-        table |= {f'mesh{k}{n}': errors[f'mesh{best}{n}'] for n in ('', '.radii')}
-    return kept, table
+def _with_fitted_normals(parts, level) -> MeshLevel:
+    pairs = zip(parts, level.parts, strict=True)
+    return MeshLevel([smoothed(part, light) for part, light in pairs], level.error)
 
 
 def _bake_level(levels):
@@ -299,7 +286,7 @@ def _mesh_values(mesh):
 
 def look_values(actor) -> list:
     """Return the values of an actor's look that its atlas depends on."""
-    prop, mapper, texture = actor.GetProperty(), actor.GetMapper(), actor.GetTexture()
+    prop, mapper = actor.GetProperty(), actor.GetMapper()
     back = actor.GetBackfaceProperty()
     values = [list(prop.GetDiffuseColor()), prop.GetInterpolation(), prop.GetRepresentation()]
     values += [None if back is None else list(back.GetDiffuseColor())]
@@ -309,8 +296,11 @@ def look_values(actor) -> list:
     if mapper.GetScalarVisibility():
         values += [list(mapper.GetScalarRange()), mapper.GetInterpolateScalarsBeforeMapping()]
         values += [mapper.GetArrayName() or '', *_table_values(mapper.GetLookupTable())]
-    if texture is not None and texture.GetInput() is not None:
+    values += [emission_of(actor)]
+    for texture in textures_of(actor):
         image = texture.GetInput()
+        if image is None:
+            continue
         scalars = image.GetPointData().GetScalars()
         values += [list(image.GetDimensions()), _vtk.vtk_to_numpy(scalars)]
         values += [getattr(texture, f'Get{name}')() for name in TEXTURE_MODES]

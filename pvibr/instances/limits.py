@@ -26,16 +26,15 @@ class Limits:
     cards: dict[str, np.ndarray]
     #: From where on it is drawn as a mesh, shape (PATCHES,).
     mesh: np.ndarray
-    #: Largest of each mesh level.
-    meshes: tuple
+    #: Largest of each mesh level, shape (levels, PATCHES).
+    meshes: np.ndarray
     #: As `cards`, where the eye is level with a turntable.
     level: dict[str, np.ndarray] = field(default_factory=dict)
 
     def coarser(self, quality) -> Limits:
         """Return limits for an image drawn at a quality, 0 to 1, of its size."""
         cards, level = _grown(self.cards, quality), _grown(self.level, quality)
-        meshes = tuple(limit / quality for limit in self.meshes)
-        return Limits(cards, self.mesh / quality, meshes, level)
+        return Limits(cards, self.mesh / quality, self.meshes / quality, level)
 
     def spans(self, name) -> list[np.ndarray]:
         """Return the spans of a shader from elsewhere, and from level with a turntable."""
@@ -45,7 +44,7 @@ class Limits:
     def varying(self) -> tuple[float, float]:
         """Return between which sizes the level depends on the direction."""
         spans = [*self.cards.values(), *self.level.values()]
-        ends = np.stack([self.mesh, *(high for _, high in spans)])
+        ends = np.stack([self.mesh, *self.meshes, *(high for _, high in spans)])
         ends = ends[ends.min(1) < ends.max(1)]
         return (float(ends.min()), float(ends.max())) if ends.size else (np.inf, 0.0)
 
@@ -65,7 +64,7 @@ def limits_of(errors, mesh_levels, max_error, samples=1) -> Limits:
     """Return the sizes up to which each level keeps an error, with some samples per pixel."""
     if not errors:
         never = {p.name: np.zeros((2, PATCHES)) for p in CARD_SHADERS}
-        return Limits(never, np.zeros(PATCHES), (float('inf'), *[0.0] * (mesh_levels - 1)))
+        return Limits(never, np.zeros(PATCHES), _everywhere([np.inf, *[0.0] * (mesh_levels - 1)]))
     turned = set(errors) >= SIDES
     cards = _spans(errors, CARD_SHADERS, max_error, samples)
     reached = list(cards.values())[-1][1]
@@ -74,11 +73,15 @@ def limits_of(errors, mesh_levels, max_error, samples=1) -> Limits:
         # What is seen from the side was measured in patches of its own.
         level = _spans(errors, ALL_CARD_SHADERS, max_error, samples)
         level = {name: np.minimum(span, reached) for name, span in level.items()}
-    meshes = [float('inf')]
+    meshes = _everywhere([np.inf] * mesh_levels)
     for i in range(1, mesh_levels):
-        good = _mesh_good_up_to(errors, f'mesh{i}', max_error, samples)
-        meshes.append(min(good, meshes[-1]))
-    return Limits(cards, reached, tuple(meshes), level)
+        meshes[i] = _mesh_good_up_to(errors, f'mesh{i}', max_error, samples)
+    return Limits(cards, reached, np.minimum.accumulate(meshes), level)
+
+
+def _everywhere(sizes) -> np.ndarray:
+    """Return sizes of levels that are the same in each patch."""
+    return np.tile(np.reshape(sizes, (-1, 1)), PATCHES)
 
 
 def by_cost(limits, triangles) -> Limits:
@@ -86,14 +89,14 @@ def by_cost(limits, triangles) -> Limits:
     if limits.level or not limits.mesh.any():
         return limits
     # A lighter one that would save little is not worth its error.
-    heavier = hardly_costs_from(triangles[:-1])
-    limits = replace(limits, meshes=(np.inf, *np.minimum(limits.meshes[1:], heavier).tolist()))
+    heavier = _everywhere([np.inf, *hardly_costs_from(triangles[:-1])])
+    limits = replace(limits, meshes=np.minimum(limits.meshes, heavier))
     sizes = np.geomspace(limits.mesh.max(), 1.0, _STEPS)
-    lightest = (np.array(limits.meshes) >= sizes[:, None]).cumsum(1).argmax(1)
+    lightest = (limits.meshes >= sizes[:, None, None]).cumsum(1).argmax(1)
     saved = np.zeros((_STEPS, PATCHES))
     for name, (low, high) in limits.cards.items():
         shown = (sizes[:, None] >= low) & (sizes[:, None] < high)
-        saved += shown * saved_by_meshes(np.array(triangles)[lightest], name, sizes)[:, None]
+        saved += shown * saved_by_meshes(np.array(triangles)[lightest], name, sizes[:, None])
     # From the largest size down; of what is far there is more.
     total = (saved / sizes[:, None] ** 2).cumsum(0)
     ends = np.where(total.max(0) > 0, sizes[total.argmax(0)], limits.mesh)
@@ -105,7 +108,7 @@ def cast(limits, errors, triangles, max_error, aspect) -> Limits:
     # Maps show a mesh's surface alone, no better than the long side of a texel.
     radii = [float(errors[f'mesh{k}.radii']) for k in range(1, len(triangles))]
     good = [2 * max_error * aspect / max(r, 1e-9) for r in radii]
-    meshes = tuple(np.minimum.accumulate([float('inf'), *good]).tolist())
+    meshes = np.minimum.accumulate([np.inf, *good])
     # A mesh of fewer triangles than pixels costs less than a card.
     ends = 0.0
     for count, low, high in zip(triangles, (*meshes[1:], 0.0), meshes, strict=True):
@@ -116,7 +119,7 @@ def cast(limits, errors, triangles, max_error, aspect) -> Limits:
     cards, level = (
         _ended(spans, mesh, without=SPLAT.name) for spans in (limits.cards, limits.level)
     )
-    return Limits(cards, mesh, meshes, level)
+    return Limits(cards, mesh, _everywhere(meshes), level)
 
 
 def _ended(spans, ends, without='') -> dict:
@@ -133,6 +136,9 @@ def checked_force(level) -> dict[str, tuple]:
     """Return the on-screen sizes, in pixels, of each forced level."""
     if level is None:
         return {}
+    if not isinstance(level, (str, dict)) or not level:
+        msg = f'force_level = {level!r:.80}: must be None, the name of a level, or sizes by name'
+        raise TypeError(msg)
     ranges = level if isinstance(level, dict) else {level: (0.0, _LARGEST)}
     known = [*(p.name for p in ALL_CARD_SHADERS), 'mesh']
     for name, sizes in ranges.items():
@@ -158,7 +164,7 @@ def forced_limits(ranges, mesh_levels) -> Limits:
     level = {name: span for name, span in everywhere.items() if name in SIDES}
     lighter = [ranges.get(f'mesh{k}', (0.0, 0.0))[1] for k in range(1, mesh_levels)]
     least = min((low for n, (low, _) in ranges.items() if n.startswith('mesh')), default=_LARGEST)
-    return Limits(cards, np.full(PATCHES, least), (float('inf'), *lighter), level)
+    return Limits(cards, np.full(PATCHES, least), _everywhere([np.inf, *lighter]), level)
 
 
 def _spans(errors, shaders, max_error, samples) -> dict:
@@ -186,13 +192,11 @@ def good_up_to(sizes, allowed, max_error):
 
 
 def _mesh_good_up_to(errors, name, max_error, samples):
-    """Return the same for a lighter mesh in the worst patch; beyond what was measured as well."""
+    """Return the same for a lighter mesh; beyond what was measured as well."""
     sizes, allowed = errors['sizes'], of_meshes(errors[name], samples)
-    good = float(good_up_to(sizes, allowed, max_error).min())
-    if good < sizes[-1]:
-        return good
-    need = allowed.reshape(len(sizes), -1).max(1)
+    good = good_up_to(sizes, allowed, max_error)
     # Facets that grow visible: an error of colour doubles with the size, or nearly.
-    octaves = np.log2(max_error / max(need[-1], 1e-9))
-    far = sizes[-1] * 2 ** min(octaves, _OCTAVES)
-    return min(far, max(2 * max_error / max(float(errors[f'{name}.radii']), 1e-9), good))
+    octaves = np.log2(max_error / np.maximum(allowed[-1], 1e-9))
+    far = sizes[-1] * 2 ** np.clip(octaves, 0, _OCTAVES)
+    moved = 2 * max_error / max(float(errors[f'{name}.radii']), 1e-9)
+    return np.where(good < sizes[-1], good, np.minimum(far, max(moved, sizes[-1])))

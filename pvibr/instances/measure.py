@@ -28,8 +28,11 @@ _HOPELESS = 4.0  # px: a level that allows no `max_error` up to it is not tried 
 SLACK = 0.5  # px, of outlines whose distances are whole pixels apart
 #: The share of the mesh's own FLIP that is always allowed: of cards less, since where things touch
 #: or pierce one another theirs is more. Beyond it a share is allowed, between two bounds.
-CARD_SHARE, MESH_SHARE = 0.8, 1.0
+CARD_SHARE = 0.8
 BEYOND, LEAST, MOST = 0.25, 0.005, 0.02
+#: The same of lighter meshes, beside what few samples per pixel add to theirs as to the mesh's.
+MESH_BEYOND, MESH_LEAST = 0.5, 0.01
+_ROUNDED = 1.5 / 255  # what eight bits of a colour make of hardly any difference
 _FALLS = 0.65  # the power of the samples per pixel by which the FLIP of a mesh falls
 _FLOOR = 1e-4  # FLIP below which nothing can be seen
 
@@ -60,7 +63,7 @@ def measure(model, progress=None) -> dict[str, np.ndarray]:
     # For each patch of directions, from four views: the displacement of outlines in pixels, and
     # the means of FLIP of what is covered, and of that of the mesh drawn once per pixel. That of
     # lighter meshes is what many samples per pixel show: few of them add as much as to the
-    # mesh. It is the mean over all views: these levels are chosen by size alone.
+    # mesh.
     atlas = model.atlas
     table = {'sizes': np.array(SIZES, float)} | _measured(
         model, None, CARD_SHADERS, meshes=True, progress=progress or _unseen
@@ -88,8 +91,8 @@ def _measured(model, views, shaders, *, meshes, progress):
             if radii is None:
                 radii = _fine(picture, reference)
             drawn = _pixels(picture)
-            rows = _rows(truths, lambda t, p=drawn: p[t.size])
-            table[f'mesh{i}'] = np.broadcast_to(rows.mean(1, keepdims=True), rows.shape).copy()
+            rows = _rows(truths, lambda t, p=drawn: _told(p[t.size], t.picture))
+            table[f'mesh{i}'] = rows
             table[f'mesh{i}'][..., 0] = radii * np.array(SIZES)[:, None] / 2 + SLACK
             table[f'mesh{i}.radii'] = np.array(radii)
             progress(next(steps))
@@ -122,26 +125,24 @@ def _rows(truths, draw, largest=np.inf):
 def of_cards(rows, samples=1):
     """Return the least `max_error` in pixels that allows errors of cards: (..., 3) to (...)."""
     moved, flip, own = np.moveaxis(np.asarray(rows), -1, 0)
-    return _allowed(moved, flip, _sampled(own, samples), CARD_SHARE)
+    own = _sampled(own, samples)
+    always = CARD_SHARE * own
+    color = np.minimum((flip - always) / np.clip(BEYOND * own, LEAST, MOST), flip / always)
+    return np.maximum(np.maximum(moved - SLACK, 0.0), np.where(flip > always, color, 0.0))
 
 
 def of_meshes(rows, samples=1):
     """Return the same of lighter meshes, which are sampled as the mesh is."""
     moved, flip, own = np.moveaxis(np.asarray(rows), -1, 0)
     own = _sampled(own, samples)
-    return _allowed(moved, np.hypot(flip, own), own, MESH_SHARE)
+    # The mesh's own is along outlines, what these have beyond it is elsewhere: it adds up.
+    color = flip / np.maximum(MESH_BEYOND * own, MESH_LEAST)
+    return np.maximum(np.maximum(moved - SLACK, 0.0), color)
 
 
 def _sampled(own, samples):
     """Return the FLIP of a mesh drawn with some samples per pixel, from that with one."""
     return own / max(samples, 1) ** _FALLS
-
-
-def _allowed(moved, flip, own, share):
-    beyond = flip - share * own
-    color = np.minimum(beyond / np.clip(BEYOND * own, LEAST, MOST), flip / (share * own))
-    color = np.where(beyond <= 0, 0.0, color)
-    return np.maximum(np.maximum(moved - SLACK, 0.0), color)
 
 
 class _Truth:
@@ -250,6 +251,12 @@ def _fine(picture, reference):
     size = SIZES[-1] * _SAMPLES
     few = np.float32(1 / 255)
     return 2 * float(_moved(picture * few, reference * few, size).max()) / size
+
+
+def _told(picture, truth):
+    """Return a picture without differences that are no more than rounding."""
+    # FLIP makes as much of one step of 255 all over a smooth surface as of all its outlines.
+    return np.where(np.abs(picture - truth).max(-1, keepdims=True) > _ROUNDED, picture, truth)
 
 
 def _on_white(picture):

@@ -77,6 +77,7 @@ mat3 ibr_normal_matrix;
 //@fragment.declare
 uniform int ibr_multiply;         // instance colours multiply those of the mesh
 uniform float ibr_cutoff;
+uniform float ibr_dither;         // shift of the pattern by which levels share pixels
 flat in vec4 ibr_known;
 #if CELL_NORMALS
 flat in mat3 ibr_eye_normal;

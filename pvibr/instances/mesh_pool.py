@@ -14,7 +14,7 @@ from pvibr.scene.shader_draws import DULL, PBR
 # keeps its holes. Lit colour is what VTK has before it multiplies by the texture.
 _LOOK = """  vec4 ibr_lit = gl_FragData[0];
 //VTK::TCoord::Impl
-  if (IBR_DITHER >= ibr_share) discard;
+  if (IBR_DITHER(ibr_dither) >= ibr_share) discard;
   if (gl_FragData[0].a < ibr_cutoff * ibr_alpha) discard;
   if (ibr_cutoff > 0.0) gl_FragData[0].a = ibr_lit.a;
   if (ibr_look.a > 0.504 && ibr_multiply == 0) gl_FragData[0].rgb = ibr_lit.rgb;
@@ -57,6 +57,9 @@ class MeshLevel:
 
 class MeshPool:
     """Actors of one level, lent to instances, with the looks of these."""
+
+    #: Whether normals turn where a pose mirrors.
+    turns = True
 
     def __init__(self, level):
         self.level = level
@@ -114,12 +117,13 @@ class MeshPool:
         clipped.SetClippingPlanes(self.planes)
         return clipped
 
-    def fade(self, shares):
+    def fade(self, shares, dither):
         """Draw a share of the pixels of some instances; cards draw the others."""
         for i in self._faded | shares.keys():
             for actor in self.lent.get(i, ()):
                 uniforms = actor.GetShaderProperty().GetFragmentCustomUniforms()
                 uniforms.SetUniformf('ibr_share', shares.get(i, 1.0))
+                uniforms.SetUniformf('ibr_dither', dither)
         self._faded = set(shares)
 
     def tint(self, color, look_of):
@@ -144,7 +148,7 @@ class MeshPool:
             uniforms.SetUniformf('ibr_share', 1.0)
             uniforms.SetUniformf('ibr_blur', BLUR * self.radius * abs(volume) ** (1 / 3))
             for stage in (shader.GetVertexCustomUniforms(), uniforms):
-                stage.SetUniformf('ibr_turn', -1.0 if volume < 0 else 1.0)
+                stage.SetUniformf('ibr_turn', -1.0 if self.turns and volume < 0 else 1.0)
 
     def _set_look(self, actor, look):
         uniforms = actor.GetShaderProperty().GetFragmentCustomUniforms()
@@ -166,6 +170,7 @@ def lendable(part, mapper):
     uniforms.SetUniformf('ibr_cutoff', cutoff(part))
     uniforms.SetUniform4f('ibr_look', _PLAIN)
     uniforms.SetUniformf('ibr_share', 1.0)
+    uniforms.SetUniformf('ibr_dither', 0.0)
     uniforms.SetUniformf('ibr_blur', 0.0)
     uniforms.SetUniformi('ibr_multiply', 0)
     return actor

@@ -6,6 +6,7 @@ import numpy as np
 
 from pvibr.core import _vtk
 from pvibr.gl import Texture, release
+from pvibr.instances.card_layers import at_patches
 from pvibr.instances.cards import FADE
 from pvibr.instances.mesh_draws import MeshDraws, suits
 from pvibr.instances.mesh_pool import MeshPool
@@ -15,7 +16,7 @@ from pvibr.scene.shader_draws import ROW, pack
 
 _SHARE_BITS = 6  # of the share of an instance's pixels, which is dithered
 _SHARED = 'ibr_texels', 'ibr_has_looks', 'ibr_multiply', 'ibr_radius'
-_OF_CAMERA = 'ibr_eye_from_world', 'ibr_clip_from_eye'
+_OF_FRAME = 'ibr_eye_from_world', 'ibr_clip_from_eye', 'ibr_dither'
 
 
 class NearMeshes:
@@ -89,8 +90,9 @@ class NearMeshes:
 
     def select(self, group, frame, limits) -> list:
         """Show the instances of a group that are too large for cards; return new actors."""
-        slots, centers, sizes, least = self._large(group, frame, limits)
-        levels = self._levels(sizes, limits.meshes)
+        slots, centers, sizes, patches = self._large(group, frame, limits)
+        least = at_patches(limits.mesh, patches)
+        levels = _levels(sizes, at_patches(limits.meshes, patches))
         self.level_of[self._slots] = -1
         self.level_of[slots], self._slots = levels, slots
         if self.translucent:
@@ -110,7 +112,7 @@ class NearMeshes:
     def _large(self, group, frame, limits):
         """Return slots, eye-space centres and sizes of what is in view, nearest first.
 
-        And the sizes from which they are meshes.
+        And the patches that they are seen from.
         """
         slots, _, eye, away, sizes = group.singles(frame, group.large)
         planes = frustum_planes(frame.clip_from_view)[:4].astype(np.float32)
@@ -118,21 +120,13 @@ class NearMeshes:
         inside = (planes[:, :3] @ eye + planes[:, 3:]).min(0) > -radii
         if not frame.parallel:
             inside &= eye[2] < radii
-        least = group.least_of_meshes(frame, limits, slots, eye, sizes)
-        used = inside & (sizes >= least)
+        patches = group.patches(frame, limits, slots, eye, sizes)
+        used = inside & (sizes >= at_patches(limits.mesh, patches))
         if group.looks is not None:
             used &= group.looks[slots, 3] > 0
         used = np.flatnonzero(used)
         used = used[ascending((-eye[2] if frame.parallel else away)[used])]
-        return slots[used], eye.take(used, 1), sizes[used], least[used]
-
-    def _levels(self, sizes, limits):
-        """Return the mesh level of each slot: the lightest within the error at its size."""
-        # By the view alone: the same one is the same picture, whatever was drawn before.
-        levels = np.zeros(len(sizes), np.int8)
-        for k, limit in enumerate(limits[1:], 1):
-            levels[sizes <= limit] = k
-        return levels
+        return slots[used], eye.take(used, 1), sizes[used], patches[used]
 
     def _show_singly(self, group, slots, levels, shares):
         new = []
@@ -140,7 +134,8 @@ class NearMeshes:
             ids = slots[levels == k].tolist()
             new += pool.show(ids, group.matrix, group.look)
             some = zip(ids, shares[levels == k].tolist(), strict=True)
-            pool.fade({slot: share for slot, share in some if share < 1})
+            faded = {slot: share for slot, share in some if share < 1}
+            pool.fade(faded, group.cards.uniforms['ibr_dither'])
         return new
 
     def _show_draws(self, group, frame, slots, centers, levels, shares):
@@ -158,7 +153,7 @@ class NearMeshes:
             self._entries.upload(pack(entries, ROW, 4))
         cards = group.cards
         textures = {name: cards.textures[name] for name in ('ibr_poses', 'ibr_looks')}
-        uniforms = {name: cards.uniforms[name] for name in (*_SHARED, *_OF_CAMERA)}
+        uniforms = {name: cards.uniforms[name] for name in (*_SHARED, *_OF_FRAME)}
         uniforms['ibr_tint'] = (0.0, 0.0, 0.0, 0.0)
         new = []
         for draws, first, end in zip(self.draws, ends, ends[1:], strict=False):
@@ -220,6 +215,12 @@ class NearMeshes:
         for pool in self.pools:
             for part in pool.level.parts:
                 part.actor.ReleaseGraphicsResources(window)
+
+
+def _levels(sizes, limits) -> np.ndarray:
+    """Return the mesh level of each slot: the lightest within the error at its size."""
+    # By the view alone: the same one is the same picture, whatever was drawn before.
+    return (sizes <= limits[1:]).sum(0, dtype=np.int8)  # a lighter one serves no larger sizes
 
 
 def _with_shares(slots, shares, count):

@@ -42,6 +42,7 @@ def _spheres(columns, center, radius):
     return centers, stretches(rows[:, :3]) * radius
 
 
+@np.errstate(over='ignore')
 def stretches(axes):
     """Return bounds on the stretch of matrices (3, 3, n), exact if columns are orthogonal."""
     sums = (axes * axes).sum(0)
@@ -64,7 +65,7 @@ class Placement:
     def nbytes(self) -> int:
         """Bytes of main memory."""
         blocks = self.blocks
-        arrays = self.rows, self._radii, self.ids, blocks.centers, blocks.reach
+        arrays = self.rows, self._radii, self.ids, blocks.centers, blocks.half_sides, blocks.reach
         return sum(a.nbytes for a in (*arrays, blocks.largest, blocks.smallest))
 
     def put(self, poses, ids):
@@ -107,16 +108,19 @@ class Placement:
         """Return slots that hold all that bounds are made of."""
         blocks, count = self.blocks, len(self.ids)
         centers = np.ascontiguousarray(blocks.centers.T)
-        around = blocks.reach + blocks.largest
-        # The middle of a block is that of a box: beyond it, or at it, lies the centre of one.
-        some = np.flatnonzero(_may_be_outermost(centers, blocks.largest, around))
+        half_sides = np.ascontiguousarray(blocks.half_sides.T)
+        turned = float(self.texels > 1)  # what is not reaches as far from its centre as all others
+        # On each side of the box of a block lies the centre of one.
+        largest = turned * blocks.largest
+        some = _may_be_outermost(centers - half_sides, centers + half_sides, largest)
         if self.unit == 1:
             return some
         slots = (some[:, None] * self.unit + np.arange(self.unit)).ravel()
         slots = slots[slots < count]
-        places = centers[:, slots // self.unit] + self.local(slots)
-        radii = self.radii[slots] + 1e-5 * around[slots // self.unit]  # rounded to float32
-        return slots[_may_be_outermost(places, radii, radii)]
+        of = slots // self.unit
+        places = centers[:, of] + self.local(slots)
+        radii = turned * self.radii[slots] + 1e-5 * (blocks.reach + blocks.largest)[of]
+        return slots[_may_be_outermost(places, places, radii)]
 
     def directions(self, slots, toward) -> np.ndarray:
         """Turn directions, (3, n) or (3, 1), to model axes: of any length, (n, 3)."""
@@ -144,14 +148,14 @@ class Placement:
         return rows.T[:3] if self.texels == 1 else rows.T[3::4]
 
 
-def _may_be_outermost(centers, inner, outer):
-    """Return which spheres may hold the lowest or highest coordinates of something in each.
+def _may_be_outermost(lowest, highest, radii) -> np.ndarray:
+    """Return which may hold the lowest or highest coordinates of something in each.
 
-    What is in them reaches at least `inner` towards the middle of all, and at most `outer` out.
+    Of boxes (3, n) around centres of spheres of such radii, with a centre on each side.
     """
-    highest = (centers - inner).max(1, keepdims=True)
-    lowest = (centers + inner).min(1, keepdims=True)
-    return ((centers + outer >= highest) | (centers - outer <= lowest)).any(0)
+    high = (highest - radii).max(1, keepdims=True)
+    low = (lowest + radii).min(1, keepdims=True)
+    return np.flatnonzero(((highest + radii >= high) | (lowest - radii <= low)).any(0))
 
 
 def _run(blocks, unit):

@@ -19,8 +19,10 @@ from pvibr.instances.cards import slab_counts
 from pvibr.instances.group import InstanceGroup, unit_of
 from pvibr.instances.levels import make_model
 from pvibr.instances.placement import centers_of
+from pvibr.maths.arguments import naming
 from pvibr.maths.blocks import BLOCK, members, morton_order
 from pvibr.meshes.posed import posed_source, source_of
+from pvibr.meshes.poses import placed_by
 from pvibr.scene import looks as look
 from pvibr.scene.item_set import ItemSet
 from pvibr.scene.scalar_bars import name_of
@@ -29,7 +31,7 @@ from pvibr.scene.thing import joined_bounds
 _SPREAD = 2.0  # growth of most blocks at which their instances are no neighbours any more
 # What an update replaces; it comes back if a check or a bake fails.
 _REPLACED = (
-    *('_poses', '_owned', '_index', '_order', '_wanted', '_models'),
+    *('_poses', '_given', '_owned', '_index', '_order', '_wanted', '_models'),
     *('_scalars', '_colors', '_visible', 'covered', '_applied'),
 )
 _SAMPLE = 64  # blocks that are asked
@@ -53,6 +55,10 @@ class PosedSet(ItemSet):
     #: Meshes to be baked whether or not an instance shows them.
     _wanted: frozenset = frozenset()
     _capacity = 0
+    #: Poses in the space of the set, as users give them; `_poses` are those in the world.
+    _given: np.ndarray
+    #: Whether bounds stay, as nothing but the place of the whole changes.
+    _keeps_bounds = False
     #: How poses were asked to be turned and scaled.
     _placing: dict = {}
 
@@ -63,7 +69,8 @@ class PosedSet(ItemSet):
         self._failure: str | None = None
         self.pickable = pickable
         self._scalars = self._colors = self._visible = self.table = None
-        self._poses, self._index, self._order = poses, index, np.zeros(0, np.int32)
+        self._poses = self._given = poses
+        self._index, self._order = index, np.zeros(0, np.int32)
         self._owned = False  # whether the poses are no array of the user's
         self._ready_models()
         self._make_groups()
@@ -83,8 +90,8 @@ class PosedSet(ItemSet):
 
     @property
     def poses(self) -> np.ndarray:
-        """Points (n, 3) or matrices (n, 4, 4), world units, read-only; see :meth:`update`."""
-        return look.read_only(self._poses)
+        """Points (n, 3) or matrices (n, 4, 4) in its own space, read-only; see :meth:`update`."""
+        return look.read_only(self._given)
 
     @poses.setter
     def poses(self, poses):
@@ -106,7 +113,8 @@ class PosedSet(ItemSet):
 
     @phase.setter
     def phase(self, phase):
-        self.update(phase=phase)
+        with naming('phase', phase):
+            self.update(phase=phase)
 
     def update(
         self,
@@ -177,7 +185,7 @@ class PosedSet(ItemSet):
     def _update_all(self, poses, index, scalars, colors, visible) -> dict:
         """Have other poses and meshes; return the looks to be set."""
         moved = poses is not None or index is not None
-        poses = self._poses if poses is None else self._posed(poses)
+        poses = self._given if poses is None else self._posed(poses)
         count, meshes = len(poses), max(len(self._meshes), 1)
         if index is not None:
             index = checked_index(repeated('index', index, count), count, meshes)
@@ -192,7 +200,7 @@ class PosedSet(ItemSet):
             look.as_mask(visible, count)
             looks['visible'] = visible
         if moved:  # also by the same array: it may hold other numbers now
-            self._owned = self._owned and poses is self._poses
+            self._owned = self._owned and poses is self._given
             self._replace(poses, index)
         return looks
 
@@ -202,26 +210,30 @@ class PosedSet(ItemSet):
             checked_index(index, len(ids), max(len(self._meshes), 1))
         if poses is not None:
             poses = repeated('poses', self._posed(poses), len(ids))
-            kept, poses = same_kind(self._poses, poses)
+            kept, poses = same_kind(self._given, poses)
             moved = index is None and self._may_move(kept, poses)
-            if kept is not self._poses or not self._owned or not moved:
+            if kept is not self._given or not self._owned or not moved:
                 kept, self._owned = np.array(kept), True
             kept[ids] = poses
         else:
-            kept = self._poses
+            kept = self._given
         if index is not None:
             index, new = self._index.copy(), index
             index[ids] = new
             self._replace(kept, index)
         elif poses is not None and moved:
-            self._poses = kept
+            self._given = kept
+            if self._world is None:
+                self._poses = kept
+            else:
+                self._poses[ids] = placed_by(self._world, poses)
             self._move(ids)
         elif poses is not None:
             self._replace(kept, self._index)
 
     def _may_move(self, kept, poses) -> bool:
         """Return True if new poses among those kept are shown by the groups as they are."""
-        return kept.ndim == self._poses.ndim
+        return kept.ndim == self._given.ndim
 
     def _replace(self, poses, index):
         """Have other poses, any number of them, and meshes."""
@@ -236,9 +248,17 @@ class PosedSet(ItemSet):
             self._put_groups()
         self._repaint()
 
+    def _put(self):
+        self._keeps_bounds = True
+        try:
+            self._replace(self._given, self._index)
+        finally:
+            self._keeps_bounds = False
+
     def _take_over(self, poses, index):
         count, before = len(poses), len(self._poses)
-        self._poses, self._index = poses, index
+        self._given, self._index = poses, index
+        self._poses = poses if self._world is None else placed_by(self._world, poses)
         if count != before:
             new = np.arange(before, count, dtype=np.int32)
             self._order = np.concatenate([self._order[self._order < count], new])
@@ -355,7 +375,9 @@ class PosedSet(ItemSet):
     def _moved_groups(self):
         self._sorted = self._uploaded = False
         self._touch()
-        self._set_bounds(joined_bounds([g.tight_bounds() for g in self.groups]))
+        if not self._keeps_bounds:
+            own = None if self._world is None else self._given
+            self._set_bounds(joined_bounds([g.tight_bounds(own) for g in self.groups]))
 
     # -- looks of single instances -------------------------------------------------------------
 

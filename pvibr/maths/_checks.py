@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from pvibr.maths.arguments import as_array
+
 #: How far R may be from a rotation; float32 and seven printed digits pass.
 ROTATION_TOLERANCE = 1e-6
 
@@ -36,7 +38,7 @@ def finite(name, values):
 def numbers(name, values, shape):
     """Return finite float64 numbers of a shape."""
     try:
-        found = np.array(values, dtype=np.float64)
+        found = as_array(name, values, np.float64).copy()
     except (TypeError, ValueError) as error:
         msg = f'{name} is {values!r:.200}; it must be numbers of the shape {shape}.'
         raise ValueError(msg) from error
@@ -59,18 +61,11 @@ def direction(name, vector):
     return vector / np.linalg.norm(vector)
 
 
-def positive(name, value):
-    """Return a positive, finite float."""
-    if not 0 < value < np.inf:
-        msg = f'{name} is {value}; it must be above 0 and finite.'
-        raise ValueError(msg)
-    return float(value)
-
-
 def size_of(size):
     """Return width and height in pixels."""
-    found = np.asarray(size)
-    if found.shape != (2,) or not (found > 0).all() or (found != np.floor(found)).any():
+    found = as_array('size', size)
+    good = found.shape == (2,) and found.dtype.kind in 'iuf' and np.isfinite(found).all()
+    if not good or not (found > 0).all() or (found != np.floor(found)).any():
         msg = f'size is {size!r}; it must be (width, height) in pixels, whole numbers above 0.'
         raise ValueError(msg)
     return int(found[0]), int(found[1])

@@ -95,11 +95,14 @@ class Blocks:
     ----------
     centers : numpy.ndarray, shape (m, 3), float64
         Middle of the instances' centres, world units; also the origin of their poses.
+    half_sides : numpy.ndarray, shape (m, 3), float64
+        Of the smallest boxes around the instances' centres.
     reach, largest, smallest : numpy.ndarray, shape (m,)
         Largest distance of an instance's centre from it; largest and smallest radius.
     """
 
     centers: np.ndarray
+    half_sides: np.ndarray
     reach: np.ndarray
     largest: np.ndarray
     smallest: np.ndarray
@@ -119,7 +122,7 @@ class Blocks:
         Blocks
             The blocks.
         """
-        return cls(np.empty((count, 3)), *np.empty((3, count)))
+        return cls(*np.empty((2, count, 3)), *np.empty((3, count)))
 
     @classmethod
     def of(cls, centers, radii, size) -> Blocks:
@@ -159,12 +162,14 @@ class Blocks:
         """
         self._parents = None
         if centers.shape[2] == 1:
-            self.centers[where], self.reach[where] = centers[:, :, 0].T, 0.0
+            self.centers[where] = centers[:, :, 0].T
+            self.half_sides[where] = self.reach[where] = 0.0
             self.largest[where] = self.smallest[where] = radii[:, 0]
             return np.zeros_like(centers)
-        middle = (centers.min(2) + centers.max(2)) / 2
+        low, high = centers.min(2), centers.max(2)
+        middle = (low + high) / 2
         local = centers - middle[:, :, None]
-        self.centers[where] = middle.T
+        self.centers[where], self.half_sides[where] = middle.T, (high - low).T / 2
         self.reach[where] = np.sqrt((local * local).sum(0).max(1))
         self.largest[where], self.smallest[where] = radii.max(1), radii.min(1)
         return local

@@ -8,9 +8,14 @@ puts whole numbers at their centres, so ``u = (x + 0.5) / width`` and
 
 from __future__ import annotations
 
-from dataclasses import fields
+from dataclasses import fields, replace
 
 import numpy as np
+
+from pvibr.maths import _checks
+
+#: From the axes of OpenGL's views, y up and -z ahead, to OpenCV's, y down and z ahead, and back.
+CV_FROM_GL = np.diag([1.0, -1.0, -1.0])
 
 
 class Camera:
@@ -148,3 +153,53 @@ class Camera:
             half = (0.5 + margin) * (high - low)
             rows.append((row - 0.5 * (low + high) * one) / half)
         return np.array(rows)
+
+
+class PosedCamera(Camera):
+    """A camera at one place, as OpenCV describes it: a dataclass with K, R, t and size."""
+
+    K: np.ndarray
+    R: np.ndarray
+    t: np.ndarray
+    size: tuple[int, int]
+
+    @property
+    def position(self):
+        """The centre of projection, shape (3,), in world units."""
+        # Not R transposed: far from the origin even an R of seven digits must give the same place.
+        return -np.linalg.solve(self.R, self.t)
+
+    @property
+    def view_from_world(self):
+        """The 4x4 matrix into OpenGL's view axes."""
+        matrix = np.eye(4)
+        matrix[:3, :3] = CV_FROM_GL @ self.R
+        matrix[:3, 3] = CV_FROM_GL @ self.t
+        return matrix
+
+    def resized(self, size):
+        """Return the camera of a resized picture.
+
+        Parameters
+        ----------
+        size : tuple of 2 int
+            Width and height in pixels of the scaled picture.
+
+        Returns
+        -------
+        PosedCamera
+            Of the same class; every point keeps its uv.
+
+        Examples
+        --------
+        >>> from pvibr.maths.pinhole import Pinhole
+        >>> K = [[100.0, 0.0, 49.5], [0.0, 100.0, 24.5], [0.0, 0.0, 1.0]]
+        >>> Pinhole(K, np.eye(3), np.zeros(3), (100, 50)).resized((200, 100)).K.tolist()
+        [[200.0, 0.0, 99.5], [0.0, 200.0, 49.5], [0.0, 0.0, 1.0]]
+        """
+        size = _checks.size_of(size)
+        K = self.K.copy()
+        K[:2, 2] += 0.5
+        K[:2] *= (np.array(size) / self.size)[:, None]
+        K[:2, 2] -= 0.5
+        return replace(self, K=K, size=size)  # type: ignore[type-var]

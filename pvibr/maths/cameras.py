@@ -7,6 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from pvibr.maths import _checks
+from pvibr.maths.arguments import checked_positive
+from pvibr.maths.lens_camera import LensCamera
 from pvibr.maths.orthographic import Orthographic
 from pvibr.maths.pinhole import GUESSED, Pinhole, check_principal_point
 
@@ -16,7 +18,7 @@ def as_camera(camera, size):
 
     Parameters
     ----------
-    camera : pyvista.Camera, Pinhole, Orthographic, dict or tuple
+    camera : pyvista.Camera, Pinhole, LensCamera, Orthographic, Photo, dict or tuple
         A dict has the keys of :class:`Pinhole` (``size`` is optional); a tuple is ``(K, R, t)`` or
         ``(K, R, t, distortion)``. Clipping planes of a ``pyvista.Camera`` are ignored.
     size : tuple of 2 int
@@ -25,7 +27,7 @@ def as_camera(camera, size):
     Returns
     -------
     Pinhole or Orthographic
-        With this size.
+        With this size; of another lens, the pinhole with rational distortion that follows it.
 
     Raises
     ------
@@ -43,6 +45,10 @@ def as_camera(camera, size):
     ([[0.5, 0.5]], [5.0])
     """
     size = _checks.size_of(size)
+    if hasattr(camera, 'world_from_camera'):  # a photograph
+        camera = camera.camera
+    if isinstance(camera, LensCamera):
+        camera = camera.as_pinhole()
     if isinstance(camera, Orthographic) and camera.size is None:
         return replace(camera, size=size)
     if isinstance(camera, Pinhole | Orthographic):
@@ -73,11 +79,11 @@ def _from_view(camera, size):
     width, height = size
     shift = np.array(camera.GetWindowCenter() if hasattr(camera, 'GetWindowCenter') else (0, 0))
     if camera.parallel_projection:
-        half = _checks.positive('camera.parallel_scale', camera.parallel_scale)
-        half = half * np.array([width / height, 1.0])
+        scale = checked_positive('camera.parallel_scale', camera.parallel_scale)
+        half = scale * np.array([width / height, 1.0])
         corner = position + ((shift - 1) * half) @ [right, up]
         return Orthographic(corner, right, up, 2 * half[0], 2 * half[1], near=0.0, size=size)
-    angle = _checks.positive('camera.view_angle', camera.view_angle)
+    angle = checked_positive('camera.view_angle', camera.view_angle)
     if angle >= 180:
         msg = f'camera.view_angle is {angle}; it must be below 180 degrees.'
         raise ValueError(msg)

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+#: Rise of a blocker away from a receiver, in texels per texel, up to which it may touch it.
+_STEEPEST = 4.0
+
 
 def texel_size(view, resolution) -> float:
     """Return the width of a texel of a view.
@@ -58,15 +61,76 @@ def seen(view, depth, points, normals, offset=0.25):
     >>> seen(view, np.full((8, 8), 0.8), [[0.0, 0, 3], [0.0, 0, 0]], [[0, 0, 1.0]] * 2).tolist()
     [1.0, 0.0]
     """
-    matrix = view.texture_from_world()
-    points, normals = np.asarray(points, float), np.asarray(normals, float)
-    q = points @ matrix[:, :3].T + matrix[:, 3]
-    with np.errstate(divide='ignore', invalid='ignore'):
-        s = q[:, :3] / q[:, 3:]
-        ahead = (q[:, 3] > 0) & (s[:, 2] > 0) & (np.abs(s[:, :2] - 0.5).max(1) <= 0.5)
+    matrix, points = view.texture_from_world(), np.asarray(points, float)
+    normals = np.asarray(normals, float)
+    q, s, within = _placed(matrix, points)
+    ahead = within & (s[:, 2] > 0)
     found = np.ones(len(points))
     found[ahead] = _compared(view, matrix, depth, points[ahead], normals[ahead], q[ahead], offset)
     return found
+
+
+def uncertain(view, depth, points, normals, edges, touching=0.0):
+    """Return where texels of a depth view do not agree on whether points are seen.
+
+    Parameters
+    ----------
+    view : pvibr.maths.views.View
+        Pose and projection.
+    depth : numpy.ndarray, shape (n, n)
+        0 near to 1 far, row 0 at the bottom.
+    points, normals : array_like, shape (m, 3)
+        World units, and unit vectors on the side of the eye.
+    edges : numpy.ndarray, shape (n, n)
+        The same depth with the edges of all triangles drawn over it.
+    touching : float, optional
+        Texels of what may rise beside a point without shadowing it, as the other faces of a
+        corner do.
+
+    Returns
+    -------
+    numpy.ndarray, shape (m,), bool
+        True where one of the texels around has something before a point's plane and another has
+        not; False outside the view.
+
+    Examples
+    --------
+    >>> from pvibr.maths.depth_test import uncertain
+    >>> from pvibr.maths.views import perspective
+    >>> view = perspective([0, 0, 5], [0, 0, -1], 1.0, 1.0, 10.0)
+    >>> wire = np.ones((64, 64))
+    >>> wire[:, 40] = 0.5
+    >>> points = [[0.0, 0, 0], [1.3, 0, 0]]
+    >>> uncertain(view, np.ones((64, 64)), points, [[0, 0, 1.0]] * 2, wire).tolist()
+    [False, True]
+    """
+    matrix, side = view.texture_from_world(), depth.shape[0]
+    points, normals = np.asarray(points, float), np.asarray(normals, float)
+    q, s, within = _placed(matrix, points)
+    rows = np.flatnonzero(within)
+    s, slope = s[rows], _slope(matrix, q[rows], normals[rows])
+    rise = np.abs(slope).sum(1) / side
+    beside = touching * _steepest(matrix, q[rows], side)
+    some, every = np.zeros(len(rows), bool), np.ones(len(rows), bool)
+    middle = np.floor(s[:, :2] * side)
+    for x in (-1, 0, 1):
+        for y in (-1, 0, 1):
+            at = np.clip(middle + np.array([x, y]), 0, side - 1)
+            plane = s[:, 2] + (((at + 0.5) / side - s[:, :2]) * slope).sum(1) - 4e-7 - beside
+            texel = tuple(at.astype(int).T[::-1])
+            some |= (plane - rise / 128 > depth[texel]) | (plane - rise > edges[texel])
+            every &= plane - rise / 128 > depth[texel]
+    found = np.zeros(len(points), bool)
+    found[rows] = some & ~every
+    return found
+
+
+def _placed(matrix, points):
+    """Return points in the texture, before and after the division, and which lie on it."""
+    q = points @ matrix[:, :3].T + matrix[:, 3]
+    with np.errstate(divide='ignore', invalid='ignore'):
+        s = q[:, :3] / q[:, 3:]
+        return q, s, (q[:, 3] > 0) & (np.abs(s[:, :2] - 0.5).max(1) <= 0.5)
 
 
 def _compared(view, matrix, depth, points, normals, q, offset):
@@ -81,14 +145,31 @@ def _compared(view, matrix, depth, points, normals, q, offset):
     place = s[:, :2] * side - 0.5
     base = np.floor(place)
     part = place - base
-    total = np.zeros(len(points))
+    total, steepest = np.zeros(len(points)), _steepest(matrix, q, side)
     for corner in ((0, 0), (1, 0), (0, 1), (1, 1)):
         at = np.clip(base + corner, 0, side - 1)
         share = np.where(corner, part, 1 - part).prod(1)
         here = plane + (((at + 0.5) / side - s[:, :2]) * slope).sum(1)
-        column, row = at.astype(int).T
-        total += np.where(here > depth[row, column], 0.0, share)
+        nearest = depth[tuple(at.astype(int).T[::-1])]
+        # The blocker's own plane must hide the point too: in a valley, it does not.
+        out = 2 * np.array(corner) - 1
+        rise = [nearest - depth[tuple(_next(at, out * k, side).T[::-1])] for k in np.eye(2)]
+        rise = np.clip(np.transpose(rise), 0, steepest[:, None])
+        away = 1 - np.where(corner, part, 1 - part)
+        hidden = (here > nearest) & (plane > nearest + (rise * away).sum(1))
+        total += np.where(hidden, 0.0, share)
     return np.round(total, 12)
+
+
+def _next(at, step, side):
+    return np.clip(at + step, 0, side - 1).astype(int)
+
+
+def _steepest(matrix, q, side):
+    """Return the steepest that a blocker may rise away from a point, depth per texel, (m,)."""
+    x, y, z = (_along(matrix, q, np.broadcast_to(axis, (len(q), 3))) for axis in np.eye(3))
+    across, along = (np.stack([x[:, i], y[:, i], z[:, i]], 1) for i in (0, 2))
+    return _STEEPEST * np.linalg.norm(along, axis=1) / (side * np.linalg.norm(across, axis=1))
 
 
 def _slope(matrix, q, normals):

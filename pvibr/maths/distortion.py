@@ -10,6 +10,7 @@ import numpy as np
 from numpy.polynomial import Polynomial
 
 from pvibr.maths import _checks
+from pvibr.maths.arguments import as_array
 
 _TERMS = (0, 4, 5, 8)
 
@@ -153,7 +154,7 @@ def coefficients(distortion):
     ValueError
         If there are another number of terms, or one is not finite.
     """
-    terms = np.ravel(np.asarray(distortion, dtype=np.float64))
+    terms = np.ravel(as_array('distortion', distortion, np.float64))
     if len(terms) not in _TERMS:
         msg = f'distortion has {len(terms)} numbers; it must have 0, 4, 5 or 8: k1, k2, p1, p2, ..'
         raise ValueError(msg)

@@ -167,10 +167,46 @@ def azimuths(points, view_from_world, axis=(0.0, 0.0, 1.0), *, parallel=False):
     points = np.asarray(points, float).reshape(-1, 3)
     toward = _toward(points, eye_of(view_from_world), parallel)
     axis = np.broadcast_to(as_units('axis', axis), points.shape)
+    return _azimuths(toward, axis)
+
+
+def turned_azimuths(axes, rotation):
+    """Return the azimuths about turned axes of what had azimuth 0 before the turn.
+
+    Parameters
+    ----------
+    axes : array_like, shape (3,) or (n, 3)
+        Before the turn.
+    rotation : array_like, shape (3, 3)
+        The turn.
+
+    Returns
+    -------
+    numpy.ndarray, shape () or (n,)
+        Radians from -pi to pi.
+
+    Examples
+    --------
+    >>> from pvibr.maths.facing import turned_azimuths
+    >>> quarter = [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]
+    >>> turned_azimuths([0.0, 0.0, 1.0], quarter).round(4).item()
+    1.5708
+    """
+    axes, rotation = as_units('axes', axes), np.asarray(rotation, float)
+    rows = axes.reshape(-1, 3)
+    found = _azimuths(_azimuth_zero(rows) @ rotation.T, rows @ rotation.T)
+    return found.reshape(axes.shape[:-1])
+
+
+def _azimuth_zero(axis):
+    """Return directions of azimuth 0 about axes, (n, 3)."""
     side = np.where(np.abs(axis[:, :1]) < CLOSE, (1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
-    first = side - axis * (axis * side).sum(1, keepdims=True)
-    second = np.cross(axis, first)
-    return np.arctan2((toward * second).sum(1), (toward * first).sum(1))
+    return side - axis * (axis * side).sum(1, keepdims=True)
+
+
+def _azimuths(toward, axis):
+    first = _azimuth_zero(axis)
+    return np.arctan2((toward * np.cross(axis, first)).sum(1), (toward * first).sum(1))
 
 
 def _check(name, value, allowed):

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pvibr.maths import _checks
+from pvibr.maths.arguments import checked_positive, naming
 from pvibr.maths.camera import Camera
 
 
@@ -55,7 +56,9 @@ class Orthographic(Camera):
         if abs(right @ up) > _checks.ROTATION_TOLERANCE:
             msg = f'right {right.tolist()} and up {up.tolist()} must be perpendicular.'
             raise ValueError(msg)
-        if not self.near < self.far:
+        with naming('near', self.near), naming('far', self.far):
+            rising = bool(float(self.near) < float(self.far))
+        if not rising:
             msg = f'near, far are {self.near}, {self.far}; near must be below far.'
             raise ValueError(msg)
         _checks.freeze(
@@ -63,8 +66,8 @@ class Orthographic(Camera):
             origin=_checks.numbers('origin', self.origin, (3,)),
             right=right,
             up=up,
-            width=_checks.positive('width', self.width),
-            height=_checks.positive('height', self.height),
+            width=checked_positive('width', self.width),
+            height=checked_positive('height', self.height),
             size=None if self.size is None else _checks.size_of(self.size),
         )
 

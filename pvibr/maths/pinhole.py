@@ -2,24 +2,23 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
 
 from pvibr.maths import _checks
-from pvibr.maths.camera import Camera
+from pvibr.maths.camera import CV_FROM_GL, PosedCamera
 from pvibr.maths.distortion import coefficients, distort, undistort, valid_radius
 
 #: Allowed principal points as fractions of the size, if the size that K is for was stated, and if
 #: it has to be guessed: a picture twice or half as large must be noticed.
 STATED, GUESSED = (-1.0, 2.0), (0.3, 0.7)
 _BORDER = 257  # points on each side of a picture whose rays bound the field of view
-_CV_FROM_GL = np.diag([1.0, -1.0, -1.0])
 
 
 @dataclass(frozen=True, eq=False)
-class Pinhole(Camera):
+class Pinhole(PosedCamera):
     """A calibrated photograph's camera, as OpenCV describes it.
 
     The camera's axes are x right, y down, z ahead; ``x_camera = R @ x_world + t``.
@@ -65,27 +64,13 @@ class Pinhole(Camera):
         _checks.freeze(
             self,
             size=_checks.size_of(self.size),
-            K=_intrinsics(self.K),
-            R=_rotation(self.R),
+            K=check_intrinsics(self.K),
+            R=check_rotation(self.R),
             t=_checks.numbers('t', self.t, (3,)),
             distortion=coefficients(self.distortion),
         )
         check_principal_point(self.K, self.size, STATED)
         self.undistorted_bounds()
-
-    @property
-    def position(self):
-        """The centre of projection, shape (3,), in world units."""
-        # Not R transposed: far from the origin even an R of seven digits must give the same place.
-        return -np.linalg.solve(self.R, self.t)
-
-    @property
-    def view_from_world(self):
-        """The 4x4 matrix into OpenGL's view axes."""
-        matrix = np.eye(4)
-        matrix[:3, :3] = _CV_FROM_GL @ self.R
-        matrix[:3, 3] = _CV_FROM_GL @ self.t
-        return matrix
 
     @property
     def uv_from_plane(self):
@@ -173,37 +158,10 @@ class Pinhole(Camera):
         lines = self.clip_rows(self.uv_from_plane, ahead, margin)
         ratio = near / far
         matrix = np.zeros((4, 4))
-        matrix[:2, :3] = lines @ _CV_FROM_GL
+        matrix[:2, :3] = lines @ CV_FROM_GL
         matrix[2, 2:] = -(1 + ratio) / (1 - ratio), -2 * near / (1 - ratio)
         matrix[3, 2] = -1.0
         return matrix + 0.0
-
-    def resized(self, size):
-        """Return the camera of a resized picture.
-
-        Parameters
-        ----------
-        size : tuple of 2 int
-            Width and height in pixels of the scaled picture.
-
-        Returns
-        -------
-        Pinhole
-            Every point keeps its uv.
-
-        Examples
-        --------
-        >>> from pvibr.maths.pinhole import Pinhole
-        >>> K = [[100.0, 0.0, 49.5], [0.0, 100.0, 24.5], [0.0, 0.0, 1.0]]
-        >>> Pinhole(K, np.eye(3), np.zeros(3), (100, 50)).resized((200, 100)).K.tolist()
-        [[200.0, 0.0, 99.5], [0.0, 200.0, 49.5], [0.0, 0.0, 1.0]]
-        """
-        size = _checks.size_of(size)
-        K = self.K.copy()
-        K[:2, 2] += 0.5
-        K[:2] *= (np.array(size) / self.size)[:, None]
-        K[:2, 2] -= 0.5
-        return replace(self, K=K, size=size)
 
 
 def _border():
@@ -214,7 +172,24 @@ def _border():
     return np.concatenate([np.column_stack(side) for side in sides])
 
 
-def _intrinsics(K):
+def check_intrinsics(K):
+    """Return K, scaled so that its last entry is 1.
+
+    Parameters
+    ----------
+    K : array_like, shape (3, 3)
+        Focal lengths, skew and principal point.
+
+    Returns
+    -------
+    numpy.ndarray, shape (3, 3), float64
+        The same.
+
+    Raises
+    ------
+    ValueError
+        If it is singular or not upper triangular.
+    """
     K = _checks.numbers('K', K, (3, 3))
     if K[1, 0] or K[2, 0] or K[2, 1]:
         msg = f'K is {K.tolist()}; it must be upper triangular: below the diagonal all is 0.'
@@ -225,7 +200,24 @@ def _intrinsics(K):
     return K / K[2, 2]
 
 
-def _rotation(R):
+def check_rotation(R):
+    """Return a rotation matrix.
+
+    Parameters
+    ----------
+    R : array_like, shape (3, 3)
+        From world to camera.
+
+    Returns
+    -------
+    numpy.ndarray, shape (3, 3), float64
+        The same.
+
+    Raises
+    ------
+    ValueError
+        If it is not a rotation.
+    """
     R = _checks.numbers('R', R, (3, 3))
     off, det = np.abs(R @ R.T - np.eye(3)).max(), np.linalg.det(R)
     if off > _checks.ROTATION_TOLERANCE or det < 0:

@@ -10,6 +10,8 @@ import numpy as np
 
 from pvibr.maths.vectors import as_units
 
+_TINY = 1e-100
+
 
 def normalized(quaternions):
     """Return quaternions of length one.
@@ -143,14 +145,36 @@ def to_matrices(quaternions):
     >>> to_matrices([0.0, 0.0, 0.0, 2.0]).diagonal().tolist()
     [-1.0, -1.0, 1.0]
     """
-    q = normalized(quaternions)
-    w, x, y, z = np.moveaxis(q, -1, 0)
-    entries = [
-        *(1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)),
-        *(2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)),
-        *(2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)),
-    ]
-    return np.stack(entries, axis=-1).reshape(*q.shape[:-1], 3, 3)
+    return unit_matrices(normalized(quaternions))
+
+
+def unit_matrices(quaternions):
+    """Return the rotation matrices of unit quaternions, which are not checked.
+
+    Parameters
+    ----------
+    quaternions : numpy.ndarray, shape (..., 4), float64
+        Unit quaternions (w, x, y, z).
+
+    Returns
+    -------
+    numpy.ndarray, shape (..., 3, 3), float64
+        One rotation matrix per quaternion.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pvibr.maths.quaternions import unit_matrices
+    >>> unit_matrices(np.array([0.0, 0.0, 0.0, 1.0])).diagonal().tolist()
+    [-1.0, -1.0, 1.0]
+    """
+    # Number after number: a product of long and narrow matrices would wake BLAS's threads.
+    parts = np.ascontiguousarray(np.moveaxis(quaternions, -1, 0))
+    (wx, xx, xy, xz), (wy, _, yy, yz), (wz, _, _, zz) = 2 * parts[1:, None] * parts
+    first = 1 - yy - zz, xy - wz, xz + wy
+    second = xy + wz, 1 - xx - zz, yz - wx
+    third = xz - wy, yz + wx, 1 - xx - yy
+    return np.stack([*first, *second, *third], -1).reshape(*quaternions.shape[:-1], 3, 3)
 
 
 def from_matrices(matrices):
@@ -290,11 +314,9 @@ def slerp(a, b, t):
     t = np.asarray(t, dtype=np.float64)[..., None]
     b = np.where((a * b).sum(-1, keepdims=True) < 0, -b, b)
     # The half angle between them from both diagonals: no digit is lost for near ones. It is at
-    # most a quarter turn, so that sinc(angle) is far from zero and no case is special.
-    angle = 2 * np.arctan2(_length(a - b), _length(a + b)) / np.pi
-    whole = np.sinc(angle)
-    s = 1 - t
-    return a * (s * np.sinc(s * angle) / whole) + b * (t * np.sinc(t * angle) / whole)
+    # most a quarter turn: only zero is special, and a tiny angle serves for it.
+    angle = np.maximum(2 * np.arctan2(_length(a - b), _length(a + b)), _TINY)
+    return (a * np.sin((1 - t) * angle) + b * np.sin(t * angle)) / np.sin(angle)
 
 
 def swing_twist(quaternions, axis):
@@ -387,7 +409,7 @@ def exp(vectors):
 
 
 def _length(vectors):
-    return np.linalg.norm(vectors, axis=-1, keepdims=True)
+    return np.sqrt(np.einsum('...i,...i->...', vectors, vectors))[..., None]
 
 
 def _positive(quaternions):

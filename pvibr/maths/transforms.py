@@ -43,6 +43,37 @@ def trs(translations, quaternions=None, scales=None):
     return matrices
 
 
+def inverses(matrices):
+    """Return the inverses of affine matrices; of flat ones those within their planes.
+
+    Parameters
+    ----------
+    matrices : array_like, shape (..., 4, 4)
+        Affine matrices, which may scale an axis to nothing.
+
+    Returns
+    -------
+    numpy.ndarray, shape (..., 4, 4), float64
+        Inverses; the pseudoinverse of the linear part where there is none.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pvibr.maths.transforms import inverses
+    >>> inverses(np.diag([2.0, 4.0, 0.0, 1.0])).diagonal().tolist()
+    [0.5, 0.25, 0.0, 1.0]
+    """
+    matrices = np.asarray(matrices, dtype=np.float64)
+    if np.linalg.det(matrices[..., :3, :3]).all():
+        return np.linalg.inv(matrices)
+    linear = np.linalg.pinv(matrices[..., :3, :3], rcond=1e-15)
+    out = np.zeros_like(matrices)
+    out[..., :3, :3] = linear
+    out[..., :3, 3] = -np.einsum('...ij,...j->...i', linear, matrices[..., :3, 3])
+    out[..., 3, 3] = 1.0
+    return out
+
+
 def transform_points(matrix, points):
     """Return points transformed by a matrix.
 
@@ -92,3 +123,32 @@ def transform_normals(matrix, normals):
     linear = np.asarray(matrix, dtype=np.float64)[:3, :3]
     # Normals are covectors: n . v must keep its value, so a row times the inverse.
     return unit_vectors(np.asarray(normals, dtype=np.float64) @ np.linalg.inv(linear)) + 0.0
+
+
+def signs_of(matrices):
+    """Return the signs of the determinants of affine matrices: negative ones mirror.
+
+    Parameters
+    ----------
+    matrices : numpy.ndarray, shape (..., 4, 4), float64
+        The matrices.
+
+    Returns
+    -------
+    numpy.ndarray, shape (...), float64
+        -1, 0 or 1 for each.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pvibr.maths.transforms import signs_of
+    >>> signs_of(np.diag([2.0, -3.0, 1.0, 1.0]))
+    np.float64(-1.0)
+    """
+    if matrices.ndim == 2:  # plain numbers: each of many figures is asked in each frame
+        (a, b, c), (d, e, f), (g, h, i) = matrices[:3, :3].tolist()
+    else:
+        (a, b, c), (d, e, f), (g, h, i) = (
+            [matrices[..., row, column] for column in range(3)] for row in range(3)
+        )
+    return np.sign(a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g))

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+_LEAST = 1e-280  # square; those of what is shorter, or longer than the inverse, are inexact
+
 
 def unit_vectors(vectors):
     """Return vectors scaled to length one; zero vectors stay zero.
@@ -25,8 +27,13 @@ def unit_vectors(vectors):
     [[0.6, 0.8], [0.0, 0.0]]
     """
     vectors = np.asarray(vectors, dtype=np.float64)
-    lengths = np.linalg.norm(vectors, axis=-1, keepdims=True)
-    return np.divide(vectors, lengths, out=np.zeros_like(vectors), where=lengths > 0)
+    squares = np.einsum('...i,...i->...', vectors, vectors)[..., None]
+    out = ~((squares > _LEAST) & (squares < 1 / _LEAST))  # or zero, or NaN
+    if out.any():
+        largest = np.abs(vectors).max(-1, keepdims=True, initial=0.0)
+        vectors = vectors / np.where(out & (largest > 0), largest, 1.0)
+        squares = np.einsum('...i,...i->...', vectors, vectors)[..., None]
+    return np.divide(vectors, np.sqrt(squares), out=np.zeros_like(vectors), where=squares > 0)
 
 
 def as_units(name, vectors) -> np.ndarray:

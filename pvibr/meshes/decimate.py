@@ -22,7 +22,8 @@ _SAME = 1e-3  # of a normal
 _JUMP = 0.1  # of an array's range: corners of a point that differ by more stay apart
 _TURN = 0.2  # the same of normals
 _ROUGHLY = 1000  # places that tell whether a surface was wrecked
-_OUTWARD = 1e-5  # of the mesh's size: what is looked up is the near side of a plate
+#: Of the mesh's size: what is looked up is the near side of a plate.
+OUTWARD = 1e-5
 #: PyVista's names of what arrays are to VTK.
 ACTIVE = 'active_scalars_name', 'active_normals_name', 'active_texture_coordinates_name'
 _INWARD = 0.02  # of the way to a triangle's centre, where its side of a seam is looked up
@@ -190,10 +191,11 @@ def _by_fast_simplification(welded, share):
         np.ascontiguousarray(welded.faces, np.int32),
         target_reduction=1 - share,
     )
-    return np.asarray(points, float), _proper(np.asarray(faces, int).reshape(-1, 3))
+    return np.asarray(points, float), _proper(np.asarray(faces, int))
 
 
 def _proper(faces):
+    faces = faces.reshape(-1, 3)  # of none PyVista gives one axis
     return faces[(faces != np.roll(faces, 1, axis=1)).all(1)]
 
 
@@ -302,7 +304,7 @@ def _dressed(mesh, welded, columns, points, faces):
         new.point_data[name] = _as_kind(at, kind)
     cells = None
     if mesh.cell_data.keys():
-        cells = welded.cells[surface.nearest(points[place[faces]].mean(1) + _OUTWARD * facets)[0]]
+        cells = welded.cells[surface.nearest(points[place[faces]].mean(1) + OUTWARD * facets)[0]]
     take_arrays(mesh, new, None, cells)
     return new if columns.normals is None else _upright(new, mesh)
 
@@ -314,7 +316,7 @@ def _facets(points, faces):
 
 def _looked_up(arrays, surface, places, normals):
     """Return the values of arrays at the nearest places of the outer side of a surface."""
-    triangles, weights, _ = surface.nearest(places + _OUTWARD * normals)
+    triangles, weights, _ = surface.nearest(places + OUTWARD * normals)
     return {n: np.einsum('ij,ijk->ik', weights, a[triangles]) for n, a in arrays.items()}
 
 

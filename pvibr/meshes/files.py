@@ -54,7 +54,7 @@ def _is_gltf(path):
 
 def _read_pyvista(path):
     mesh = pv.read(path)
-    if not mesh.n_points and not isinstance(mesh, pv.MultiBlock):
+    if not isinstance(mesh, pv.MultiBlock) and not mesh.n_points:
         msg = 'no points in it'
         raise ValueError(msg)
     return mesh

@@ -35,7 +35,7 @@ def gltf_instances(path, pbr=False):
         if not len(poses):
             continue
         mesh = GltfMesh(tuple((_at_rest(m, figure.skeleton), m.look) for m in group))
-        key = tuple((id(dataset), 'culling' in look) for dataset, look in mesh.surfaces)
+        key = tuple(id(dataset) for dataset, _ in mesh.surfaces)
         if key not in known:
             known[key] = len(meshes)
             meshes.append(mesh)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Literal
 
 import numpy as np
 import pyvista as pv
@@ -162,7 +162,7 @@ def _activate(dataset, argument, name) -> bool:
         known = [*dataset.point_data, *dataset.cell_data]
         msg = f'{argument} is {name!r}; the arrays of the dataset are: {known}'
         raise ValueError(msg + nearest(name, known))
-    prefer: Any = 'cell'
+    prefer: Literal['cell', 'point'] = 'cell'
     if argument == 'orient':
         of_cells = dataset.active_scalars_info.association == pv.FieldAssociation.CELL
         prefer = 'cell' if of_cells else 'point'

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import numpy as np
+import pyvista as pv
+
 from pvibr.core import _vtk
+from pvibr.maths.arguments import naming
 
 #: What a colour, scalars or a texture of the user replace in the look of a material.
 _COLORING = (
@@ -18,6 +22,13 @@ PROPERTY_TEXTURES = (
     'emissiveTex',
     'anisotropyTex',
     'coatNormalTex',
+)
+#: Those of colours: VTK refuses them unless they are in sRGB, as pictures are.
+_COLORS = ('albedoTex', 'emissiveTex')
+#: Settings of a VTK texture, by the names of their methods.
+TEXTURE_MODES = (
+    *('Interpolate', 'Mipmap', 'Wrap', 'ColorMode', 'BlendingMode', 'PremultipliedAlpha'),
+    *('UseSRGBColorSpace', 'RestrictPowerOf2ImageSmaller'),
 )
 
 
@@ -42,7 +53,47 @@ def look_key(look):
 def copy_property(copy, prop):
     """Copy a property, sharing its textures."""
     copy.DeepCopy(prop)
+    if hasattr(copy, '_color_set'):  # or PyVista draws wireframes in the theme's colour
+        copy._color_set = getattr(prop, '_color_set', True)  # noqa: SLF001
     for name in PROPERTY_TEXTURES:
         texture = copy.GetTexture(name)
         if texture is not None:
             texture.Register(copy)  # VTK 9.7 forgets this, but unregisters with the copy
+
+
+def set_textures(prop, textures):
+    """Set textures of physically based shading by their names; colours are taken as sRGB."""
+    for name, texture in textures.items():
+        if name in _COLORS and not texture.GetUseSRGBColorSpace():
+            texture = copy_texture(texture)
+            texture.UseSRGBColorSpaceOn()
+        prop.SetTexture(name, texture)
+
+
+def copy_texture(texture):
+    """Return a new texture with the same image, for another window."""
+    if texture is None or texture.GetInput() is None:
+        return None
+    copy = _vtk.vtkTexture()
+    copy.SetInputData(texture.GetInput())
+    copy.SetLookupTable(texture.GetLookupTable())
+    copy.SetTransform(texture.GetTransform())
+    copy.SetBorderColor(texture.GetBorderColor())
+    for name in TEXTURE_MODES:
+        getattr(copy, f'Set{name}')(getattr(texture, f'Get{name}')())
+    return copy
+
+
+def checked_data(dataset, keyword, values):
+    """Return scalars or opacity of a mesh: values, or names of arrays or transfer functions."""
+    with naming(keyword, values):
+        if isinstance(values, str) and values not in dataset.array_names:
+            if keyword != 'opacity':
+                msg = f'the mesh has no array of this name, but {dataset.array_names}'
+                raise ValueError(msg)
+            pv.opacity_transfer_function(values, 2)
+        lengths = dataset.n_points, dataset.n_cells
+        if np.ndim(values) and np.size(values) < 2 and np.size(values) not in lengths:
+            msg = f'must have a value for each point or cell, not {np.size(values)}'
+            raise ValueError(msg)
+    return values

@@ -12,8 +12,10 @@ import pyvista as pv
 from pvibr.core import _vtk
 from pvibr.core.signatures import takes
 from pvibr.formats.trimesh_meshes import as_dataset, is_trimesh
+from pvibr.maths.arguments import naming
 from pvibr.meshes.files import has_graph, read_mesh, scene_instances
-from pvibr.meshes.materials import copy_property, look_key, merged_look
+from pvibr.meshes.maps import attach_maps
+from pvibr.meshes.materials import checked_data, copy_property, look_key, merged_look, set_textures
 from pvibr.meshes.surfaces import (
     check_points,
     clipped,
@@ -215,7 +217,8 @@ class _Maker(pv.BasePlotter):
     """A plotter without a window, whose add_mesh makes looks without OpenGL."""
 
     def __init__(self, theme):
-        super().__init__(theme=theme, lighting='none')
+        with naming('theme', theme):
+            super().__init__(theme=theme, lighting='none')
 
     def __enter__(self):
         return self
@@ -231,10 +234,10 @@ class _Maker(pv.BasePlotter):
         shining = look.pop('emissive_factor', None)
         actor = self.add_mesh(dataset, **look)
         if dataset.active_texture_coordinates is not None:
-            for name, texture in textures.items():
-                actor.prop.SetTexture(name, texture)
+            set_textures(actor.prop, textures)
         if shining is not None:
             actor.prop.SetEmissiveFactor(shining)
+        attach_maps(actor, shining)
         return _finished(actor, cutoff)
 
 
@@ -268,8 +271,8 @@ def _with_arrays(dataset, look):
     """Store arrays given by value on a shallow copy, so that filters pass them on."""
     dataset, look = dataset.copy(deep=False), dict(look)
     for keyword, name in (('scalars', SCALARS), ('opacity', OPACITY)):
-        values = look.get(keyword)
-        if values is None or isinstance(values, str) or np.ndim(values) == 0:
+        values = checked_data(dataset, keyword, look.get(keyword))
+        if np.ndim(values) == 0:
             continue
         values = np.asarray(values)
         on_points = len(values) == dataset.n_points

@@ -6,6 +6,7 @@ import numpy as np
 
 from pvibr.core.files import existing
 from pvibr.formats.tables import table_of
+from pvibr.maths.arguments import checked_each, naming
 from pvibr.maths.transforms import trs
 from pvibr.meshes.poses import as_poses
 
@@ -125,10 +126,12 @@ def _others(table, used, names):
     """Return the indices of the other columns to read."""
     if names is None:
         return [index for index in range(len(table.names)) if index not in used]
+    names = checked_each('others', names, lambda one: isinstance(one, str), 'names of columns')
     known = [*table.names, *table.extras()]
     unknown = [name for name in names if table.find(name) is None and name not in known]
     if unknown:
-        msg = f'{table.path}: no column {unknown[0]!r}; there are {_listed(known)}.'
+        msg = f'{table.path}: others has {unknown[0]!r}, which is no column; '
+        msg += f'there are {_listed(known)}.'
         raise ValueError(msg)
     indices = [table.find(name) for name in names]
     return [index for index in indices if index is not None]
@@ -141,8 +144,10 @@ def _listed(names):
 
 
 def _axis_columns(table, columns):
-    wanted = AXES if columns is None else tuple(columns)
-    if len(wanted) != 3 or all(name is None for name in wanted):
+    with naming('columns', columns):
+        wanted = AXES if columns is None else tuple(columns)
+    text = all(isinstance(name, str | None) for name in wanted)
+    if len(wanted) != 3 or not text or not any(name is not None for name in wanted):
         msg = f'columns is {columns!r}; it must be three column names, for x, y and z, or None.'
         raise ValueError(msg)
     indices = [None if name is None else table.find(name) for name in wanted]

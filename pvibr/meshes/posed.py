@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import pyvista as pv
@@ -13,6 +13,7 @@ from pvibr.core import _vtk
 from pvibr.core.errors import warn
 from pvibr.core.spelling import nearest
 from pvibr.formats.tables import columns_table
+from pvibr.maths.arguments import as_array, checked_number, naming
 from pvibr.maths.quaternions import to_matrices
 from pvibr.maths.transforms import trs
 from pvibr.maths.vectors import unit_vectors
@@ -21,12 +22,14 @@ from pvibr.meshes.poses import as_poses
 
 #: Size of items of size 0, as VTK's glyphs have it: matrices keep an inverse.
 _LEAST = 1e-10
+#: The largest scale and factor: single floats hold the square of each.
+_MOST = 1e18
 
 
 class Source(NamedTuple):
     """Poses as they were given, and the arrays that came with them by name, None of bare ones."""
 
-    poses: Any
+    poses: np.ndarray
     arrays: Mapping | None = None
     dataset: pv.DataSet | None = None
 
@@ -53,11 +56,12 @@ def source_of(poses, *names) -> Source:
     if isinstance(poses, _vtk.vtkDataSet):
         dataset = poses if isinstance(poses, pv.DataSet) else pv.wrap(poses)
         return Source(dataset.points, dataset.point_data, dataset)
-    table = columns_table(poses)
-    if table is not None:
-        # Of three columns by other names, those are: as of an array.
-        bare = len(table.names) == 3 and table.find('x') is None
-        return Source(*table_poses(table, names, table.names if bare else None))
+    with naming('poses', poses):
+        table = columns_table(poses)
+        if table is not None:
+            # Of three columns by other names, those are: as of an array.
+            bare = len(table.names) == 3 and table.find('x') is None
+            return Source(*table_poses(table, names, table.names if bare else None))
     return Source(_plain(poses))
 
 
@@ -115,7 +119,8 @@ def matrices(points, orient=None, scale=None, factor=1.0):
     Notes
     -----
     Vectors turn as those of ``glyph`` do: by half a turn about the direction in the middle of x
-    and the vector; zero vectors turn nothing.
+    and the vector, so that level vectors turn z down: for what stands upright, give turns about
+    z. Zero vectors turn nothing.
 
     Examples
     --------
@@ -124,7 +129,8 @@ def matrices(points, orient=None, scale=None, factor=1.0):
     >>> (poses[0] @ [1, 0, 0, 1]).tolist()
     [5.0, 0.0, 2.0, 1.0]
     """
-    poses = posed(points, orient, scale, factor)
+    with naming('points', points):
+        poses = posed(points, orient, scale, factor)
     return trs(poses) if poses.ndim == 2 else poses
 
 
@@ -254,6 +260,9 @@ def _sizes(source, scale, factor, count):
             f'({count}, 3) vectors'
         )
         raise ValueError(msg)
+    if np.abs(values).max(initial=0.0) > _MOST:
+        msg = f'scale is up to {np.abs(values).max():g}; it must be at most {_MOST:g}'
+        raise ValueError(msg)
     return kept_apart(values * factor)
 
 
@@ -264,15 +273,12 @@ def kept_apart(sizes):
 
 def checked_factor(factor) -> float:
     """Return a factor of all sizes."""
-    if isinstance(factor, bool) or np.ndim(factor) or not np.isfinite(_numbers('factor', factor)):
-        msg = f'factor is {factor!r}; it must be a finite number'
-        raise ValueError(msg)
-    return float(factor) or _LEAST
+    return checked_number('factor', factor, -_MOST, _MOST) or _LEAST
 
 
 def _numbers(name, values):
     try:
-        array = np.asarray(values, np.float64)
+        array = as_array(name, values, np.float64)
     except (TypeError, ValueError) as error:
         msg = f'{name} is {values!r:.80}; it must be numbers'
         raise TypeError(msg) from error

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from pvibr.maths.arguments import as_array
+
 #: Smallest |det| / (product of the column lengths) of an invertible matrix: tiny scales pass,
 #: collapsed axes fail.
 SINGULAR = 1e-12
@@ -19,6 +21,17 @@ def as_poses(poses):
     return array
 
 
+def placed_by(matrix, poses):
+    """Return poses moved by a matrix, (4, 4); points stay points if it only translates."""
+    if poses.ndim == 3:
+        return matrix @ poses
+    if (matrix[:3, :3] == np.eye(3)).all():
+        return poses + matrix[:3, 3]
+    out = np.tile(matrix, (len(poses), 1, 1))
+    out[:, :3, 3] = poses @ matrix[:3, :3].T + matrix[:3, 3]
+    return out
+
+
 def mirror(poses) -> bool:
     """Return True if any pose mirrors."""
     return poses.ndim == 3 and any((_volumes(rows) < 0).any() for rows in _columns(poses))
@@ -26,7 +39,7 @@ def mirror(poses) -> bool:
 
 def _as_array(poses):
     try:
-        array = np.asarray(poses, dtype=np.float64)
+        array = as_array('poses', poses, np.float64)
     except (TypeError, ValueError) as error:
         msg = f'poses must be an array of numbers, (n, 3) or (n, 4, 4); {error}.'
         raise TypeError(msg) from error

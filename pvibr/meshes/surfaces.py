@@ -7,6 +7,7 @@ from contextlib import contextmanager
 import numpy as np
 import pyvista as pv
 
+from pvibr.animation.normals import turned
 from pvibr.core import _vtk
 from pvibr.maths.transforms import transform_normals, transform_points
 
@@ -100,16 +101,8 @@ def moved(mesh, matrix):
     for old, data in ((mesh.point_data, new.point_data), (mesh.cell_data, new.cell_data)):
         if old.active_normals is not None:
             data.active_normals = transform_normals(matrix, old.active_normals)
-    if np.linalg.det(matrix[:3, :3]) < 0:
-        # A mirroring matrix reverses the winding; restore it.
-        faces = new.regular_faces if _is_triangulated(new) else None
-        new = new.flip_faces() if faces is None else _with_faces(new, faces[:, ::-1])
-    return new
-
-
-def _with_faces(mesh, faces):
-    mesh.regular_faces = np.ascontiguousarray(faces)
-    return mesh
+    # A mirroring matrix reverses the winding.
+    return turned(new) if np.linalg.det(matrix[:3, :3]) < 0 else new
 
 
 def clipped(mesh, planes):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from contextlib import contextmanager
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -18,6 +19,8 @@ from pvibr.projection.samples import bounds_of, with_points
 from pvibr.scene.casters import Casters
 from pvibr.scene.depth_view import DepthView
 
+#: Texels along a side: what every driver has.
+LARGEST_MAP = 16_384
 #: Texels around a picture in its depth view: what is compared at its edge lies beyond.
 _EDGE = 4.0
 #: The nearest that is drawn, over the farthest.
@@ -78,11 +81,13 @@ class _Scene:
         for actor in self.actors:
             renderer.AddActor(actor)
         self.drawer = Drawer(renderer)
-        self._map = None
+        self._map: Any = None
+        self._edges: list = []
 
     def depth(self, view, resolution):
         """Return the depth in a view in world units, (n, n)."""
-        if self._map is None:
+        if self._map is None or self._map.resolution != resolution:
+            release(self._map)
             self._map = DepthView(self.drawer, 1, resolution)
         shift = np.eye(4)
         shift[:3, 3] = self.center
@@ -90,17 +95,37 @@ class _Scene:
         self._map.update(Frame.of(self.renderer), [moved], Casters(self.actors))
         return self._map.texture.download()[..., 0]
 
+    def depth_of_edges(self):
+        """Return the same depth with the edges and corners of all triangles drawn over it."""
+        if not self._edges:
+            for style in ('SetRepresentationToWireframe', 'SetRepresentationToPoints'):
+                for actor in self.actors:
+                    self._edges.append(_vtk.vtkActor())
+                    self._edges[-1].SetMapper(_mapper(actor.GetMapper().GetInput()))
+                    getattr(self._edges[-1].GetProperty(), style)()
+        (view,), side = self._map.views, self._map.resolution
+        with self._map.target.drawing():
+            self.drawer.look(view, (0, 0, side, side), clear=False)
+            self.drawer.draw(self._edges)
+        self.drawer.done()
+        self._map.keys = [None]
+        return self._map.texture.download()[..., 0]
+
     def release(self):
         release(self._map, self.drawer)
         self.renderer.RemoveAllViewProps()
-        for actor in self.actors:
+        for actor in (*self.actors, *self._edges):
             actor.ReleaseGraphicsResources(self.renderer.GetRenderWindow())
 
 
 def _actor(surface, center):
-    mapper = _vtk.vtkPolyDataMapper()
-    mapper.SetInputData(with_points(surface, surface.points - center))
-    mapper.ScalarVisibilityOff()
     actor = _vtk.vtkActor()
-    actor.SetMapper(mapper)
+    actor.SetMapper(_mapper(with_points(surface, surface.points - center)))
     return actor
+
+
+def _mapper(surface):
+    mapper = _vtk.vtkPolyDataMapper()
+    mapper.SetInputData(surface)
+    mapper.ScalarVisibilityOff()
+    return mapper

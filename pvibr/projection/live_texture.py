@@ -14,11 +14,14 @@ from pvibr.gl import MipTexture, Quad, Target, Texture, release
 from pvibr.gl import enums as gl
 from pvibr.gl.drawer import Drawer
 from pvibr.gl.mipmaps import copy
+from pvibr.maths._checks import numbers
+from pvibr.maths.arguments import as_array
 from pvibr.maths.cameras import as_camera
 from pvibr.maths.reflections import through_rectangle
+from pvibr.maths.vectors import unit_vectors
 from pvibr.maths.views import View, frustum, look_along, may_see
 from pvibr.projection.depth_maps import view_of
-from pvibr.scene.casters import Casters
+from pvibr.scene.casters import Casters, Choice
 from pvibr.scene.content_key import lights_key
 from pvibr.scene.draw_order import in_order
 from pvibr.scene.seen_from import seen_from
@@ -100,6 +103,8 @@ class LiveTexture(Effect):
         'Depth to which live textures show one another: each within a picture is drawn for it.',
         range='[0, 16]',
     )
+
+    actors = Choice()
 
     def __init__(self, camera, actors=None, size=(512, 512), **settings):
         self.camera, self.actors, self.size = camera, actors, _size(size)
@@ -366,9 +371,10 @@ class Mirror(LiveTexture):
         if right is None or up is None:
             msg = f'right = {right!r}, up = {up!r}: must be given, unless corner is an actor'
             raise TypeError(msg)
-        self.corner, self.right, self.up = (np.array(x, float) for x in (corner, right, up))
-        lengths = np.linalg.norm(self.right), np.linalg.norm(self.up)
-        if min(lengths) == 0 or abs(self.right @ self.up) > 1e-6 * lengths[0] * lengths[1]:
+        given = {'corner': corner, 'right': right, 'up': up}
+        self.corner, self.right, self.up = (numbers(n, x, (3,)) for n, x in given.items())
+        directions = unit_vectors(np.stack([self.right, self.up]))
+        if not directions.any(1).all() or abs(directions[0] @ directions[1]) > 1e-6:
             msg = f'right = {right!r}, up = {up!r}: must be perpendicular and not zero'
             raise ValueError(msg)
         super().__init__(None, actors, size, **settings)
@@ -440,7 +446,7 @@ def _blended(window):
 
 
 def _size(size) -> tuple[int, int]:
-    found = np.asarray(size)
+    found = as_array('size', size)
     if found.shape != (2,) or found.dtype.kind not in 'iu' or found.min() < 1:
         msg = f'size = {size!r}: must be width and height in texels, two positive integers'
         raise ValueError(msg)

@@ -13,19 +13,53 @@ _GRAZING = 1e-3  # minimum cosine of surfaces that may face away
 _GAIN_POINTS = 20_000  # on which exposures are compared
 
 
-def painted(slides, settings, samples, surfaces, time, side):
-    """Return colours (n, 4) uint8, whether any picture shows there, and how many do."""
-    looks = [_Look(slide, settings, samples, surfaces, time, side) for slide in slides]
-    covers, colors = np.stack([k.cover for k in looks]), np.stack([k.colors for k in looks])
-    cosines, texels = np.stack([k.cosine for k in looks]), np.stack([k.texel for k in looks])
-    shares = weights(cosines, texels, masks=covers, method=settings.blend)
-    if settings.gains == 'auto':
-        colors *= exposure_gains(colors, covers)[:, None]
-    mixed = np.nan_to_num(blend(colors * settings.gain, shares))
-    cover = np.max(covers, axis=0) * (shares.sum(0) > 0)
-    mixed = np.concatenate([mixed, 255 * cover[:, None] * settings.opacity], 1)
-    mixed = np.rint(np.clip(mixed, 0, 255)).astype(np.uint8)
-    return mixed, cover > 0, np.sum(covers > 0, axis=0)
+class SlidePainter:
+    """Paints samples of surfaces; what each picture's camera sees of them is drawn once."""
+
+    def __init__(self, slides, settings, surfaces, time, side):
+        self.slides, self.settings = slides, settings
+        self.surfaces, self.time, self.side = surfaces, time, side
+        self._gains: np.ndarray | None = None
+        self._depths: dict = {}
+
+    def solve_gains(self, mesh):
+        """Take the gains that make overlaps on a whole mesh alike, not those on each sample."""
+        if self.settings.gains == 'auto':
+            self._gains = solved_gains(self.slides, self.settings, [mesh], self.surfaces)
+
+    def at(self, samples):
+        """Return colours (n, 4) uint8, whether any picture shows there, and how many do."""
+        looks = [_Look(self, slide, samples) for slide in self.slides]
+        covers, colors = np.stack([k.cover for k in looks]), np.stack([k.colors for k in looks])
+        cosines, texels = np.stack([k.cosine for k in looks]), np.stack([k.texel for k in looks])
+        settings = self.settings
+        shares = weights(cosines, texels, masks=covers, method=settings.blend)
+        if settings.gains == 'auto':
+            gains = exposure_gains(colors, covers) if self._gains is None else self._gains
+            colors *= gains[:, None]
+        mixed = np.nan_to_num(blend(colors * settings.gain, shares))
+        cover = np.max(covers, axis=0) * (shares.sum(0) > 0)
+        mixed = np.concatenate([mixed, 255 * cover[:, None] * settings.opacity], 1)
+        mixed = np.rint(np.clip(mixed, 0, 255)).astype(np.uint8)
+        return mixed, cover > 0, np.sum(covers > 0, axis=0)
+
+    def of_tiles(self, mesh):
+        """Return a function that paints tiles of a mesh's texture."""
+
+        def paint(tile, _):
+            return {'': tile.filled(*self.at(tile.samples(mesh))[:2])}
+
+        return paint
+
+    def depth(self, slide):
+        """Return the view of a picture's camera, None if all is behind it, and its depth."""
+        if id(slide) not in self._depths:
+            texels = slide.side(self.settings.resolution)
+            view, depth = view_of(slide.camera(), bounds_of(self.surfaces), texels), None
+            if view is not None:
+                (depth,) = depth_maps([view], self.surfaces, texels)
+            self._depths[id(slide)] = view, depth
+        return self._depths[id(slide)]
 
 
 def solved_gains(slides, settings, meshes, casters) -> np.ndarray:
@@ -35,7 +69,8 @@ def solved_gains(slides, settings, meshes, casters) -> np.ndarray:
     normals = np.concatenate([p.normals for p in parts])
     step = -(-len(points) // _GAIN_POINTS) or 1
     samples = Samples.at(points[::step], normals[::step])
-    looks = [_Look(slide, settings, samples, casters, 0.0, 0) for slide in slides]
+    painter = SlidePainter(slides, settings, casters, 0.0, 0)
+    looks = [_Look(painter, slide, samples) for slide in slides]
     colors, covers = np.stack([k.colors for k in looks]), np.stack([k.cover for k in looks])
     return exposure_gains(np.nan_to_num(colors), covers)
 
@@ -43,22 +78,20 @@ def solved_gains(slides, settings, meshes, casters) -> np.ndarray:
 class _Look:
     """One image at points or cells: coverage, cosine, pixel size, colours."""
 
-    def __init__(self, slide, settings, samples, surfaces, time, side):
-        camera, points = slide.camera(), samples.points
+    def __init__(self, painter, slide, samples):
+        settings, camera, points = painter.settings, slide.camera(), samples.points
         uv, _ = camera.project(points)
         toward = camera.toward(points)
-        cosine = samples.facing(toward, side)
+        cosine = samples.facing(toward, painter.side)
         limit = max(float(np.cos(np.radians(settings.max_angle))), 0.0)
         cover = border(uv, settings.feather) * (cosine > limit)
         rows = np.flatnonzero(cover)
         colors = np.full((len(points), 4), np.nan)
-        colors[rows] = sample(slide.picture(time, settings), uv[rows])
+        colors[rows] = sample(slide.picture(painter.time, settings), uv[rows])
         cover[rows] *= colors[rows, 3] / 255
         if settings.occlusion and len(rows):
-            texels = slide.side(settings.resolution)
-            view = view_of(camera, bounds_of(surfaces), texels)
+            view, depth = painter.depth(slide)
             if view is not None:
-                (depth,) = depth_maps([view], surfaces, texels)
                 normals = samples.turned(toward)[rows]
                 bias = settings.normal_bias
                 cover[rows] *= depth_test.seen(view, depth, points[rows], normals, bias)

@@ -4,7 +4,8 @@
 //
 // PRE stands for the effect, SLIDE for one of its pictures, VIEW for that one's number.
 // PRE_matrix: for each picture, view space to plane and to depth texture. PRE_number: 24 floats
-// each, see projector.py. PRE_set: feather, least cosine, opacity, outside brightness, normal bias in texels.
+// each, see projector.py. PRE_set: feather, least cosine, opacity, outside brightness, normal bias
+// in texels, pixels by which borders of triangles are extrapolated.
 
 //@picture
 #ifndef IBR_PICTURE
@@ -27,7 +28,7 @@ vec4 ibr_picture(sampler2D map, vec2 uv, vec2 across, vec2 along)
 #endif
 
 //@slide
-vec4 PRE_slide_VIEW(vec3 p, vec3 n, out float cover, out float score)
+vec4 PRE_slide_VIEW(vec3 p, vec3 n, float beyond, out float cover, out float score)
 {
 #define NUMBER(k) PRE_number[24 * VIEW + k]
   vec4 q = PRE_matrix[2 * VIEW] * vec4(p, 1.0);
@@ -56,7 +57,7 @@ vec4 PRE_slide_VIEW(vec3 p, vec3 n, out float cover, out float score)
 #if OCCLUSION
   mat4 m = PRE_matrix[2 * VIEW + 1];
   float texel = NUMBER(23) * (NUMBER(18) > 0.0 ? (m * vec4(p, 1.0)).w : 1.0);
-  cover *= ibr_seen(PRE_depth_VIEW, m, p, cosine < 0.0 ? -n : n, PRE_set[4] * texel);
+  cover *= ibr_seen(PRE_depth_VIEW, m, p, cosine < 0.0 ? -n : n, PRE_set[4] * texel + beyond);
 #endif
   float density = NUMBER(22) / q.w;
   score = cover * max(abs(cosine), 1e-3) * density * density;
@@ -66,14 +67,14 @@ vec4 PRE_slide_VIEW(vec3 p, vec3 n, out float cover, out float score)
 
 //@begin
 // What all pictures show at a place: colour times the cosine of the light, and how much it covers.
-vec4 PRE_paint(vec3 p, vec3 n)
+vec4 PRE_paint(vec3 p, vec3 n, float beyond)
 {
   vec3 sum = vec3(0.0);
   float total = 0.0, most = 0.0, cover, score;
   vec4 found;
 
 //@one
-  found = PRE_slide_VIEW(p, n, cover, score);
+  found = PRE_slide_VIEW(p, n, beyond, cover, score);
   most = max(most, cover);
 #if LIGHT
   found.rgb *= max(found.a, 0.0);
@@ -96,12 +97,14 @@ vec4 PRE_paint(vec3 p, vec3 n)
 //@find
 #ifdef IBR_PLACE
   vec3 PRE_p = IBR_PLACE;
+  float PRE_beyond = 0.0;
   vec3 PRE_n = IBR_NORMAL;
 #else
   vec3 PRE_p = ibr_place(ibr_clip);
+  float PRE_beyond = PRE_set[5] * (length(dFdx(PRE_p)) + length(dFdy(PRE_p)));
   vec3 PRE_n = ibr_flat(PRE_p);
 #endif
-  vec4 PRE_found = PRE_paint(PRE_p, PRE_n);
+  vec4 PRE_found = PRE_paint(PRE_p, PRE_n, PRE_beyond);
 
 //@lit
   ambientColor = mix(ambientColor * mix(PRE_set[3], 1.0, PRE_found.a),

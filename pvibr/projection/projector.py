@@ -10,19 +10,23 @@ import numpy as np
 from pvibr.core._vtk import address
 from pvibr.core.effect import Effect
 from pvibr.core.params import Param
+from pvibr.core.progress import baking
 from pvibr.gl import release, set_fragment_uniforms, shader_source
 from pvibr.gl.drawer import Drawer
 from pvibr.gl.feature import Feature, FeatureSet, declared_samplers, sections
 from pvibr.maths.cameras import as_camera
-from pvibr.projection.painting import painted, solved_gains
+from pvibr.projection.painting import SlidePainter, solved_gains
 from pvibr.projection.samples import Samples, sides_of, surface_of
-from pvibr.projection.slide import Slide
-from pvibr.projection.unwrap import texels_of, unwrapped
+from pvibr.projection.slide import Slide, checked_slides
+from pvibr.projection.texture_bake import baked_texture, checked_file
+from pvibr.scene.casters import Choice
 from pvibr.scene.depth_view import receiver_shader
 
-#: Pictures on a surface at once: each takes two of the 16 texture units that OpenGL promises, and
-#: the mesh, the light and other effects need some.
-MOST = 6
+#: Texels along a side of what is baked at once.
+_TILE = 512
+
+#: Window pixels by which a multisampled border is extrapolated beyond its triangle.
+_BEYOND = 0.5
 
 
 class Projector(Effect):
@@ -30,13 +34,14 @@ class Projector(Effect):
 
     Parameters
     ----------
-    image : path, array, pyvista.Texture, LiveTexture, or a sequence of paths or arrays
-        See :class:`pvibr.images.projected.Pictures`; films and sequences run with ``pl.ibr.time``.
-        A list of images if `camera` is a list.
-    camera : pyvista.Camera, Pinhole, Orthographic, dict, tuple, or list of them
+    image : Photo, path, array, pyvista.Texture, LiveTexture, or a sequence of them
+        A photograph of :func:`read_cameras`, or several, with their cameras. Else see
+        :class:`pvibr.images.projected.Pictures`; films and sequences run with ``pl.ibr.time``. A
+        list of images if `camera` is a list.
+    camera : pyvista.Camera, Pinhole, Orthographic, Photo, dict, tuple, or list of them, optional
         See :func:`pvibr.maths.cameras.as_camera`: ``(K, R, t)`` or ``(K, R, t, distortion)`` as in
-        OpenCV, or the extent of an orthophoto. A list has one camera per image, at most 6, since
-        each image takes two texture units.
+        OpenCV, or the extent of an orthophoto; only for images that have none. A list has one
+        camera per image, at most 6, since each image takes two texture units.
     mask : path or array, optional
         0 where the image must not be used. If `camera` is a list: a list, None where there is no
         mask.
@@ -121,8 +126,8 @@ class Projector(Effect):
         'none', 'Whether exposures of overlapping images are equalized.', choices=('none', 'auto')
     )
 
-    def __init__(self, image, camera, *, mask=None, actors=None, casters=None, **settings):
-        self._slides = [Slide(*slide) for slide in _checked_slides(image, camera, mask)]
+    def __init__(self, image, camera=None, *, mask=None, actors=None, casters=None, **settings):
+        self._slides = [Slide(*slide) for slide in checked_slides(image, camera, mask)]
         self.actors, self.casters = actors, casters
         self._attached = FeatureSet()
         self._drawer: Any = None
@@ -132,6 +137,7 @@ class Projector(Effect):
 
     # -- the life of an effect ----------------------------------------------------------------
 
+    actors, casters = Choice(), Choice()
     #: Distinguishes its names in shaders from those of other projectors.
     number = 0
 
@@ -150,6 +156,12 @@ class Projector(Effect):
     def cameras(self) -> tuple:
         """The camera of each image, as given."""
         return tuple(slide.given for slide in self._slides)
+
+    @property
+    def found_gains(self) -> np.ndarray:
+        """Factors of red, green and blue of each image, (n, 3), as the last frame used them."""
+        found = self._found_gains[1] if self.gains == 'auto' else None
+        return np.ones((len(self._slides), 3)) if found is None else found.copy()
 
     def set_camera(self, camera, view=0):
         """Set the camera of an image.
@@ -209,7 +221,7 @@ class Projector(Effect):
         self._attach(frame, casters, things)
 
     def _receivers(self, things) -> dict:
-        actors, things = self.pipeline.surfaces.chosen(self.actors, things)
+        actors, things = self.pipeline.surfaces.chosen(self.actors, things, handles=False)
         return actors | {address(a): a for thing in things for a in thing.actors()}
 
     def _attach(self, frame, casters, things):
@@ -245,6 +257,7 @@ class Projector(Effect):
             self.opacity,
             self.outside_brightness,
             self.normal_bias,
+            _BEYOND if frame.window.GetMultiSamples() > 1 else 0.0,
         ]
         # In perspective depth is taken from w, in a parallel view from z.
         clip = frame.clip_from_view
@@ -303,16 +316,17 @@ class Projector(Effect):
             return np.ones((len(self._slides), 3))
         key = (casters.key(), [s.camera() for s in self._slides])
         if self._found_gains[0] != key:
-            receivers, _ = self.pipeline.surfaces.chosen(self.actors, things)
+            receivers, _ = self.pipeline.surfaces.chosen(self.actors, things, handles=False)
             meshes = [surface_of(a) for a in receivers.values() if a.GetVisibility()]
             others = [surface_of(a) for a in casters.actors]
             self._found_gains = (key, solved_gains(self._slides, self, meshes, others))
-            self.pipeline.window.MakeCurrent()  # it was solved in another window
         return self._found_gains[1]
 
     # -- as data ------------------------------------------------------------------------------
 
-    def bake(self, mesh, to='points', *, size=2048, casters=(), time=0.0):
+    def bake(
+        self, mesh, to='points', *, size=2048, casters=(), time=0.0, file=None, progress=None
+    ):
         """Return a mesh with the projected colours as data.
 
         Parameters
@@ -328,6 +342,11 @@ class Projector(Effect):
             Other occluders.
         time : float, optional
             Seconds, for sequences.
+        file : str or Path, optional
+            A ``.tif`` (``pip install pvibr[geo]``) or ``.npy`` that a texture is written to, tile
+            by tile: it may be larger than memory.
+        progress : bool, optional
+            Show a progress bar; by default in terminals and notebooks.
 
         Returns
         -------
@@ -336,13 +355,14 @@ class Projector(Effect):
             ``'covered'`` (n,) bool and ``'views'`` (n,) int, the number of images that see it.
         numpy.ndarray, shape (h, w, 4), uint8
             The texture, row 0 at the top; only for ``to='texture'``, whose mesh has no arrays.
+            The path if it was written to a file.
 
         Raises
         ------
         ValueError
-            If `to` is invalid.
+            If `to`, `size` or the suffix of `file` is invalid.
         ImportError
-            If xatlas is needed and not installed.
+            If xatlas or rasterio is needed and not installed.
 
         Examples
         --------
@@ -358,15 +378,16 @@ class Projector(Effect):
         if to not in ('points', 'cells', 'texture'):
             msg = f"to is {to!r}; it must be 'points', 'cells' or 'texture'."
             raise ValueError(msg)
+        file = checked_file(file)
         surfaces = [surface_of(m) for m in (mesh, *casters)]
         side = 0 if self.max_angle > 90 else sides_of(mesh, None)
+        painter = SlidePainter(self._slides, self, surfaces, time, side)
         if to == 'texture':
-            mesh = unwrapped(mesh)
-            samples, image = texels_of(mesh, size)
-            colors, covered, _ = painted(self._slides, self, samples, surfaces, time, side)
-            return mesh, image.filled(colors, covered)
+            painter.solve_gains(mesh)
+            with baking(progress, 'Baking pictures') as advance:
+                return baked_texture(mesh, size, painter.of_tiles, file, advance, side=_TILE)
         samples = Samples.of(mesh, to)
-        colors, covered, views = painted(self._slides, self, samples, surfaces, time, side)
+        colors, covered, views = painter.at(samples)
         found = mesh.copy()
         data = found.point_data if to == 'points' else found.cell_data
         data['projected'], data['covered'], data['views'] = colors, covered, views
@@ -378,7 +399,8 @@ class Projector(Effect):
 
         def draped(samples, surfaces, side):
             side = 0 if self.max_angle > 90 else side
-            return painted(self._slides, self, samples, surfaces, scene.frame.time, side)[0]
+            painter = SlidePainter(self._slides, self, surfaces, scene.frame.time, side)
+            return painter.at(samples)[0]
 
         scene.drape(
             draped,
@@ -388,23 +410,6 @@ class Projector(Effect):
             receives=self.actors,
             casts=self.casters,
         )
-
-
-def _checked_slides(image, camera, mask) -> list[tuple]:
-    """Return (image, camera, mask) of each image."""
-    if not isinstance(camera, list):
-        return [(image, camera, mask)]
-    masks = [None] * len(camera) if mask is None else mask
-    if not (isinstance(image, list) and isinstance(masks, list)):
-        msg = 'camera is a list, image or mask is not: give lists, or one camera as a tuple'
-        raise TypeError(msg)
-    if not len(image) == len(camera) == len(masks) or not 1 <= len(camera) <= MOST:
-        msg = (
-            f'image, camera and mask have {len(image)}, {len(camera)} and {len(masks)} entries: '
-            f'must be as many each, 1 to {MOST}'
-        )
-        raise ValueError(msg)
-    return list(zip(image, camera, masks, strict=True))
 
 
 def _size(bounds) -> float:

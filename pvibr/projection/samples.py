@@ -7,6 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 import pyvista as pv
 
+from pvibr.core.params import checked_flag
+from pvibr.maths.arguments import checked_each
 from pvibr.maths.vectors import unit_vectors
 from pvibr.scene.item_set import ItemSet
 from pvibr.scene.thing import Thing
@@ -29,13 +31,16 @@ class Samples:
     @classmethod
     def of(cls, mesh, to) -> Samples:
         """Return samples of a mesh: triangle centroids, or points near the corners."""
-        if to not in ('points', 'cells'):
+        if not isinstance(to, str) or to not in ('points', 'cells'):
             msg = f"to is {to!r}; it must be 'points' or 'cells'."
             raise ValueError(msg)
-        corner, cell, point = _triangles(mesh)
-        places = np.asarray(mesh.points, float)[point][corner]
+        if not isinstance(mesh, pv.DataSet):
+            msg = f'mesh = {mesh!r:.80}: must be a mesh'
+            raise TypeError(msg)
+        corner, cell = _triangles(mesh)
+        places = np.moveaxis(np.asarray(mesh.points, float)[corner.T], 0, 1)
         normals, area = normals_and_areas(places)
-        middle, corner = places.mean(1), point[corner]
+        middle = (places[:, 0] + places[:, 1] + places[:, 2]) / 3
         if to == 'cells':
             return cls(middle, normals, cell, mesh.n_cells, corner, area)
         inward = places + _INWARD * (middle[:, None] - places)
@@ -60,13 +65,15 @@ class Samples:
         """Return the cosines between normals and directions, (m,); 1 without normals."""
         cosine = np.einsum('ij,ij->i', self.normals, toward)
         cosine = np.abs(cosine) if not two_sided else two_sided * cosine
-        return np.where(self.normals.any(1), cosine, 1.0)
+        return np.where(_squares(self.normals) > 0, cosine, 1.0)
 
     def turned(self, toward) -> np.ndarray:
         """Return normals flipped to the side of directions, (m, 3)."""
-        back = np.einsum('ij,ij->i', self.normals, toward) < 0
-        normals = np.where(back[:, None], -self.normals, self.normals)
-        return np.where(self.normals.any(axis=1, keepdims=True), normals, toward)
+        side = np.where(np.einsum('ij,ij->i', self.normals, toward) < 0, -1.0, 1.0)
+        none = _squares(self.normals) == 0
+        normals = side[:, None] * self.normals
+        normals[none] = toward[none]
+        return normals
 
     def most(self, values) -> np.ndarray:
         """Return the largest value of each owner, (count,); 0 for one without samples."""
@@ -84,8 +91,10 @@ class Samples:
 
 
 def _triangles(mesh):
-    """Return triangles by surface point, their cells in the mesh, and its points' numbers."""
+    """Return the triangles of a mesh's surface by its points, and their cells in the mesh."""
     if isinstance(mesh, pv.PolyData):
+        if mesh.is_all_triangles:
+            return mesh.regular_faces, np.arange(mesh.n_cells)
         surface = mesh.copy(deep=False)
         surface.clear_data()
         point, cell = np.arange(mesh.n_points), np.arange(mesh.n_cells)
@@ -96,13 +105,17 @@ def _triangles(mesh):
         surface.clear_data()
     surface.cell_data['cell'] = cell
     faces = surface if surface.is_all_triangles else surface.triangulate()
-    return faces.regular_faces.reshape(-1, 3), np.asarray(faces.cell_data['cell']), point
+    return point[faces.regular_faces.reshape(-1, 3)], np.asarray(faces.cell_data['cell'])
 
 
 def normals_and_areas(corners) -> tuple[np.ndarray, np.ndarray]:
     """Return unit normals (n, 3), zero for degenerate triangles, and areas (n,)."""
     across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    return unit_vectors(across), np.linalg.norm(across, axis=1) / 2
+    return unit_vectors(across), np.sqrt(_squares(across)) / 2
+
+
+def _squares(vectors):
+    return np.einsum('ij,ij->i', vectors, vectors)
 
 
 def surface_of(thing) -> pv.PolyData:
@@ -129,13 +142,18 @@ def surface_of(thing) -> pv.PolyData:
 def surfaces_of(casters) -> list[pv.PolyData]:
     """Return the surfaces of meshes, actors and things, of these those that are visible."""
     found: list = []
-    for caster in casters:
+    for caster in checked_each('casters', casters, _is_surface, 'meshes, actors or things'):
         found += _surfaces_of_thing(caster) if isinstance(caster, Thing) else [surface_of(caster)]
     return found
 
 
+def _is_surface(one) -> bool:
+    return isinstance(one, pv.DataSet | pv.MultiBlock | Thing) or hasattr(one, 'GetMapper')
+
+
 def _surfaces_of_thing(thing) -> list:
     if isinstance(thing, ItemSet):
+        thing.follow()
         shown = np.flatnonzero(thing.visible) if thing.visibility else ()
         return [surface_of(thing.item_mesh(int(i))) for i in shown]
     solids = thing.solids()
@@ -163,12 +181,37 @@ def bounds_of(surfaces) -> np.ndarray:
 
 def sides_of(mesh, two_sided) -> int:
     """Return which side of a mesh's faces is outside, 1 or -1; 0 where both count."""
-    if two_sided is None:
-        surface = surface_of(mesh).triangulate().clean()
-        two_sided = not len(surface.regular_faces) or surface.n_open_edges > 0
-        if not two_sided:
-            a, b, c = np.moveaxis(
-                (surface.points - surface.center)[surface.regular_faces.reshape(-1, 3)], 1, 0
-            )
-            return 1 if np.einsum('ij,ij->', a, np.cross(b, c)) > 0 else -1
-    return 0 if two_sided else 1
+    if two_sided is not None:
+        return 0 if checked_flag('two_sided', two_sided) else 1
+    surface = surface_of(mesh)
+    faces = triangles_of(surface)
+    points = surface.points - surface.center
+    if not len(faces) or _is_open(points, faces):
+        return 0
+    a, b, c = (points[faces[:, k]] for k in range(3))
+    return 1 if np.einsum('ij,ij->', a, np.cross(b, c)) > 0 else -1
+
+
+def triangles_of(surface) -> np.ndarray:
+    """Return a surface's triangles, (n, 3) int."""
+    flat = surface if surface.is_all_triangles else surface.triangulate()
+    return flat.regular_faces.reshape(-1, 3)
+
+
+def _is_open(points, faces) -> bool:
+    """Return whether an edge has an odd number of triangles; equal points count as one."""
+    # Around a vertex within a surface what its triangles add cancels: only others are looked at.
+    mark = np.random.default_rng(0).integers(1 << 40, size=len(points)).astype(float)
+    sums = np.zeros(len(points))
+    for k in range(3):
+        ahead, behind = mark[faces[:, k - 2]], mark[faces[:, k - 1]]
+        sums += np.bincount(faces[:, k], ahead - behind, len(points))
+    doubtful = sums != 0
+    faces = faces[doubtful[faces[:, 0]] | doubtful[faces[:, 1]] | doubtful[faces[:, 2]]]
+    numbers, used = np.unique(faces, return_inverse=True)
+    _, merged = np.unique(points[numbers], axis=0, return_inverse=True)
+    corners, doubtful = merged.ravel()[used].reshape(-1, 3), doubtful[faces]
+    whole = (corners != np.roll(corners, 1, 1)).all(1)
+    ends, sure = corners[whole][:, [0, 1, 1, 2, 2, 0]], doubtful[whole][:, [0, 1, 1, 2, 2, 0]]
+    edges = np.sort(ends.reshape(-1, 2)[sure.reshape(-1, 2).all(1)], 1)
+    return bool((np.unique(edges, axis=0, return_counts=True)[1] % 2).any())

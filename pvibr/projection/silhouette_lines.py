@@ -5,10 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pyvista as pv
 
+from pvibr.core.params import checked_flag
+from pvibr.maths.arguments import checked_whole, naming
 from pvibr.maths.cameras import as_camera
 from pvibr.maths.silhouettes import LitMesh, edge_table
-from pvibr.projection.depth_maps import depth_maps, view_of
-from pvibr.projection.samples import bounds_of, surface_of
+from pvibr.projection.depth_maps import LARGEST_MAP, depth_maps, view_of
+from pvibr.projection.samples import bounds_of, surface_of, surfaces_of
 
 _BESIDE = 1.5  # texels beside a line, off its own surface, where depth is looked up
 _BEFORE = 8.0  # texels by which what hides a line must be before it
@@ -60,9 +62,13 @@ def silhouette_lines(
     """
     if size is None:
         size = getattr(camera, 'size', None) or pv.global_theme.window_size
-    camera = as_camera(camera, size)
-    surface = surface_of(mesh).triangulate()
-    surfaces = [surface, *(surface_of(m) for m in casters)]
+    hidden = checked_flag('hidden', hidden)
+    resolution = checked_whole('resolution', resolution, 1, LARGEST_MAP)
+    with naming('camera', camera):
+        camera = as_camera(camera, size)
+    with naming('mesh', mesh):
+        surface = surface_of(mesh).triangulate()
+    surfaces = [surface, *surfaces_of(casters)]
     view = view_of(camera, bounds_of(surfaces), resolution)
     if view is None:
         return pv.PolyData()

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from pvibr.cameras.photos import Photo
 from pvibr.gl import MipTexture, Texture, texture_limit
 from pvibr.images.projected import LivePictures, Pictures, is_live
 from pvibr.maths import depth_test
@@ -15,8 +16,13 @@ from pvibr.maths.orthographic import Orthographic
 from pvibr.projection.depth_maps import view_of
 from pvibr.scene.depth_view import DepthView
 
+#: Pictures on a surface at once: each takes two of the 16 texture units that OpenGL promises, and
+#: the mesh, the light and other effects need some.
+MOST = 6
 #: Depth views are at least as sharp as this, and at most: texels along a side.
 _SIDES = (2048, 4096)
+#: Pixels of a photograph by which a lens may be off between the corners of triangles.
+_BENT = 0.1
 
 
 class Slide:
@@ -125,7 +131,7 @@ class Slide:
     def matrices(self, world_from_view, size):
         """Return view space to the picture's plane, and to the depth texture."""
         camera = self.camera()
-        plane = _plane_from_world(camera, size) @ world_from_view
+        plane = plane_from_world(camera, size) @ world_from_view
         if self.view is None:
             return [plane, np.eye(4)]
         return [plane, self.view.texture_from_world() @ world_from_view]
@@ -133,21 +139,88 @@ class Slide:
     def numbers(self, view_from_world, size, gain) -> list:
         """Return the numbers of NUMBER in projector.glsl."""
         camera = self.camera()
+        lens, radius, uv = lens_numbers(camera)
         if isinstance(camera, Orthographic):
-            lens, radius, uv = np.zeros(8), 0.0, np.eye(2, 3)
             place = np.append(view_from_world[:3, :3] @ camera.toward(np.zeros((1, 3)))[0], 0.0)
         else:
-            lens, radius, uv = camera.distortion, camera.valid_radius, camera.uv_from_plane
             place = (view_from_world @ np.append(camera.position, 1.0))[:3]
             place = np.append(place, 1.0)
         texel = 1.0
         if self.view is not None and self.depth is not None:
             texel = depth_test.texel_size(self.view, self.depth.resolution)
-        found = [*lens, min(radius, 1e15) ** 2, *uv.ravel(), *place, *gain]
+        found = [*lens, radius, *uv.ravel(), *place, *gain]
         return [*found, _density(camera, size), texel]
 
 
-def _plane_from_world(camera, size):
+def _photo_slides(photos, mask) -> list[tuple]:
+    """Return (image, camera, mask) of each pinhole of photographs that have cameras."""
+    photos = [photos] if isinstance(photos, Photo) else photos
+    if not (isinstance(photos, list | tuple) and all(isinstance(p, Photo) for p in photos)):
+        msg = 'camera is missing; only photographs of pvibr.read_cameras have their own.'
+        raise TypeError(msg)
+    masks = mask if isinstance(mask, list | tuple) else [mask] * len(photos)
+    if len(masks) != len(photos):
+        msg = f'mask has {len(masks)} entries; there are {len(photos)} photographs.'
+        raise ValueError(msg)
+    found: list[tuple] = []
+    for photo, own in zip(photos, masks, strict=True):
+        slides = photo.slides()
+        if own is not None and slides[0][0] is not photo.path:
+            msg = f'mask is given for {photo!r}, whose lens needs resampling: it takes none.'
+            raise ValueError(msg)
+        found += slides if own is None else [(*slides[0][:2], own)]
+    if not 1 <= len(found) <= MOST:
+        msg = (
+            f'image is {len(photos)} photographs, {len(found)} pictures by their lenses; a '
+            f'projector takes 1 to {MOST}: choose the nearest, or bake groups of them in turn.'
+        )
+        raise ValueError(msg)
+    return found
+
+
+def checked_slides(image, camera, mask) -> list[tuple]:
+    """Return (image, camera, mask) of each image."""
+    if camera is None:
+        return _photo_slides(image, mask)
+    if not isinstance(camera, list):
+        return [(image, camera, mask)]
+    masks = [None] * len(camera) if mask is None else mask
+    if not (isinstance(image, list) and isinstance(masks, list)):
+        msg = 'camera is a list, image or mask is not: give lists, or one camera as a tuple'
+        raise TypeError(msg)
+    if not len(image) == len(camera) == len(masks) or not 1 <= len(camera) <= MOST:
+        msg = (
+            f'image, camera and mask have {len(image)}, {len(camera)} and {len(masks)} entries: '
+            f'must be as many each, 1 to {MOST}'
+        )
+        raise ValueError(msg)
+    return list(zip(image, camera, masks, strict=True))
+
+
+def lens_numbers(camera):
+    """Return a camera's distortion (8,), squared radius where it ends, plane to uv (2, 3)."""
+    if isinstance(camera, Orthographic):
+        return np.zeros(8), 1e30, np.eye(2, 3)
+    return camera.distortion, min(camera.valid_radius, 1e15) ** 2, camera.uv_from_plane
+
+
+def bends(camera, corners) -> bool:
+    """Return whether a lens moves places of triangles off what their corners tell, in pixels."""
+    if isinstance(camera, Orthographic) or not camera.distortion.any() or not len(corners):
+        return False
+    weights = np.array([[1, 1, 1], [3, 3, 0], [0, 3, 3], [3, 0, 3]]) / [[3], [6], [6], [6]]
+    uv, depth = camera.project(corners.reshape(-1, 3))
+    uv, depth = uv.reshape(-1, 3, 2), depth.reshape(-1, 3)
+    for weight in weights:
+        share = weight * depth
+        between = (share[..., None] * uv).sum(1) / share.sum(1)[:, None]
+        off = camera.project(np.einsum('k,fkd->fd', weight, corners))[0] - between
+        if np.nanmax(np.abs(off * camera.size), initial=0.0) > _BENT:
+            return True
+    return False
+
+
+def plane_from_world(camera, size):
     """Return the matrix from world space to x, y and depth on the image plane, times w."""
     if isinstance(camera, Orthographic):
         view = camera.view_from_world

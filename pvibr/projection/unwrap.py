@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,13 +15,19 @@ from pvibr.projection.samples import Samples, normals_and_areas
 
 #: Texels around each part of a texture that take its colours, for filters that reach over edges.
 _PAD = 8
+#: Triangles that xatlas unwraps at once: its time grows faster than their number.
+_PART = 5000
+#: Texels that are looked up at once.
+_MANY = 1 << 18
 
 
-def unwrapped(mesh) -> pv.PolyData:
-    """Return the triangles of a mesh's surface with texture coordinates."""
+def unwrapped(mesh, size=2048, advance=None) -> pv.PolyData:
+    """Return the triangles of a mesh's surface with texture coordinates, for a texture's size."""
     surface = mesh if isinstance(mesh, pv.PolyData) else mesh.extract_surface(algorithm=None)
     surface = surface.triangulate()
-    if surface.active_texture_coordinates is not None:
+    uv = surface.active_texture_coordinates
+    if uv is not None:
+        surface.active_texture_coordinates = np.asarray(uv, np.float32)  # as VTK's glTF wants them
         return surface
     try:
         import xatlas
@@ -30,58 +37,145 @@ def unwrapped(mesh) -> pv.PolyData:
             'or install xatlas, which makes them: pip install "pvibr[uv]"'
         )
         raise ImportError(msg) from error
-    points = np.asarray(surface.points, float)
+    points, faces = np.asarray(surface.points, float), surface.regular_faces
     # xatlas works with float32: far from the origin it would see nothing else.
     low, high = points.min(0), points.max(0)
     small = ((points - low) / ((high - low).max() or 1.0)).astype(np.float32)
-    origin, faces, uv = xatlas.parametrize(small, surface.regular_faces.astype(np.uint32))
-    found = pv.PolyData.from_regular_faces(points[origin], faces.astype(int))
-    found.active_texture_coordinates = np.asarray(uv, float)
+    atlas, origins, parts = xatlas.Atlas(), [], _parts(small[faces].mean(1))
+    for k, rows in enumerate(parts):
+        used, part = np.unique(faces[rows], return_inverse=True)
+        one = xatlas.Atlas()
+        one.add_mesh(small[used], part.reshape(-1, 3).astype(np.uint32))
+        one.generate()
+        origin, part, uv = one.get_mesh(0)
+        uv = uv * [one.width, one.height] / (one.texels_per_unit or 1.0)
+        atlas.add_uv_mesh(uv.astype(np.float32), part)
+        origins.append(used[origin])
+        if advance is not None:
+            advance((k + 1) / len(parts))
+    options = xatlas.PackOptions()
+    options.padding, options.resolution = 2, int(np.clip(np.max(size), 256, 2048))
+    atlas.generate(pack_options=options)
+    return _packed(atlas, points, origins, parts)
+
+
+def _packed(atlas, points, origins, parts):
+    """Return the mesh of an atlas, its triangles in the order of the surface."""
+    count, places, found = 0, [], np.empty((sum(map(len, parts)), 3), int)
+    for k, rows in enumerate(parts):
+        origin, faces, uv = atlas.get_mesh(k)
+        found[rows] = faces + count
+        count += len(origin)
+        places.append((origins[k][origin], uv))
+    origin, uv = (np.concatenate(values) for values in zip(*places, strict=True))
+    mesh = pv.PolyData.from_regular_faces(points[origin], found)
+    mesh.active_texture_coordinates = uv.astype(np.float32)
+    return mesh
+
+
+def _parts(middles) -> list[np.ndarray]:
+    """Return the rows of triangles near each other, halved until they are few."""
+    waiting, found = [np.arange(len(middles))], []
+    while waiting:
+        rows = waiting.pop()
+        if len(rows) <= _PART:
+            found.append(rows)
+            continue
+        axis = np.ptp(middles[rows], axis=0).argmax()
+        rows = rows[np.argsort(middles[rows, axis], kind='stable')]
+        waiting += [rows[: len(rows) // 2], rows[len(rows) // 2 :]]
     return found
 
 
 @dataclass(frozen=True, eq=False)
-class TexelImage:
-    """The texels of :func:`texels_of` in the texture."""
+class TexelTile:
+    """Texels of a rectangle of a texture, with those around it."""
 
+    #: Rows and columns in the texture, row 0 at the top.
+    where: tuple[slice, slice]
+    #: Bottom row first.
     inside: np.ndarray
+    #: The triangle of each texel inside, and its barycentric coordinates there.
+    cell: np.ndarray
+    share: np.ndarray
+
+    def values(self, values, empty) -> np.ndarray:
+        """Return values of texels inside as the tile's image, row 0 at the top."""
+        image = np.full(self.inside.shape, empty, values.dtype)
+        image[self.inside] = values
+        return self._own(image)
 
     def filled(self, colors, covered) -> np.ndarray:
-        """Return the texture; texels around charts take the nearest colour."""
+        """Return the tile of a texture; texels around charts take the nearest colour."""
         image = np.zeros((*self.inside.shape, 4), np.uint8)
         image[self.inside] = colors
         known = self.inside.copy()
         known[self.inside] = covered
-        away, near = ndimage.distance_transform_edt(~known, return_indices=True)
-        beside = (away <= _PAD) & ~known
         if known.any():
-            around = image[near[0], near[1]]
-            image[beside, :3] = around[beside, :3]  # what filters reach, under no alpha
-            outside = beside & ~self.inside
-            image[outside] = around[outside]
-        return np.ascontiguousarray(image[::-1])
+            away, near = ndimage.distance_transform_edt(~known, return_indices=True)
+            beside = (away <= _PAD) & ~known
+            around = image[near[0][beside], near[1][beside]]
+            outside = ~self.inside[beside]
+            around[~outside, 3] = image[beside][~outside, 3]  # what filters reach, under no alpha
+            image[beside] = around
+        return self._own(image)
+
+    def samples(self, mesh) -> Samples:
+        """Return the surface points of the texels inside."""
+        faces = mesh.regular_faces
+        corner = np.asarray(mesh.points, float)[faces]
+        normals, area = normals_and_areas(corner)
+        places = np.einsum('nk,nkd->nd', self.share, corner[self.cell])
+        return Samples.at(places, normals[self.cell], faces[self.cell], area[self.cell])
+
+    def _own(self, image):
+        rows, columns = (part.stop - part.start for part in self.where)
+        return np.ascontiguousarray(image[_PAD : _PAD + rows, _PAD : _PAD + columns][::-1])
 
 
-def texels_of(mesh, size) -> tuple[Samples, TexelImage]:
-    """Return the surface points of the texels of a texture."""
+def checked_size(size) -> tuple[int, int]:
+    """Return the width and height of a texture."""
     width, height = np.broadcast_to(np.asarray(size), 2).tolist()
     if not (int(width) == width > 0 and int(height) == height > 0):
         msg = f'size is {size!r}; it must be whole numbers of pixels above 0.'
         raise ValueError(msg)
+    return int(width), int(height)
+
+
+def tiles_of(mesh, size, side=2048) -> Iterator[TexelTile]:
+    """Yield the tiles of a texture of a mesh, rows of them from the top."""
+    width, height = checked_size(size)
+    wide, high = min(side, width), min(side, height)
     uv = np.asarray(mesh.active_texture_coordinates, float)
-    faces = mesh.regular_faces.reshape(-1, 3)
+    faces = mesh.regular_faces
     flat = pv.PolyData.from_regular_faces(np.column_stack([uv, np.zeros(len(uv))]), faces)
-    view = orthographic(np.eye(3), (0.0, 0.0, -1.0), (1.0, 1.0, 1.0))
-    (number,) = triangles_seen(flat, [view], (int(width), int(height)))
-    inside = number >= 0
-    row, column = np.nonzero(inside)
-    cell = number[inside]
-    at = np.column_stack([(column + 0.5) / width, (row + 0.5) / height])
-    share = _barycentric(uv[faces[cell]], at)
-    corner = np.asarray(mesh.points, float)[faces]
-    normals, area = normals_and_areas(corner)
-    places = np.einsum('nk,nkd->nd', share, corner[cell])
-    return Samples.at(places, normals[cell], faces[cell], area[cell]), TexelImage(inside)
+    starts = [(x, y) for y in range(0, height, high) for x in range(0, width, wide)]
+    scale = np.array([width, height], float)
+    corners = [np.array([x - _PAD, height - min(y + high, height) - _PAD]) for x, y in starts]
+    room = np.array([wide, high]) + 2 * _PAD
+    views = [
+        orthographic(np.eye(3), (*(low / scale), -1.0), (*((low + room) / scale), 1.0))
+        for low in corners
+    ]
+    seen = triangles_seen(flat, views, tuple(room.tolist()))
+    for (x, y), low, number in zip(starts, corners, seen, strict=True):
+        where = slice(y, min(y + high, height)), slice(x, min(x + wide, width))
+        inside = number >= 0
+        cell = number[inside].astype(np.int32)
+        share = np.empty((len(cell), 3), np.float32)
+        row, column = np.nonzero(inside)
+        for start in range(0, len(cell), _MANY):
+            part = slice(start, start + _MANY)
+            at = (np.column_stack([column[part], row[part]]) + 0.5 + low) / scale
+            share[part] = _barycentric(uv[faces[cell[part]]], at)
+        yield TexelTile(where, inside, cell, share)
+
+
+def texel_spacing(mesh, size) -> float:
+    """Return the mean distance of a texture's texels on a mesh, world units."""
+    uv = np.asarray(mesh.active_texture_coordinates, float) * checked_size(size)
+    flat = np.pad(uv, ((0, 0), (0, 1)))[mesh.regular_faces]
+    return float(np.sqrt(mesh.area / max(normals_and_areas(flat)[1].sum(), 1e-300)))
 
 
 def _barycentric(corners, at):

@@ -8,20 +8,23 @@ import numpy as np
 import pyvista as pv
 
 from pvibr.core import _vtk
-from pvibr.core.frame import Frame
+from pvibr.core.params import checked_flag
 from pvibr.maths import depth_test
+from pvibr.maths.arguments import as_array, checked_number, checked_whole, naming
 from pvibr.maths.cameras import as_camera
 from pvibr.maths.kernels import vogel_disk
 from pvibr.maths.orthographic import Orthographic
 from pvibr.maths.vectors import unit_vectors
-from pvibr.projection.depth_maps import depth_maps, depth_scene, view_of
+from pvibr.projection.depth_maps import LARGEST_MAP, depth_maps, depth_scene, view_of
+from pvibr.projection.lit_by_maps import OFFSET, lit_by_maps, nearest_view, views_of
 from pvibr.projection.rays import Rays, ray_method
 from pvibr.projection.samples import Samples, bounds_of, sides_of, surface_of, surfaces_of
-from pvibr.scene.lights import light_views, lights_of
+from pvibr.scene.lights import lights_of
 
-#: How far points are moved along their normals before they are compared, texels: less than in
-#: pictures, since one wrong corner makes a point wrong.
-_OFFSET = 0.1
+#: Texels along a side of a map of a light of some size: edges are blurred.
+_TEXELS = 4096
+#: Texels that faces beside a point may be before its own: each corner is one.
+_BESIDE = 1.5
 #: Apparent diameter of the sun, degrees.
 _SUN = 0.53
 
@@ -50,8 +53,8 @@ def visible(
     to : {'points', 'cells'}
         Result per point or per cell. A point is visible if an adjacent face is.
     size : tuple of 2 int, optional
-        Width and height of the image in pixels, if the camera has none; by default PyVista's
-        window size.
+        Width and height of the image in pixels, if the camera has none: required with ``K``, and
+        PyVista's window size by default for others.
     method : {'auto', 'rays', 'map'}
         Rays are exact, and need embree (``pip install "pvibr[rays]"``); a depth map finds what is
         wider than its texels. By default rays where embree is installed.
@@ -84,8 +87,11 @@ def visible(
     [True, False, False, True]
     """
     if size is None:
+        _check_has_size(camera)
         size = getattr(camera, 'size', None) or pv.global_theme.window_size
-    camera = as_camera(camera, size)
+    with naming('camera', camera):
+        camera = as_camera(camera, size)
+    resolution = checked_whole('resolution', resolution, 1, LARGEST_MAP)
     samples = Samples.of(mesh, to)
     uv, _ = camera.project(samples.points)
     with np.errstate(invalid='ignore'):
@@ -106,8 +112,19 @@ def visible(
     if view is not None and len(rows):
         (depth,) = depth_maps([view], surfaces, resolution)
         normals = samples.turned(toward)[rows]
-        found[rows] = depth_test.seen(view, depth, samples.points[rows], normals, _OFFSET)
+        found[rows] = depth_test.seen(view, depth, samples.points[rows], normals, OFFSET)
     return samples.most(found) >= 0.5
+
+
+def _check_has_size(camera):
+    """Raise a ValueError for an intrinsic matrix without the size of its picture."""
+    rows = isinstance(camera, tuple | list | np.ndarray)
+    if rows or (isinstance(camera, dict) and 'size' not in camera):
+        msg = (
+            'size = None: must be width and height of the picture of camera in pixels, as in '
+            'size=(1920, 1080): K does not tell them'
+        )
+        raise ValueError(msg)
 
 
 def shadow_mask(
@@ -117,10 +134,11 @@ def shadow_mask(
     *,
     to='points',
     method='auto',
-    resolution=4096,
+    resolution=None,
     samples=1,
     extent=None,
     two_sided=None,
+    doubt=False,
 ):
     """Return the lit fraction of a mesh.
 
@@ -135,12 +153,12 @@ def shadow_mask(
     to : {'points', 'cells'}
         Result per point or per cell.
     method : {'auto', 'rays', 'map'}
-        Rays are exact, and need embree (``pip install "pvibr[rays]"``); a depth map is wrong
-        within a texel of a shadow's edge, and loses casters thinner than that. A texel is as wide
-        as what the light sees of all meshes, over `resolution`. By default rays where embree is
-        installed.
+        Rays are exact, and need embree (``pip install "pvibr[rays]"``); a depth map may be wrong
+        within a texel of a shadow's edge, and loses casters thinner than that. By default rays
+        where embree is installed.
     resolution : int, optional
-        Texels along a side of a depth map.
+        Texels along a side of a depth map of what the light sees of all meshes. By default 4096,
+        and 16384 in those of its parts where samples are in doubt beside edges and thin casters.
     samples : int, optional
         Samples on the light; more than 1 gives soft shadows.
     extent : float, optional
@@ -149,11 +167,18 @@ def shadow_mask(
     two_sided : bool, optional
         Whether back faces are lit. By default they are not: closed meshes are lit from outside,
         others on the side that mostly faces the light.
+    doubt : bool, optional
+        Return a bound of the error too.
 
     Returns
     -------
-    numpy.ndarray, shape (n,), float64
+    lit : numpy.ndarray, shape (n,), float64
         Lit fraction, 0 to 1; 0 on faces turned away.
+    doubt : numpy.ndarray, shape (n,), float64
+        If asked for: by how much each value may be wrong, 0 to 1. Of a depth map it is 1 where a
+        texel beside tells otherwise, or holds an edge of a caster that is thinner than a texel; of
+        rays it is 0. Its sum is the most that counts of lit cells may be off by; for points, leave
+        some texels around what touches them aside.
 
     Raises
     ------
@@ -172,21 +197,33 @@ def shadow_mask(
     [1.0, 0.0, 0.0, 1.0]
     """
     _check_light(light, samples, extent)
+    if resolution is not None:
+        resolution = checked_whole('resolution', resolution, 1, LARGEST_MAP)
+    doubt = checked_flag('doubt', doubt)
     by_rays = ray_method(method)
     found = Samples.of(mesh, to)
     surfaces = [surface_of(mesh), *surfaces_of(casters)]
     sides = sides_of(mesh, two_sided) or (0 if two_sided else _lit_side(light, found))
     total = np.zeros(len(found.points))
     places = _spread(_scene_light(light), samples, extent)
+    wrong = np.zeros(len(total))
     if by_rays:
         rays = Rays(surfaces)
         for place in places:
             total += _lit_by_rays(place, rays, found, sides)
-        return found.most(total / samples)
-    with depth_scene(surfaces) as scene:
-        for place in places:
-            total += _lit(place, _views(scene, place, resolution), found, sides)
-    return found.most(total / samples)
+    else:
+        texels = resolution or (None if samples == 1 else _TEXELS)
+        with depth_scene(surfaces) as scene:
+            for place in places:
+                toward, reached = _reached(place, found, sides)
+                rows, normals = np.flatnonzero(reached), found.turned(toward)[reached]
+                points = found.points[rows]
+                how = {'judge': doubt, 'touching': _BESIDE if to == 'points' else 0.0}
+                lit, unsure = lit_by_maps(scene, place, points, normals, texels, **how)
+                total[rows] += lit
+                wrong[rows] += unsure
+    lit = found.most(total / samples)
+    return (lit, found.most(wrong / samples)) if doubt else lit
 
 
 def shadowed_area(mesh, lit) -> float:
@@ -217,11 +254,12 @@ def shadowed_area(mesh, lit) -> float:
     >>> pvibr.shadowed_area(ground, [1.0, 0.0, 0.5, 1.0])
     1.5
     """
-    lit = np.asarray(lit, float)
-    if lit.shape not in ((mesh.n_cells,), (mesh.n_points,)):
-        msg = f'lit has the shape {lit.shape}; it must be ({mesh.n_cells},) or ({mesh.n_points},).'
-        raise ValueError(msg)
     faces = Samples.of(mesh, 'cells')
+    lit = as_array('lit', lit, float)
+    if lit.shape not in ((mesh.n_cells,), (mesh.n_points,)):
+        sizes = f'({mesh.n_cells},) or ({mesh.n_points},)'
+        msg = f'lit has the shape {lit.shape}; it must be {sizes}, as mesh has cells and points.'
+        raise ValueError(msg)
     own = lit[faces.owner] if len(lit) == mesh.n_cells else lit[faces.corner].mean(1)
     return float((faces.area * (1 - own)).sum())
 
@@ -244,9 +282,9 @@ def _check_light(light, samples, extent):
     if light.GetPosition() == light.GetFocalPoint():
         msg = f'light.position and focal_point are both {light.GetPosition()}: no direction.'
         raise ValueError(msg)
-    if int(samples) != samples or samples < 1:
-        msg = f'samples is {samples}; it must be a whole number of 1 or more.'
-        raise ValueError(msg)
+    checked_whole('samples', samples, 1, 1 << 20)
+    if extent is not None:
+        checked_number('extent', extent, 0.0)
     if samples > 1 and extent is None and light.GetPositional():
         msg = 'extent is None; samples of a positional light need its radius in world units.'
         raise ValueError(msg)
@@ -280,19 +318,22 @@ def _spread(found, samples, extent):
 
 def _lit_side(light, samples) -> int:
     """Return the side of an open mesh that mostly faces a light, 1 or -1."""
+    weighted = samples.area[:, None] * samples.normals
     toward = toward_light(_scene_light(light), samples.points)
-    return 1 if (np.einsum('ij,ij->i', samples.normals, toward) @ samples.area) >= 0 else -1
+    return 1 if np.einsum('ij,ij->', weighted, toward) >= 0 else -1
 
 
 def toward_light(light, points) -> np.ndarray:
     """Return unit vectors to a light, (m, 3)."""
-    toward = light.homogeneous()[:3] - (points if light.positional else np.zeros_like(points))
-    return unit_vectors(toward)
+    place = light.homogeneous()[:3]
+    if light.positional:
+        return unit_vectors(place - points)
+    return np.broadcast_to(unit_vectors(place), points.shape)
 
 
 def _views(scene, light, resolution) -> list:
     """Return the views of a point-like light, and their depth."""
-    views, _ = light_views(light, scene.bounds, Frame.of(scene.renderer), resolution, 0)
+    views = views_of(scene, light, resolution)
     return [(view, scene.depth(view, resolution)) for view in views]
 
 
@@ -308,8 +349,10 @@ def _reached(light, samples, sides):
 def _lit_by_rays(light, rays, samples, sides):
     """Return the visibility of a point-like light from each sample, 0 or 1."""
     toward, reached = _reached(light, samples, sides)
-    rows, found = np.flatnonzero(reached), np.zeros(len(toward))
-    points, reach = samples.points[rows], np.full(len(rows), np.inf)
+    found = np.zeros(len(toward))
+    rows = slice(None) if reached.all() else np.flatnonzero(reached)
+    points = samples.points[rows]
+    reach = np.full(len(points), np.inf)
     if light.positional:
         reach = np.linalg.norm(np.array(light.position) - points, axis=1)
     found[rows] = rays.free(points, samples.turned(toward)[rows], toward[rows], reach)
@@ -320,15 +363,13 @@ def _lit(light, views, samples, sides):
     """Return the visibility of a point-like light from each sample, by depth in its views."""
     toward, reached = _reached(light, samples, sides)
     normals = samples.turned(toward)
-    matrices = [v.texture_from_world()[3] for v, _ in views]
-    ahead = [samples.points @ m[:3] + m[3] for m in matrices]
-    nearest = np.argmax(ahead, axis=0)
+    nearest = nearest_view([view for view, _ in views], samples.points)
     found = np.zeros(len(normals))
     for k, (view, depth) in enumerate(views):
         rows = np.flatnonzero(reached & (nearest == k))
         if len(rows):
             points, turned = samples.points[rows], normals[rows]
-            found[rows] = depth_test.seen(view, depth, points, turned, _OFFSET)
+            found[rows] = depth_test.seen(view, depth, points, turned, OFFSET)
     return found
 
 

@@ -146,6 +146,7 @@ vec2 ibr_ndc(vec2 p, vec2 way)
   }
 
 //@fragment.declare
+uniform vec3 ibr_eye;              // where rays leave in VTK's eye space: beside 0 in stereo
 uniform int ibr_parallel;
 uniform float ibr_near;
 uniform vec4 ibr_slope_from_pixel; // factors and offsets of gl_FragCoord.xy
@@ -178,15 +179,22 @@ vec3 ibr_roots(float a, float b, float q)
   float ibr_along = ibr_t.x;
   bool ibr_met = ibr_hits.x;
 #if INSIDES == 1
-  // What the near plane cut open, or what is open, shows its inside.
-  if (ibr_hits.y && !(ibr_hits.x && ibr_t.x >= ibr_near))
+  // What the near plane or others cut open, or what is open, shows its inside.
+  bool ibr_front = ibr_hits.x && ibr_t.x >= ibr_near;
+#if CLIPS == 1
+  ibr_front = ibr_front && ibr_kept(ibr_eye + ibr_from + ibr_t.x * ibr_ray);
+#endif
+  if (ibr_hits.y && !ibr_front)
   {
     ibr_along = ibr_t.y;
     ibr_normal = -ibr_leaves;
     ibr_met = true;
   }
 #endif
-  vec4 vertexVC = vec4(ibr_from + ibr_along * ibr_ray, 1.0);
+  vec4 vertexVC = vec4(ibr_eye + ibr_from + ibr_along * ibr_ray, 1.0);
+#if CLIPS == 1
+  if (!ibr_kept(vertexVC.xyz)) discard;
+#endif
   // For features that ask where the surface is.
 #define IBR_PLACE vertexVC.xyz
 #define IBR_NORMAL ibr_normal

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import weakref
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pyvista as pv
@@ -13,6 +13,7 @@ from pvibr.gl import enums as gl
 from pvibr.gl import shader_source
 from pvibr.gl.feature import Feature, sections
 from pvibr.maths.blocks import BLOCK, frustum_planes
+from pvibr.scene.clipping import KEPT
 from pvibr.scene.draw_order import PARTS
 from pvibr.scene.shader_draws import DULL, ShaderDraws
 
@@ -46,7 +47,7 @@ class DrawMode:
     hides: bool = False
     gaps: bool = False
 
-    def feature(self, shape) -> Feature:
+    def feature(self, shape, *, clips=False) -> Feature:
         """Return the shader text by VTK's tags."""
         part, own = (sections(shader_source(__file__, stem)) for stem in (None, shape.name))
         values = {
@@ -56,7 +57,8 @@ class DrawMode:
             'GAPS': int(self.gaps),
             'TEXELS': shape.texels,
             'LOOKS': shape.looks,
-            'INSIDES': int(shape.open or self.corners == 4),
+            'INSIDES': int(shape.open or self.corners == 4 or clips),
+            'CLIPS': int(clips),
             **dict(shape.defines),
         }
         defines = ''.join(f'#define {name} {value}\n' for name, value in values.items())
@@ -65,7 +67,10 @@ class DrawMode:
             'VTK::PositionVC::Impl': part['vertex.position'],
         }
         fragment = {
-            'VTK::PositionVC::Dec': defines + part['fragment.declare'] + own['fragment.declare'],
+            'VTK::PositionVC::Dec': defines
+            + (KEPT if clips else '')
+            + part['fragment.declare']
+            + own['fragment.declare'],
             'VTK::PositionVC::Impl': part['fragment.meet'],
             'VTK::Color::Impl': '//VTK::Color::Impl\n' + part['fragment.color'],
             'VTK::Normal::Impl': 'vec3 normalVCVSOutput = ibr_normal;\n',
@@ -78,7 +83,8 @@ class DrawMode:
             cut = part['fragment.cut'] + (part['fragment.depth'] if self.depth else '')
             # Depth peeling sets that of the card first.
             fragment['VTK::Depth::Impl'] = '//VTK::Depth::Impl\n' + cut
-        return Feature(f'{shape.name}_{self.name}', vertex, fragment)
+        name = f'{shape.name}_{self.name}' + '_clipped' * clips
+        return Feature(name, vertex, fragment)
 
 
 DOTS = DrawMode('dots', 1, 65_536, depth=False, dots=True)
@@ -110,7 +116,7 @@ class Layer(ShaderDraws):
             draws=draws + (PARTS if mode.blends else 0),
             chunk=chunk,
             prop=pv.Property(lighting=False) if mode.hides else quadrics.prop,
-            feature=mode.feature(quadrics.shape),
+            feature=mode.feature(quadrics.shape, clips=quadrics.clips),
             translucent=mode.blends,
             binder=quadrics.binder,
         )
@@ -121,6 +127,10 @@ class Layer(ShaderDraws):
     def bound(self, bounds):
         """Set the bounds that VTK culls by."""
         self.place_cards(bounds, self.mode.corners)
+
+    def clip(self):
+        """Have a shader that clips, or one that does not."""
+        self.set_feature(self.mode.feature(self._owner.shape, clips=self._owner.clips))
 
     def set_shiny(self, shiny):
         """Switch specular highlights."""
@@ -179,6 +189,24 @@ def giant_blocks(blocks, frame, origins, index) -> np.ndarray:
     scene = frame.far - frame.near if frame.parallel else frame.near
     near = np.linalg.norm(origins, axis=1) < blocks.reach[index] + 1.01 * largest
     return np.flatnonzero(near & (largest > _GIANT * scene))[: GIANTS.chunk // BLOCK]
+
+
+def from_its_eye(frame):
+    """Return a frame whose view space has the eye at its origin.
+
+    In stereo, VTK shears the projection instead: rays leave from beside the origin.
+    """
+    clip = frame.clip_from_view
+    if frame.parallel or not clip[:2, 3].any():
+        return frame
+    shift = np.eye(4)
+    shift[:2, 3] = clip[:2, 3] / np.diag(clip)[:2]
+    view = replace(
+        frame.view,
+        view_from_world=shift @ frame.view_from_world,
+        clip_from_view=clip @ np.linalg.inv(shift),
+    )
+    return replace(frame, view=view)
 
 
 def eye_of(frame) -> np.ndarray:

@@ -5,7 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from pvibr.billboards.cards import as_points
+from pvibr.core.params import checked_flag
 from pvibr.core.signatures import takes
+from pvibr.maths.arguments import naming
 from pvibr.maths.quadric_rays import CAPS, meet_cylinders
 from pvibr.meshes.unit_meshes import along, balls, linear, tubes
 from pvibr.quadrics.cards import Shape, gap_rows
@@ -58,15 +60,17 @@ class Cylinders(Quadrics):
 
     @takes(looks=Quadrics)
     def __init__(self, points_a, points_b, radius=0.5, *, caps='flat', blend=False, **looks):
-        self._ends = as_points(points_a), as_points(points_b)
-        if len(self._ends[1]) != len(self):
-            msg = f'points_b has {len(self._ends[1])} rows; it must have {len(self)}, as points_a'
+        self._own_ends = as_points(points_a, 'points_a'), as_points(points_b, 'points_b')
+        if len(self._own_ends[1]) != len(self):
+            found = len(self._own_ends[1])
+            msg = f'points_b has {found} rows; it must have {len(self)}, as points_a'
             raise ValueError(msg)
-        if caps not in CAPS:
+        if not isinstance(caps, str | None) or caps not in CAPS:
             msg = f"caps is {caps!r}; it must be 'flat', 'round' or None"
             raise ValueError(msg)
-        self._radii = checked_lengths('radius', radius, (len(self),))
-        self.caps, self.blend = caps, bool(blend)
+        self._own_radii = checked_lengths('radius', radius, (len(self),))
+        self._place()
+        self.caps, self.blend = caps, bool(checked_flag('blend', blend))
         cap = {None: 0, 'flat': 1, 'round': 2}[caps]
         self.shape = Shape(
             'cylinders',
@@ -80,37 +84,46 @@ class Cylinders(Quadrics):
         super().__init__(**looks)
 
     def __len__(self):
-        return len(self._ends[0])
+        return len(self._own_ends[0])
 
     @property
     def points_a(self) -> np.ndarray:
-        """First ends, shape (n, 3), world units."""
-        return read_only(self._ends[0])
+        """First ends, shape (n, 3), in its own space."""
+        return read_only(self._own_ends[0])
 
     @points_a.setter
     def points_a(self, points):
-        self._ends = self._as_many('points_a', points), self._ends[1]
+        self._own_ends = self._as_many('points_a', points), self._own_ends[1]
         self._moved()
 
     @property
     def points_b(self) -> np.ndarray:
-        """Second ends, shape (n, 3), world units."""
-        return read_only(self._ends[1])
+        """Second ends, shape (n, 3), in its own space."""
+        return read_only(self._own_ends[1])
 
     @points_b.setter
     def points_b(self, points):
-        self._ends = self._ends[0], self._as_many('points_b', points)
+        self._own_ends = self._own_ends[0], self._as_many('points_b', points)
         self._moved()
 
     @property
     def radius(self) -> np.ndarray:
-        """Radius of each, shape (n,), world units."""
-        return read_only(self._radii)
+        """Radius of each, shape (n,), in its own space."""
+        return read_only(self._own_radii)
 
     @radius.setter
     def radius(self, radius):
-        self._radii = checked_lengths('radius', radius, (len(self),))
+        self._own_radii = checked_lengths('radius', radius, (len(self),))
         self._moved()
+
+    def _check_linear(self, linear):
+        super()._check_linear(linear)
+        self._check_similar(linear, 'cylinders stay round; add_instances of a cylinder takes any')
+
+    def _place(self):
+        first, last = self._own_ends
+        self._ends = self._in_world(first), self._in_world(last)
+        self._radii = self._scaled(self._own_radii)
 
     def _halves(self):
         """Return vectors from the centres to the second ends, half lengths, and directions."""
@@ -170,12 +183,16 @@ class Cylinders(Quadrics):
     # -- two looks ----------------------------------------------------------------------------
 
     def _as_scalars(self, scalars):
-        if np.shape(scalars) == (len(self), 2):
+        with naming('scalars', scalars):
+            paired = np.shape(scalars) == (len(self), 2)
+        if paired:
             return look.as_scalars(np.ravel(scalars), 2 * len(self)).reshape(-1, 2)
         return super()._as_scalars(scalars)
 
     def _as_colors(self, colors):
-        if np.ndim(colors) == 3 and np.shape(colors)[:2] == (len(self), 2):
+        with naming('colors', colors):
+            paired = np.ndim(colors) == 3
+        if paired and np.shape(colors)[:2] == (len(self), 2):
             flat = np.reshape(colors, (-1, np.shape(colors)[2]))
             return look.as_colors(flat, 2 * len(self)).reshape(-1, 2, 3)
         return super()._as_colors(colors)

@@ -2,21 +2,63 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from pvibr.billboards.cards import as_points
 from pvibr.core.signatures import takes
+from pvibr.maths.arguments import as_array
 from pvibr.maths.quadric_rays import meet_ellipsoids
 from pvibr.maths.quaternions import to_matrices
 from pvibr.meshes.unit_meshes import balls, linear
 from pvibr.quadrics.cards import Shape, gap_rows
 from pvibr.quadrics.quadrics import PointQuadrics, Quadrics, checked_lengths, with_scalars
 from pvibr.scene.looks import read_only
+from pvibr.scene.placing import is_similar
 
 _FLATTEST = 1e-4  # of the largest radius: what floats can tell from a disc
 
 
-class Ellipsoids(PointQuadrics):
+ELLIPSOIDS = Shape('ellipsoids', texels=3, largest_point=12.0, fill=0.4)
+
+
+class AxesQuadrics(PointQuadrics):
+    """Ellipsoids of semi-axes in the world.
+
+    Parameters are those of :class:`pvibr.Ellipsoids`.
+    """
+
+    #: Semi-axes in columns, shape (n, 3, 3), and the largest of their lengths.
+    _axes: Any
+    _reach: np.ndarray
+
+    def _spheres(self):
+        return self._points, self._reach
+
+    @np.errstate(over='ignore')
+    def _extents(self):
+        return np.linalg.norm(self._axes, axis=2)
+
+    def _rows(self, middles):
+        return np.concatenate([self._axes.swapaxes(1, 2), middles[:, :, None]], 2)
+
+    def _bodies(self, rows=slice(None)):
+        matrices = linear(self._points[rows], self._axes[rows])
+        return [(*balls(self.prop), matrices, self._colored(rows))]
+
+    def _gaps(self, eye, index):
+        axes = self._axes[index]
+        with np.errstate(divide='ignore', invalid='ignore'):  # of length 0: not drawn
+            scaled = axes / (axes**2).sum(1, keepdims=True)
+        away = np.linalg.norm(np.einsum('nji,nj->ni', scaled, self._points[index] - eye), axis=1)
+        return gap_rows((away - 1) * (away + 1), 1.0)
+
+    def _meet(self, start, direction, index):
+        return meet_ellipsoids(start, direction, self._points[index], self._axes[index])
+
+
+class Ellipsoids(AxesQuadrics):
     """Ellipsoids by the million, ray-cast per pixel, without triangles.
 
     Parameters
@@ -54,18 +96,19 @@ class Ellipsoids(PointQuadrics):
     >>> pl.close()
     """
 
-    shape = Shape('ellipsoids', texels=3, largest_point=12.0, fill=0.4)
+    shape = ELLIPSOIDS
 
     @takes(looks=Quadrics)
     def __init__(self, points, radii=0.5, orientation=None, **looks):
-        self._points = as_points(points)
+        self._own_points = as_points(points)
         self._radii = checked_lengths('radii', radii, (len(self), 3))
         self._turns = _checked_turns(orientation, len(self))
+        self._place()
         super().__init__(**with_scalars(points, looks))
 
     @property
     def radii(self) -> np.ndarray:
-        """Semi-axes, shape (n, 3), world units."""
+        """Semi-axes, shape (n, 3), in its own space."""
         return read_only(self._radii)
 
     @radii.setter
@@ -75,7 +118,8 @@ class Ellipsoids(PointQuadrics):
 
     @property  # type: ignore[override]
     def orientation(self) -> np.ndarray:
-        """Directions of the axes in columns, shape (n, 3, 3); set as matrices or quaternions."""
+        """Directions of the axes of each in columns, (n, 3, 3); set as matrices or quaternions."""
+        # That of the whole, of the same name in actors, is set by its methods or its user matrix.
         return read_only(self._turns)
 
     @orientation.setter
@@ -91,35 +135,32 @@ class Ellipsoids(PointQuadrics):
         numpy.ndarray, shape (n, 3, 3)
             World units; of length 0 if nothing is drawn.
         """
-        largest = self._radii.max(1, initial=0.0)[:, None]
-        return self._turns * np.maximum(self._radii, _FLATTEST * largest)[:, None]
+        self.follow()
+        return self._axes
 
-    def _spheres(self):
-        return self._points, self._radii.max(1, initial=0.0)
+    def _place(self):
+        super()._place()
+        largest = self._radii.max(1, initial=0.0)
+        axes = self._turns * np.maximum(self._radii, _FLATTEST * largest[:, None])[:, None]
+        if self._world is not None:
+            axes = moved_axes(self._world[:3, :3], axes)
+            largest = np.linalg.norm(axes, axis=1).max(1, initial=0.0)
+        self._axes, self._reach = axes, largest
 
-    def _extents(self):
-        return np.linalg.norm(self.axes(), axis=2)
 
-    def _rows(self, middles):
-        return np.concatenate([self.axes().swapaxes(1, 2), middles[:, :, None]], 2)
-
-    def _bodies(self, rows=slice(None)):
-        matrices = linear(self._points[rows], self.axes()[rows])
-        return [(*balls(self.prop), matrices, self._colored(rows))]
-
-    def _gaps(self, eye, index):
-        axes = self.axes()[index]
-        with np.errstate(divide='ignore', invalid='ignore'):  # of length 0: not drawn
-            scaled = axes / (axes**2).sum(1, keepdims=True)
-        away = np.linalg.norm(np.einsum('nji,nj->ni', scaled, self._points[index] - eye), axis=1)
-        return gap_rows((away - 1) * (away + 1), 1.0)
-
-    def _meet(self, start, direction, index):
-        return meet_ellipsoids(start, direction, self._points[index], self.axes()[index])
+def moved_axes(linear, axes):
+    """Return perpendicular semi-axes, (n, 3, 3) in columns, of ellipsoids moved by a matrix."""
+    moved = linear @ axes
+    if is_similar(linear):
+        return moved
+    turns, lengths, _ = np.linalg.svd(moved)
+    largest = lengths.max(1, keepdims=True, initial=0.0)
+    return turns * np.maximum(lengths, _FLATTEST * largest)[:, None]
 
 
 def _checked_turns(orientation, count):
-    turns = np.asarray((1.0, 0, 0, 0) if orientation is None else orientation, float)
+    given = (1.0, 0, 0, 0) if orientation is None else orientation
+    turns = as_array('orientation', given, float)
     own = (4,), (count, 4)
     if turns.shape not in (*own, (3, 3), (count, 3, 3)):
         msg = (

@@ -12,6 +12,7 @@ from pvibr.core.colors import as_rgb
 from pvibr.core.params import checked_flag
 from pvibr.core.signatures import takes
 from pvibr.gl import Texture
+from pvibr.maths.arguments import as_array
 from pvibr.maths.blocks import BLOCK, Blocks, morton_order
 from pvibr.maths.quadric_rays import Meeting
 from pvibr.quadrics.cards import (
@@ -21,6 +22,7 @@ from pvibr.quadrics.cards import (
     Layer,
     Shape,
     eye_of,
+    from_its_eye,
     giant_blocks,
     seen_blocks,
     view_uniforms,
@@ -28,7 +30,7 @@ from pvibr.quadrics.cards import (
 from pvibr.quadrics.occlusion import Occlusion
 from pvibr.scene.draw_order import depths_of
 from pvibr.scene.item_set import CardSet
-from pvibr.scene.looks import read_only
+from pvibr.scene.looks import as_rgba, read_only
 from pvibr.scene.painted import TABLE_OPTIONS, scalars_of
 from pvibr.scene.picking import Hit, joined, pixel_ray
 from pvibr.scene.shader_draws import PBR, ROW, pack
@@ -48,8 +50,8 @@ class Quadrics(CardSet):
     ----------
     color : color, optional
         Colour of items without one of their own; the theme's by default.
-    colors : array_like, shape (n, 3), optional
-        Colour of each; uint8 or float.
+    colors : array_like, shape (n, 3) or (n, 4), optional
+        Colour of each; uint8 or float. Alpha multiplies the opacity.
     scalars : array_like, shape (n,), optional
         Values mapped to colours as in ``add_mesh``.
     visible : array_like of bool, shape (n,), optional
@@ -77,7 +79,6 @@ class Quadrics(CardSet):
     """
 
     web = 'baked', 'meshes'
-    moved_by = 'set its points and sizes'
     shape: Shape
 
     @takes(table=TABLE_OPTIONS)
@@ -125,10 +126,14 @@ class Quadrics(CardSet):
         self.uniforms: dict = {}
         self.window = None
         self._set_bounds(self._world_bounds())
+        self._hidden = 0
+        self._make_layers()
+        self._share_opacity()
+
+    def _make_layers(self):
         self._layers = [Layer(self, mode) for mode in (*DRAW_MODES, BLENDED)]
         self._dressed = tuple(self.actors())
-        self._occlusion, self._hidden = Occlusion(), 0
-        self._share_opacity()
+        self._occlusion = Occlusion()
 
     # -- what a shape says --------------------------------------------------------------------
 
@@ -157,7 +162,18 @@ class Quadrics(CardSet):
         raise NotImplementedError
 
     def _colored(self, rows):
-        return None if self._colors is None else self._colors[rows]
+        return None if self._colors is None else self._colors[rows, ..., :3]
+
+    def _as_colors(self, colors):
+        return as_rgba(colors, len(self))
+
+    def _alphas(self):
+        """Return the opacity of each beside the material's, shape (n,), or None if all are 1."""
+        own = self._opacity if self._opacity.ndim else None
+        if self._colors is None or self._colors.shape[-1] == 3:
+            return own
+        alphas = self._colors[:, 3] / 255
+        return alphas if own is None else own * alphas
 
     def item_spheres(self) -> tuple[np.ndarray, np.ndarray]:
         """Return centres, shape (n, 3), and radii of the items' bounding spheres."""
@@ -197,24 +213,64 @@ class Quadrics(CardSet):
     @property
     def blends(self) -> bool:
         """Whether items are translucent, and so drawn from far to near."""
+        fades = self._colors is not None and self._colors.shape[-1] == 4
         each = self._opacity.ndim and len(self) and self._opacity.min() < 1
-        return bool(each) or super().blends
+        return bool(fades or each) or super().blends
+
+    @property
+    def clips(self) -> bool:
+        """Whether planes cut it off."""
+        return bool(self._planes)
+
+    def _switch_clipping(self):
+        for layer in (*self._layers, *self._occlusion.layers):
+            layer.clip()
+
+    def _place(self):
+        """Find where the items are in the world, of their own places and sizes."""
+        raise NotImplementedError
+
+    def _become(self, shape):
+        """Be drawn as another shape."""
+        if shape is self.shape:
+            return
+        if self.pipeline is not None:
+            self.pipeline.make_current()
+            super()._take_out(self.pipeline.renderer)
+        self.release()
+        self.shape = shape
+        self._make_layers()
+        if self.pipeline is not None:
+            super()._put_in(self.pipeline.renderer)
 
     def _moved(self):
+        """Take over own places or sizes that changed."""
+        world, self._world = self._world, None
+        self._place()
+        self._set_bounds(self._world_bounds())
+        self._world = world
+        if world is not None:
+            self._place()
+        self._refit()
+
+    def _put(self):
+        self._place()
+        self._refit()
+
+    def _refit(self):
         """Upload the positions for the next frame."""
         for name in ('_order', '_blocks'):
             self.__dict__.pop(name, None)
         bounds = self._world_bounds()
-        self._set_bounds(bounds)
         for layer in (*self._layers, *self._occlusion.layers):
             layer.bound(bounds)
         self._drop('ibr_items', 'ibr_looks')
 
     def _as_many(self, name, points):
         """Return checked points; their number must not change."""
-        points = as_points(points)
+        points = as_points(points, name)
         if len(points) != len(self):
-            msg = f'{name} has {len(points)} rows; it must keep its {len(self)} {self.shape.name}'
+            msg = f'{name} has {len(points)} rows; it must keep its {len(self)} {self._noun}'
             raise ValueError(msg)
         return points
 
@@ -236,8 +292,13 @@ class Quadrics(CardSet):
         super().prepare(frame)
 
     def _choose(self, frame, others):
-        self.uniforms = view_uniforms(frame, len(self))
-        (self._show_blended if self.blends else self._show_opaque)(frame, others)
+        own = from_its_eye(frame)
+        self.uniforms = view_uniforms(own, len(self))
+        eye = frame.view_from_world[:3, 3] - own.view_from_world[:3, 3]
+        self.uniforms['ibr_eye'] = tuple(eye.tolist())
+        if self.clips:
+            self.uniforms |= self._planes.uniforms(frame)
+        (self._show_blended if self.blends else self._show_opaque)(own, others)
 
     def _show_opaque(self, frame, _others):
         seen = seen_blocks(self._blocks, frame, self.shape)
@@ -309,10 +370,10 @@ class Quadrics(CardSet):
 
     def _looks(self):
         looks = np.zeros((len(self), self.shape.looks, 4), np.uint8)
-        alpha = np.broadcast_to(self._opacity if self._opacity.ndim else 1.0, (len(self),))
-        looks[..., 3] = np.rint(_OPAQUE * alpha)[:, None]
+        alphas = self._alphas()
+        looks[..., 3] = _OPAQUE if alphas is None else np.rint(_OPAQUE * alphas)[:, None]
         if self._colors is not None:
-            looks[..., :3] = self._colors.reshape(len(self), -1, 3)
+            looks[..., :3] = self._colors[..., :3].reshape(len(self), -1, 3)
             looks[looks[..., 3] > 0, 3] += 1 + _OPAQUE
         looks[~self.visible, :, 3] = 0
         return looks[self._order].reshape(-1, 4)
@@ -333,7 +394,7 @@ class Quadrics(CardSet):
         entries = sum(layer.nbytes for layer in self._layers)
         return {
             'bytes': textures + entries + self._occlusion.nbytes,
-            self.shape.name: len(self),
+            self._noun: len(self),
             **{layer.mode.name: layer.drawn for layer in self._layers},
             'hidden': self._hidden,
         }
@@ -341,18 +402,19 @@ class Quadrics(CardSet):
     def bake_into(self, scene):
         """Add them to a scene without pvibr."""
         rows = np.flatnonzero(self.visible & (self._spheres()[1] > 0))
+        alphas = self._alphas()
         for levels, largest, matrices, colors in self._bodies(rows):
             shown = np.isfinite(matrices).all((1, 2))
             colors = None if colors is None else colors[shown]
-            if self._opacity.ndim:
-                colors = self._with_opacity(colors, rows[shown])
+            if alphas is not None:
+                colors = self._with_opacity(colors, alphas[rows[shown]])
             scene.copies(self, levels, matrices[shown], largest=largest, colors=colors)
 
-    def _with_opacity(self, colors, rows):
+    def _with_opacity(self, colors, alphas):
         if colors is None:
             plain = np.rint(255 * np.array(self.prop.GetColor())).astype(np.uint8)
-            colors = np.tile(plain, (len(rows), 1))
-        return np.column_stack([colors, np.rint(255 * self._opacity[rows]).astype(np.uint8)])
+            colors = np.tile(plain, (len(alphas), 1))
+        return np.column_stack([colors, np.rint(255 * alphas).astype(np.uint8)])
 
     # -- picking ------------------------------------------------------------------------------
 
@@ -367,7 +429,11 @@ class Quadrics(CardSet):
         index = np.flatnonzero(self.visible & (gaps <= reach) & (reach > 0))
         if not len(index):
             return None
-        distances, _, _ = self._meet(start, direction, index).first()
+        met = self._meet(start, direction, index)
+        if self.clips:
+            points = start + np.nan_to_num(met.distances)[..., None] * direction
+            met = met._replace(hits=met.hits & self._planes.kept(points))
+        distances, _, _ = met.first()
         k = int(distances.argmin())
         if not np.isfinite(distances[k]):
             return None
@@ -381,20 +447,25 @@ class PointQuadrics(Quadrics):
     Parameters are those of :class:`pvibr.Spheres`.
     """
 
+    #: Centres in its own space, and in the world.
+    _own_points: np.ndarray
     _points: np.ndarray
 
     def __len__(self):
-        return len(self._points)
+        return len(self._own_points)
 
     @property
     def points(self) -> np.ndarray:
-        """Centres, shape (n, 3), world units."""
-        return read_only(self._points)
+        """Centres, shape (n, 3), in its own space."""
+        return read_only(self._own_points)
 
     @points.setter
     def points(self, points):
-        self._points = self._as_many('points', points)
+        self._own_points = self._as_many('points', points)
         self._moved()
+
+    def _place(self):
+        self._points = self._in_world(self._own_points)
 
 
 def with_scalars(points, looks) -> dict:
@@ -405,7 +476,7 @@ def with_scalars(points, looks) -> dict:
 
 def checked_lengths(name, lengths, shape) -> np.ndarray:
     """Return lengths as a checked float64 array, copied."""
-    array = np.asarray(lengths, float)
+    array = as_array(name, lengths, float).copy()
     if array.shape not in ((), shape, shape[1:]):
         allowed = ', '.join(str(s) for s in dict.fromkeys((shape, shape[1:])) if s)
         msg = f'{name} has shape {array.shape}; it must be one number or {allowed}'

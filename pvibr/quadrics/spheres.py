@@ -9,11 +9,13 @@ from pvibr.core.signatures import takes
 from pvibr.maths.quadric_rays import meet_spheres
 from pvibr.meshes.unit_meshes import balls, linear
 from pvibr.quadrics.cards import Shape, gap_rows
-from pvibr.quadrics.quadrics import PointQuadrics, Quadrics, checked_lengths, with_scalars
+from pvibr.quadrics.ellipsoids import ELLIPSOIDS, AxesQuadrics, moved_axes
+from pvibr.quadrics.quadrics import Quadrics, checked_lengths, with_scalars
 from pvibr.scene.looks import read_only
+from pvibr.scene.placing import is_similar
 
 
-class Spheres(PointQuadrics):
+class Spheres(AxesQuadrics):
     """Spheres by the million, ray-cast per pixel, without triangles.
 
     Parameters
@@ -39,7 +41,7 @@ class Spheres(PointQuadrics):
     Silhouettes, normals and depth are exact at pixel centres, in perspective too. Spheres smaller
     than a pixel are drawn one pixel large; those of up to four pixels have a single depth. They
     cast and receive shadows and are depth-tested. Translucent ones show their front faces, sorted
-    from far to near, and cast no shadow. Hardware picking ignores them; :meth:`pick` does not.
+    from far to near, and cast no shadow. Clipping planes of the mapper show their insides.
 
     Examples
     --------
@@ -56,36 +58,67 @@ class Spheres(PointQuadrics):
 
     @takes(looks=Quadrics)
     def __init__(self, points, radius=0.5, **looks):
-        self._points = as_points(points)
-        self._radii = checked_lengths('radius', radius, (len(self),))
+        self._own_points = as_points(points)
+        self._own_radii = checked_lengths('radius', radius, (len(self),))
+        self._place()
         super().__init__(**with_scalars(points, looks))
 
     @property
     def radius(self) -> np.ndarray:
-        """Radius of each, shape (n,), world units."""
-        return read_only(self._radii)
+        """Radius of each, shape (n,), in its own space."""
+        return read_only(self._own_radii)
 
     @radius.setter
     def radius(self, radius):
-        self._radii = checked_lengths('radius', radius, (len(self),))
+        self._own_radii = checked_lengths('radius', radius, (len(self),))
         self._moved()
 
+    def _place(self):
+        super()._place()
+        self._radii, self._axes = self._scaled(self._own_radii), None
+        if self._world is not None and self._is_stretched:
+            (axes,) = moved_axes(self._world[:3, :3], np.eye(3)[None])
+            self._axes = axes * self._own_radii[:, None, None]
+            self._reach = self._own_radii * np.linalg.norm(axes, axis=0).max()
+
+    @property
+    def _is_stretched(self) -> bool:
+        return self._world is not None and not is_similar(self._world[:3, :3])
+
+    def _put(self):
+        self._become(ELLIPSOIDS if self._is_stretched else Spheres.shape)
+        super()._put()
+
+    # -- ellipsoids, while the whole is stretched ---------------------------------------------
+
     def _spheres(self):
+        if self._axes is not None:
+            return super()._spheres()
         return self._points, self._radii
 
     def _extents(self):
+        if self._axes is not None:
+            return super()._extents()
         return self._radii[:, None]
 
     def _rows(self, middles):
+        if self._axes is not None:
+            return super()._rows(middles)
         return np.column_stack([middles, self._radii])[:, None]
 
     def _bodies(self, rows=slice(None)):
+        if self._axes is not None:
+            return super()._bodies(rows)
         matrices = linear(self._points[rows], self._radii[rows, None, None] * np.eye(3))
         return [(*balls(self.prop), matrices, self._colored(rows))]
 
     def _gaps(self, eye, index):
+        if self._axes is not None:
+            return super()._gaps(eye, index)
         away, radii = np.linalg.norm(self._points[index] - eye, axis=1), self._radii[index]
         return gap_rows((away - radii) * (away + radii), radii**2)
 
     def _meet(self, start, direction, index):
+        if self._axes is not None:
+            return super()._meet(start, direction, index)
         return meet_spheres(start, direction, self._points[index], self._radii[index])

@@ -299,7 +299,9 @@ class Buffers:
         (x, y), (width, height) = geometry.origin, picture.size
         texels = geometry.surface.download()[y : y + height, x : x + width][::-1]
         texels = np.where(texels[..., 3:] > 0, texels, 0)
-        return np.abs(texels[..., 2]) - 1 if name == 'id' else _normals(texels)
+        if name == 'id':
+            return np.rint(np.abs(texels[..., 2])).astype(np.int32) - 1
+        return _normals(texels)
 
     def _linear_depth(self, frame, picture):
         width, height = picture.size
@@ -332,8 +334,8 @@ class Tap(Effect):
     """Reads a buffer of the next frame; the picture stays as it is."""
 
     def __init__(self, buffer):
-        if buffer not in NAMES:
-            msg = f'buffer = {buffer!r}: must be one of {", ".join(map(repr, NAMES))}'
+        if not isinstance(buffer, str) or buffer not in NAMES:
+            msg = f'name = {buffer!r}: must be one of {", ".join(map(repr, NAMES))}'
             raise ValueError(msg)
         super().__init__()
         self.buffer, self.array = buffer, None

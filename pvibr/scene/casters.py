@@ -13,11 +13,14 @@ import numpy as np
 
 from pvibr.core import _vtk
 from pvibr.core._vtk import address
+from pvibr.core.plotters import parts_of_widgets, widgets_of
 from pvibr.gl.feature import Feature
 from pvibr.gl.scene_pass import is_marker
 from pvibr.gl.uniforms import set_fragment_uniforms
+from pvibr.maths.arguments import checked_each
 from pvibr.maths.views import may_see
 from pvibr.scene.actor_watch import ActorWatch
+from pvibr.scene.thing import Thing
 
 _FLAT, _WIREFRAME, _SURFACE = 0, 1, 2  # VTK_FLAT, VTK_WIREFRAME, VTK_SURFACE
 _MAPPERS = ('vtkPolyDataMapper', 'vtkDataSetMapper', 'vtkGlyph3DMapper')
@@ -30,6 +33,8 @@ class Surfaces:
         self.renderer = renderer
         self._key: tuple = ()
         self._free: dict = {}
+        self._scenery: set = set()
+        self._others: dict = {}  # than the handles of widgets
         self._watch, self._watched = ActorWatch(), self._free
         self._versions: dict = {}  # of those that are visible
         self._old = True
@@ -41,11 +46,12 @@ class Surfaces:
 
     def _update(self, things):
         """Refresh the list if props were added or removed."""
-        key = self.renderer.GetViewProps().GetMTime(), *map(id, things)
+        widgets = widgets_of(self.renderer)
+        key = self.renderer.GetViewProps().GetMTime(), *map(id, (*things, *widgets))
         if key == self._key:
             return
         self._key = key
-        # Parts of assemblies and of widgets are not props of their own.
+        # Parts of assemblies are not props of their own.
         box = getattr(self.renderer, 'bounding_box_actor', None)
         props = [p for p in self.renderer.GetViewProps() if p.IsA('vtkActor')]
         # The prop that stands for a thing draws nothing itself.
@@ -54,21 +60,27 @@ class Surfaces:
         free = {k: a for k, a in found.items() if k not in owned}
         if free.keys() != self._free.keys():
             self._free, self._last = free, {}
+            self._scenery = {k for k, a in free.items() if not a.GetUseBounds()}
+        parts = parts_of_widgets(widgets)
+        mine = {k for k, a in free.items() if parts and address(a.GetProperty()) in parts}
+        self._others = {k: a for k, a in free.items() if k not in mine}
 
-    def chosen(self, choice, things) -> tuple[dict, list]:
-        """Return the chosen actors that belong to no thing, and the chosen things."""
+    def chosen(self, choice, things, *, handles=True) -> tuple[dict, list]:
+        """Return the chosen actors of no thing, with or without widgets' handles, and things."""
         self._update(things)
+        actors = self._free if handles else self._others
         if choice is None:
-            return self._free, list(things)
+            return actors, list(things)
         is_chosen = _chooser(choice)
-        actors = {k: a for k, a in self._free.items() if is_chosen(k, a)}
+        actors = {k: a for k, a in actors.items() if is_chosen(k, a)}
         return actors, [t for t in things if is_chosen(address(t), t)]
 
-    def casters(self, choice, things, frame=None) -> Casters:
-        """Return the chosen actors that are visible, and the chosen things."""
-        actors, chosen = self.chosen(choice, things)
+    def casters(self, choice, things, frame=None, *, scenery=True) -> Casters:
+        """Return the chosen actors that are visible, no handles nor scenery, and the things."""
+        actors, chosen = self.chosen(choice, things, handles=False)
         self._look()
-        visible = [k for k in actors if k in self._versions]
+        out = () if scenery else self._scenery
+        visible = [k for k in actors if k in self._versions and k not in out]
         versions = [self._versions[k] for k in visible]
         shown = [actors[k] for k in visible]
         for thing in things if choice is not None else ():
@@ -98,6 +110,29 @@ class Surfaces:
     def settle(self):
         """Take the actors for unchanged: drawing may modify them."""
         self._watch.settle()
+
+
+class Choice:
+    """An attribute that chooses actors and things, checked when set: all, some, or a function."""
+
+    def __set_name__(self, owner, name):
+        self._name = name
+
+    def __get__(self, instance, owner=None):
+        return self if instance is None else instance.__dict__.get(self._name)
+
+    def __set__(self, instance, choice):
+        if choice is not None and (not callable(choice) or isinstance(choice, type)):
+            several = checked_each(self._name, choice, _is_prop, _CHOSEN)
+            choice = choice if isinstance(choice, (list, set)) else several
+        instance.__dict__[self._name] = choice
+
+
+_CHOSEN = 'None for all, actors or things, or a function that returns True for them'
+
+
+def _is_prop(one) -> bool:
+    return isinstance(one, Thing | _vtk.vtkProp)
 
 
 def _chooser(choice):

@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 from pvibr.core._vtk import address
-
-# Textures that a property has by name: VTK lists none.
-_TEXTURES = tuple(
-    f'{name}Tex'
-    for name in ('albedo', 'material', 'normal', 'emissive', 'coatNormal', 'anisotropy')
-)
+from pvibr.core.passes import passes_of
+from pvibr.core.plotters import is_inner
+from pvibr.meshes.materials import PROPERTY_TEXTURES
 
 
 def textures_of(actor) -> list:
     """Return the textures of an actor and of its material."""
     prop, found = actor.GetProperty(), [actor.GetTexture()]
     if prop.GetNumberOfTextures():
-        found += [prop.GetTexture(name) for name in _TEXTURES]
+        found += [prop.GetTexture(name) for name in PROPERTY_TEXTURES]
     return [texture for texture in found if texture is not None]
 
 
@@ -74,6 +71,42 @@ def lights_key(renderer, camera=None) -> tuple:
     lights = list(renderer.GetLights())
     follow = any(light.GetSwitch() and not light.LightTypeIsSceneLight() for light in lights)
     return *map(light_key, lights), camera if follow else None
+
+
+def scene_key(pipeline) -> tuple:
+    """Return what changes with anything that a subplot shows, camera, size and time left out."""
+    renderer = pipeline.renderer
+    things = [thing for thing in pipeline.things if thing.enabled]
+    casters = pipeline.surfaces.casters(None, things)
+    known = {*casters.addresses, *(address(p) for t in things for p in (*t.actors(), *t.props))}
+    props = [p for p in renderer.GetViewProps() if p.GetVisibility() and not is_inner(p)]
+    others = [p for p in props if p.IsA('vtkProp3D') and address(p) not in known]
+    return (
+        casters.key(),
+        [(address(p), p.GetRedrawMTime()) for p in others],
+        lights_key(renderer),
+        background_key(renderer),
+        [(address(p), p.GetMTime()) for p in passes_of(renderer)],
+        [(id(e), e.enabled, e.content_key()) for e in pipeline.effects if e not in things],
+    )
+
+
+def background_key(renderer) -> tuple:
+    """Return what changes with the background of a renderer, and with how it draws."""
+    textures = renderer.GetBackgroundTexture(), renderer.GetEnvironmentTexture()
+    return (
+        renderer.GetBackground(),
+        renderer.GetBackground2(),
+        renderer.GetGradientBackground(),
+        renderer.GetTexturedBackground(),
+        renderer.GetBackgroundAlpha(),
+        renderer.GetAmbient(),
+        renderer.GetUseImageBasedLighting(),
+        renderer.GetUseDepthPeeling(),
+        renderer.GetUseFXAA(),
+        renderer.GetUseHiddenLineRemoval(),
+        [(address(t), t.GetMTime()) for t in textures if t is not None],
+    )
 
 
 def _inputs(algorithm) -> list:

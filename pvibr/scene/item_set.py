@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
@@ -9,12 +10,14 @@ import pyvista as pv
 
 from pvibr.gl import Texture
 from pvibr.gl.binder import Binder
+from pvibr.scene.clipping import ClippingPlanes
 from pvibr.scene.draw_order import depths_of, translucent
 from pvibr.scene.painted import Painted
-from pvibr.scene.stand_ins import StandIns
+from pvibr.scene.placing import PlacedItems
+from pvibr.scene.stand_ins import StandIns, weakly
 
 
-class ItemSet(Painted):
+class ItemSet(PlacedItems, Painted):
     """Items with looks of their own.
 
     Parameters are those of :class:`pvibr.Effect`.
@@ -25,7 +28,7 @@ class ItemSet(Painted):
     #: Frames that are drawn to pick need them too.
     picks = True
     _noun = 'items'
-    _changes = 0
+    _changes = _watcher = 0
     _content_key: tuple | None = None
 
     def _contents(self) -> str:
@@ -67,6 +70,7 @@ class ItemSet(Painted):
 
     def dataset(self) -> pv.PolyData:
         """Return the positions of the items as points, with what is known of each."""
+        self.follow()
         mesh = pv.PolyData(np.array(self._places(), float).reshape(-1, 3))
         mesh['visible'] = self.visible
         known = {'colors': self.colors, self.scalar_title() or 'scalars': self.scalars}
@@ -80,10 +84,12 @@ class ItemSet(Painted):
 
     def content_key(self) -> tuple:
         """Return a value that changes with the content, camera excluded."""
+        self.follow()
         return self._changes, self.revision, self.visibility
 
     def needed(self, frame) -> bool | str:
         """Return True if there is anything to draw, else why not."""
+        self.follow()
         if not self.visibility:
             return super().needed(frame)
         return bool(len(self)) or f'no {self._noun}'
@@ -94,14 +100,27 @@ class ItemSet(Painted):
             actor.VisibilityOff()
         self._content_key = None
 
+    def attach(self, pipeline):
+        """Add its props to the scene."""
+        self._framed = self._changes, self.GetBounds()
+        super().attach(pipeline)
+
     def _put_in(self, renderer):
         super()._put_in(renderer)
         self._stand_ins = self._stand_ins or StandIns(self)
         self._stand_ins.put_in(renderer)
+        # Before the pipeline starts the frame, which has one clipping range.
+        self._watcher = renderer.AddObserver('StartEvent', weakly(self._on_start))
+
+    def _on_start(self):
+        with suppress(ValueError):  # raised in the pipeline: VTK's loop swallows errors
+            self.follow()
+        self._stay_whole(self._changes)
 
     def _take_out(self, renderer):
         self.deactivate()
         self._stand_ins.take_out()
+        renderer.RemoveObserver(self._watcher)
         super()._take_out(renderer)
 
     def _touch(self):
@@ -117,6 +136,7 @@ class CardSet(ItemSet):
     """
 
     FOR_USERS: tuple[str, ...] = ('blends',)
+    _planes = ClippingPlanes()
 
     def _begin_drawing(self, *stale):
         """Start without anything on the GPU; name the textures to be made."""
@@ -133,7 +153,22 @@ class CardSet(ItemSet):
 
     def content_key(self) -> tuple:
         """Return a value that changes with the content, camera excluded."""
-        return *super().content_key(), self.blends
+        return *super().content_key(), self.blends, self._planes.key()
+
+    def set_clipping_planes(self, planes):
+        """Cut it off by a vtkPlaneCollection."""
+        found = ClippingPlanes(planes)
+        switched = bool(found) != bool(self._planes)
+        self._planes = found
+        if switched:
+            self._switch_clipping()
+        if self._stand_ins is not None:
+            self._stand_ins.clip(planes)
+        self._touch()
+
+    def _switch_clipping(self):
+        """Have shaders that clip, or such that do not."""
+        raise NotImplementedError
 
     def prepare(self, frame):
         """Choose which items are drawn, and in which order."""
@@ -151,7 +186,7 @@ class CardSet(ItemSet):
 
     def _choice_key(self) -> tuple:
         """Return what changes with the choice of items, camera excluded."""
-        return self.blends, self._changes, self.revision
+        return self.blends, self._changes, self.revision, self._planes.key()
 
     def _choose(self, frame, others):
         raise NotImplementedError

@@ -3,11 +3,17 @@
 from __future__ import annotations
 
 from inspect import signature
+from numbers import Real
 
+import numpy as np
 import pyvista as pv
+from pyvista.plotting.colors import get_cmap_safe
 
+from pvibr.core import _vtk
+from pvibr.core.params import checked_flag
 from pvibr.core.signatures import arguments_of
 from pvibr.core.spelling import nearest
+from pvibr.maths.arguments import as_array, checked_number, checked_whole, naming
 
 _MESH = 'it has no mesh: surfaces are computed for each pixel'
 _SHADED = 'surfaces are smooth and normals exact already'
@@ -39,7 +45,7 @@ _ITEMS = {
     'use_transparency': 'give opacity, one for each',
     'component': 'give scalars of one component',
     'preference': 'points have no cells',
-    'user_matrix': 'items have places of their own: transform the points',
+    'user_matrix': 'set user_matrix of what is returned',
     'force_opaque': 'what is drawn first is chosen by opacity',
     'texture': 'it has no texture coordinates: use add_billboards for images',
     'culling': 'there is no back face',
@@ -92,3 +98,126 @@ def check_keywords(make, names, known=None):
         hint = f': {why}' if why else nearest(name, known)
         msg = f'{make.__name__} has no argument {name!r}{hint}'
         raise TypeError(msg)
+
+
+_FLAGS = {
+    *('bake', 'blend_views', 'flip_scalars', 'force_opaque', 'lighting'),
+    *('interpolate_before_map', 'log_scale', 'pbr', 'progress', 'render_lines_as_tubes', 'rgb'),
+    *('render_points_as_spheres', 'show_edges', 'smooth_shading', 'split_sharp_edges'),
+    'use_transparency',
+}
+#: Numbers with their bounds, as PyVista has them.
+_BETWEEN = {
+    **dict.fromkeys(('ambient', 'diffuse', 'specular', 'metallic', 'roughness'), (0.0, 1.0)),
+    **dict.fromkeys(('alpha_cutoff', 'edge_opacity', 'nan_opacity'), (0.0, 1.0)),
+    **dict.fromkeys(('line_width', 'point_size'), (0.0, 1e6)),
+    'specular_power': (0.0, 128.0),
+    'feature_angle': (0.0, 360.0),
+}
+_COLORS = 'above_color', 'below_color', 'edge_color', 'nan_color'
+
+
+def check_values(given):
+    """Raise an error for a keyword of ``add_mesh`` that is no flag, number, color or map."""
+    for name, value in given.items():
+        if value is None:
+            continue
+        if name in _FLAGS:
+            checked_flag(name, value, optional=True)
+        elif name in _BETWEEN:
+            checked_number(name, value, *_BETWEEN[name])
+        elif name in ('n_colors', 'component') or _is_count(name, value):
+            checked_whole(name, value, int(name == 'n_colors'), 1 << 20)
+        elif name == 'clim':
+            _check_range(value)
+        elif name in _COLORS or name in _OTHERS:
+            with naming(name, value):
+                _OTHERS.get(name, pv.Color)(value)
+
+
+def _is_count(name, value) -> bool:
+    return name == 'categories' and not isinstance(value, bool)
+
+
+def _check_range(clim):
+    ends = [clim] if isinstance(clim, Real) else clim
+    with naming('clim', clim):
+        for end in ends:
+            checked_number('clim', end)
+        if len(ends) not in (1, 2):
+            msg = 'must be two numbers, or one'
+            raise ValueError(msg)
+
+
+def _map(cmap):
+    if not isinstance(cmap, pv.LookupTable | list | tuple):
+        get_cmap_safe(cmap)
+    elif not isinstance(cmap, pv.LookupTable):
+        [pv.Color(color) for color in cmap]
+
+
+def _theme(theme):
+    if not isinstance(theme, str | pv.themes.Theme):
+        msg = 'must be a theme or the name of one'
+        raise TypeError(msg)
+    pv.Property(theme=theme)  # raises if there is none of the name
+
+
+def _finite(given):
+    return given.dtype.kind in 'biuf' and np.isfinite(given).all()
+
+
+def _opacity(opacity):
+    if isinstance(opacity, str):
+        return
+    given = as_array('opacity', opacity)
+    if given.ndim > 1 or not _finite(given):
+        msg = 'must be a number from 0 to 1, numbers, or the name of a transfer function'
+        raise TypeError(msg)
+    if not given.ndim and not 0 <= given <= 1:
+        msg = f'opacity must be a number from 0 to 1, not {opacity!r}'
+        raise ValueError(msg)
+
+
+def _one_of(*allowed):
+    def check(value):
+        if not isinstance(value, str | bool) or value not in allowed:
+            msg = f'must be one of {", ".join(map(repr, allowed))}'
+            raise ValueError(msg)
+
+    return check
+
+
+def _texture(texture):
+    if not isinstance(texture, _vtk.vtkTexture):
+        given = as_array('texture', texture)
+        image = given.ndim == 2 or (given.ndim == 3 and given.shape[2] in (1, 3, 4))
+        if not (given.size and image and _finite(given)):
+            msg = 'must be a pyvista.Texture or a finite array of shape (h, w) or (h, w, 3 or 4)'
+            raise TypeError(msg)
+
+
+def _back(look):
+    _mapping(look)
+    if isinstance(look, dict):
+        pv.Property(**look)
+
+
+def _mapping(value):
+    if not isinstance(value, dict | pv.Property):
+        msg = 'must be a dict'
+        raise TypeError(msg)
+
+
+_OTHERS = {
+    'annotations': _mapping,
+    'backface_params': _back,
+    'cmap': _map,
+    'culling': _one_of('front', 'back', 'none', False, True),
+    'opacity': _opacity,
+    'preference': _one_of('point', 'cell'),
+    'style': _one_of('surface', 'wireframe', 'points', 'points_gaussian'),
+    'texture': _texture,
+    'theme': _theme,
+    'user_matrix': pv.Transform,
+}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -18,12 +18,13 @@ from pvibr.maths.views import (
 
 #: A cone as wide as this (degrees from its axis) is seen better by six views than by one.
 _WIDE = 60.0
-#: The nearest that a caster is drawn, over the farthest: what depth of 32 bits resolves.
-_NEAREST = 1e-3
+#: The nearest that a caster is drawn, over the farthest: so that depth of 32 bits resolves both;
+#: and where boxes tell that the nearest caster is nearer.
+_NEAREST, _NEARER = 1e-3, 5e-5
 _TEXEL = 2.0  # pixels that a texel may cover: an edge is found to half a texel
 _TILE_EDGE = 4.0  # texels around a view, for filters that reach over its edge
 _STEPS = 3  # views that get narrower by half each, before some do so by a quarter
-_FINEST = 2e-6  # of a light's reach: depth of 32 bits resolves no less
+_FINEST = 2e-6  # of a lamp's reach: depth of 32 bits resolves no less
 _LEAD = 0.5  # how far before the eye its views' middles are, parts of their half width
 _SLACK = 0.4  # and how far these may be from there before they are aimed again
 
@@ -43,6 +44,16 @@ class SceneLight:
     def positional(self) -> bool:
         """Whether it is a spot or point light."""
         return self.kind in ('spot', 'point')
+
+    def moved(self, shift) -> SceneLight:
+        """Return the same at another place."""
+        return replace(self, position=tuple(np.add(self.position, shift).tolist()))
+
+    def turned(self, x, y) -> SceneLight:
+        """Return the same with a direction that is off by two tangents."""
+        right, up, back = look_along((0, 0, 0), self.direction)[:3, :3]
+        way = x * right + y * up - back
+        return replace(self, direction=tuple((way / np.linalg.norm(way)).tolist()))
 
     def homogeneous(self) -> np.ndarray:
         """Return its position with w = 1, or the direction toward it with w = 0, (4,)."""
@@ -102,21 +113,25 @@ def light_views(
         whole = _box(axes, bounds, edge, square)
         half = 1 / np.diag(whole.clip_from_view)[:3] * [1, 1, -1]
         reach = near = half[:2].max()
+        finest = 0.0
         base: tuple = light, whole.key()
+        box = np.reshape(bounds, (-1, 3, 2))
+        box = np.stack([box[..., 0].min(0), box[..., 1].max(0)])
 
         def aimed(level, old):
-            return _around_eye(whole, level, axes @ place, axes @ ahead, axes, base, old)
+            return _around_eye(whole, level, axes @ place, axes @ ahead, axes, base, old, box)
 
         views = [whole]
     else:
         views, tangent, room = _positional(light, bounds, edge)
         reach, near = tangent * room[1], tangent * np.linalg.norm(place - light.position)
-        base = light, tangent, room
+        base, finest = (light, tangent, room), _FINEST * reach
 
         def aimed(level, old):
             return _aimed(light, place, ahead, reach / 2.0**level, room, level, base, old)
 
-    levels = _levels(reach, near, resolution, frame, bounds, count, kept)
+    finest = max(_TEXEL * _pixel(frame, bounds), finest)
+    levels = _levels(reach, near, 2 * reach / resolution / finest, frame, count, kept)
     return views, _matched(levels, kept, base, aimed)
 
 
@@ -127,9 +142,12 @@ def _positional(light, bounds, edge):
     if tangent is None:
         near, far = _reach(light, bounds)
         return around(light.position, near, far, edge), 1.0, (nearest, far)
-    away = (corners(bounds).reshape(-1, 3) - np.array(light.position)) @ aim
+    away = (corners(bounds) - np.array(light.position)) @ aim
     far = float(away.max()) * 1.0001
-    near = min(max(float(away.min()) * 0.9999, _NEAREST * far), 0.9999 * far)
+    if far > 0:  # the housing of a lamp, behind it, is not what it shines on
+        nearest = box_distance(light.position, np.asarray(bounds)[away.max(1) > 0])
+    near = max(float(away.min()) * 0.9999, _near(nearest / np.sqrt(1 + 2 * tangent**2), far))
+    near = min(near, 0.9999 * far)
     return [perspective(light.position, aim, tangent * edge, near, far)], tangent, (nearest, far)
 
 
@@ -144,12 +162,11 @@ def _seen(frame, bounds):
     return frame.eye + ahead * box_distance(frame.eye, bounds), ahead
 
 
-def _levels(reach, near, resolution, frame, bounds, most, kept) -> list[int]:
+def _levels(reach, near, wider, frame, most, kept) -> list[int]:
     """Return how often each view around the eye halves a light's reach, as its own near does."""
     if not near > 0:
         return []
-    finest = max(_TEXEL * _pixel(frame, bounds), _FINEST * reach)
-    last = int(np.ceil(np.log2(max(2 * reach / resolution / finest, 1.0))))
+    last = int(np.ceil(np.log2(max(wider, 1.0))))
     if frame.parallel:  # as much as is seen must be in the narrowest view
         seen = 1.2 * max(frame.size) / 2 / frame.pixel_scale
         last = min(last, int(np.log2(max(reach / seen, 1.0))))
@@ -220,7 +237,12 @@ def _reach(light, bounds):
     away = np.linalg.norm(corners(bounds) - np.array(light.position), axis=-1)
     far = max(float(away.max()), np.finfo(float).tiny) * 1.001
     # What is 60 degrees from the axis is half as far along it.
-    return max(box_distance(light.position, bounds) / 2 * 0.999, _NEAREST * far), far
+    return _near(box_distance(light.position, bounds) / 2, far), far
+
+
+def _near(nearest, far) -> float:
+    """Return where views of casters begin that are no nearer; within a box nothing is known."""
+    return max(0.999 * nearest, (_NEARER if nearest > 0 else _NEAREST) * far)
 
 
 def _box(axes, bounds, edge, square) -> View:
@@ -246,7 +268,7 @@ def texels_per_pixel(views, resolution, frame, bounds) -> float:
         at = view.texture_from_world() @ [*place, 1.0]
         if at[3] > 0 and np.abs(at[:2] / at[3] - 0.5).max() <= 0.5:
             found = max(found, resolution * view.clip_from_view[0, 0] / (2 * at[3]))
-    return _pixel(frame, bounds) * found
+    return float(_pixel(frame, bounds) * found)
 
 
 def _pixel(frame, bounds) -> float:
@@ -257,7 +279,7 @@ def _pixel(frame, bounds) -> float:
     return max(box_distance(frame.eye, bounds), frame.near) / frame.pixel_scale
 
 
-def _around_eye(whole, level, eye, ahead, axes, base, old) -> Cascade:
+def _around_eye(whole, level, eye, ahead, axes, base, old, box) -> Cascade:
     """Return a part of a parallel view where the eye looks; it moves in steps of a quarter."""
     half = 1 / np.diag(whole.clip_from_view)[:3] * [1, 1, -1]
     middle = whole.eye @ axes.T - [0, 0, whole.near + half[2]]
@@ -266,5 +288,22 @@ def _around_eye(whole, level, eye, ahead, axes, base, old) -> Cascade:
     if old is not None and (np.abs(wanted - old.center) <= _SLACK * part).all():
         return old
     center = np.round(wanted / (0.5 * part)) * 0.5 * part
-    at = middle + center
-    return Cascade(level, center, orthographic(axes, at - part, at + part), base)
+    low, high = middle + center - part, middle + center + part
+    low[2], high[2] = _depths(axes, low, high, box)
+    return Cascade(level, center, orthographic(axes, low, high), base)
+
+
+def _depths(axes, low, high, box) -> tuple[float, float]:
+    """Return the least and largest of a column's third coordinate within a box of the world."""
+    # Land is flat: a narrow column is short in it, and its depths are the sharper.
+    sides = np.stack([low[:2], high[:2]])[..., None] * axes[:2]
+    least, most = sides.min(0).sum(0), sides.max(0).sum(0)
+    up = axes[2]
+    with np.errstate(divide='ignore', invalid='ignore'):
+        ends = np.sort(np.stack([(box[0] - most) / up, (box[1] - least) / up]), 0)
+    ends = ends[:, np.abs(up) > 1e-6]
+    first, last = max(low[2], ends[0].max()), min(high[2], ends[1].min())
+    if first > last:
+        return low[2], high[2]
+    room = 1e-3 * (last - first) + 0.01 * (high[0] - low[0])
+    return first - room, last + room

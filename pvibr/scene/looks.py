@@ -10,6 +10,7 @@ import pyvista as pv
 from pvibr.core import _vtk
 from pvibr.core.colors import as_rgb, color_rows
 from pvibr.core.params import checked_flag
+from pvibr.maths.arguments import as_array
 
 HIDDEN, PLAIN, COLORED = 0, 128, 255
 #: Alphas of looks, by as many steps: from the first, of colours that are transparent, to COLORED.
@@ -66,7 +67,7 @@ def read_only(array):
 
 def as_scalars(scalars, n):
     """Return per-instance scalars as floats."""
-    array = np.asarray(scalars)
+    array = as_array('scalars', scalars)
     if array.dtype.kind not in 'fiub' or array.shape != (n,):
         msg = f'scalars has shape {array.shape}, dtype {array.dtype}; it must be ({n},) numbers'
         raise ValueError(msg)
@@ -75,7 +76,7 @@ def as_scalars(scalars, n):
 
 def as_mask(visible, n):
     """Return which of n items are visible, None for all."""
-    mask = np.asarray(visible)
+    mask = as_array('visible', visible)
     ones = mask.dtype == bool or (mask.dtype.kind in 'iuf' and np.isin(mask, (0, 1)).all())
     if not ones or mask.shape not in ((), (n,)):
         msg = f'visible has shape {mask.shape}, dtype {mask.dtype}; it must be bool, one or ({n},)'

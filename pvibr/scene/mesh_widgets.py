@@ -33,7 +33,7 @@ def _widget(name, plotter):
     def widget(mesh, *args, **kwargs):
         if isinstance(mesh, Thing):
             msg = (
-                f'{name} cuts a mesh, and {mesh.name} is none. Instances and animated actors are '
+                f'{name} cuts a mesh, and {mesh.name} is none. It is '
                 'cut by handle.mapper.AddClippingPlane(plane), whose plane may be set by the '
                 'callback of plotter.add_plane_widget'
             )

@@ -130,10 +130,11 @@ class Painted(Thing):
         ValueError
             Where there are no scalars.
         """
-        if self._scalars is None:
-            msg = 'there are no scalars to map: set scalars first'
-            raise ValueError(msg)
         changed = {k: v for k, v in {'cmap': cmap, 'clim': clim}.items() if v is not None}
+        if self._scalars is None:
+            named = ', '.join([*changed, *options]) or 'map'
+            msg = f'{named}: there are no scalars to map, set scalars first'
+            raise ValueError(msg)
         check_keywords(type(self), options, TABLE_OPTIONS)
         merged = self._table_options | changed | options
         self.table = self._table_for(self._scalars, merged)

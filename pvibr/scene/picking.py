@@ -11,6 +11,7 @@ import pyvista as pv
 
 from pvibr.core import _vtk
 from pvibr.core.frame import Frame
+from pvibr.scene.clipping import ClippingPlanes
 
 #: How near to lines and points a ray passes that meets them, in diagonals of their mesh; it meets
 #: them, too, in the pixels that they cover.
@@ -45,8 +46,8 @@ def joined(placed) -> pv.PolyData:
     return moved[0] if len(moved) == 1 else pv.merge(moved, merge_points=False).extract_surface()
 
 
-def nearest_actor(actors, renderer, x, y):
-    """Return the first of some actors that the ray through a pixel meets."""
+def nearest_actor(actors, renderer, x, y, cells=False):
+    """Return the first of some actors that the ray through a pixel meets, or its cell."""
     picker = _vtk.vtkCellPicker()
     picker.SetTolerance(0.0)
     picker.PickFromListOn()
@@ -57,20 +58,22 @@ def nearest_actor(actors, renderer, x, y):
     start, direction = pixel_ray(renderer, x, y)
     point, found = picker.GetPickPosition(), picker.GetActor()
     index = next(i for i, actor in enumerate(actors) if actor is found)
+    index = picker.GetCellId() if cells else index
     return Hit(index, point, float((point - start) @ direction), found)
 
 
-def nearest_hit(groups, renderer, x, y, visible):
-    """Return the first instance that the ray through a pixel meets."""
+def nearest_hit(groups, renderer, x, y, visible, planes=None):
+    """Return the first instance that the ray through a pixel meets, where planes keep it."""
     start, direction = pixel_ray(renderer, x, y)
+    first, last = ClippingPlanes(planes).reach(start, direction)
     best = None
-    for group in groups:
+    for group in groups if first < last else ():
         wider = partial(_lengths_of, _width(group), renderer)
         for enters, slot in _candidates(group, start, direction, visible, wider):
-            if best is not None and enters > best.distance:
+            if enters > (last if best is None else best.distance):
                 break
             near = float(np.max(wider(group.centers([slot]))))
-            hit = _meet(group, slot, start, direction, near)
+            hit = _meet(group, slot, start, direction, near, first, last)
             if hit is not None and (best is None or hit.distance < best.distance):
                 best = hit
     return best
@@ -88,7 +91,8 @@ def _lengths_of(pixels, renderer, centers):
     """Return how long pixels are at some places, world units."""
     frame = Frame.of(renderer)
     away = np.linalg.norm(centers - renderer.GetActiveCamera().GetPosition(), axis=1)
-    return pixels * (1.0 if frame.parallel else away) / frame.pixel_scale
+    # A subplot may be empty.
+    return pixels * (1.0 if frame.parallel else away) / (frame.pixel_scale or np.inf)
 
 
 def _candidates(group, start, direction, visible, wider):
@@ -113,13 +117,14 @@ def _spheres(centers, radii, start, direction):
     return along - half, (away <= radii) & (along + half > 0)
 
 
-def _meet(group, slot, start, direction, width):
+def _meet(group, slot, start, direction, width, first, last):
     matrix = group.matrix(slot)
     inverse = np.linalg.inv(matrix)
     origin = inverse[:3, :3] @ start + inverse[:3, 3]
     toward = inverse[:3, :3] @ direction
     reach = np.linalg.norm(origin - group.atlas.center) + 2 * group.atlas.radius
-    end = origin + toward / np.linalg.norm(toward) * reach
+    end = origin + toward * min(reach / np.linalg.norm(toward), last)
+    origin = origin + toward * first
     best = None
     width /= max(abs(float(np.linalg.det(matrix[:3, :3]))) ** (1 / 3), 1e-30)
     for part in group.parts(slot):

@@ -73,6 +73,16 @@ vec3 ibr_flat(vec3 p)
   return dot(n, ibr_to_eye(p)) < 0.0 ? -n : n;
 }
 
+// The steepest that a blocker may rise away from a receiver, depth per texel: four texels.
+float ibr_steepest(mat4 m, vec4 q, float side)
+{
+  vec3 x = ibr_along(m, q, vec3(1.0, 0.0, 0.0));
+  vec3 y = ibr_along(m, q, vec3(0.0, 1.0, 0.0));
+  vec3 z = ibr_along(m, q, vec3(0.0, 0.0, 1.0));
+  vec3 across = vec3(x.x, y.x, z.x), along = vec3(x.z, y.z, z.z);
+  return 4.0 * length(along) / (side * length(across));
+}
+
 // How much of a place a depth view sees, 0 to 1: four comparisons, each where its texel is,
 // weighted by nearness. The matrix is to texture space; off is how far to move along the normal.
 float ibr_seen(sampler2D map, mat4 m, vec3 p, vec3 n, float off)
@@ -82,10 +92,10 @@ float ibr_seen(sampler2D map, mat4 m, vec3 p, vec3 n, float off)
   if (q.w <= 0.0 || s.z <= 0.0 || max(abs(s.x - 0.5), abs(s.y - 0.5)) > 0.5) return 1.0;
   vec2 slope = ibr_slope(m, q, n);
   vec4 moved = m * vec4(p + n * off, 1.0);
-  vec3 there = moved.xyz / moved.w;
+  vec3 shifted = moved.xyz / moved.w;
   float side = float(textureSize(map, 0).x);
   float bias = 4e-7 + (abs(slope.x) + abs(slope.y)) / side / 128.0;
-  float plane = there.z - dot(slope, there.xy - s.xy) - bias;
+  float plane = shifted.z - dot(slope, shifted.xy - s.xy) - bias;
   vec2 base = floor(s.xy * side - 0.5);
   vec2 part = s.xy * side - 0.5 - base;
   float seen = 0.0;
@@ -95,7 +105,17 @@ float ibr_seen(sampler2D map, mat4 m, vec3 p, vec3 n, float off)
     vec2 texel = clamp(base + d, vec2(0.0), vec2(side - 1.0));
     vec2 share = mix(1.0 - part, part, d);
     float here = plane + dot(slope, (texel + 0.5) / side - s.xy);
-    seen += here > texelFetch(map, ivec2(texel), 0).r ? 0.0 : share.x * share.y;
+    float there = texelFetch(map, ivec2(texel), 0).r;
+    if (here > there)
+    {
+      // The blocker's own plane must hide the fragment, too: in a valley each slope is above the
+      // plane of the other, and hides nothing.
+      ivec2 last = ivec2(int(side) - 1), at = ivec2(texel), out_ = 2 * ivec2(d) - 1;
+      vec2 next = vec2(texelFetch(map, clamp(at + ivec2(out_.x, 0), ivec2(0), last), 0).r,
+        texelFetch(map, clamp(at + ivec2(0, out_.y), ivec2(0), last), 0).r);
+      there += dot(clamp(there - next, 0.0, ibr_steepest(m, q, side)), 1.0 - share);
+    }
+    seen += here > there && plane > there ? 0.0 : share.x * share.y;
   }
   return seen;
 }

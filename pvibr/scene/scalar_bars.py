@@ -167,7 +167,10 @@ def plotter_of(thing):
     """Return the plotter whose scalar bars may show a thing, None without one."""
     renderer = None if thing.pipeline is None else thing.pipeline.renderer
     plotter = getattr(renderer, 'parent', None)
-    return plotter if hasattr(plotter, 'scalar_bars') else None
+    try:
+        return plotter if hasattr(plotter, 'scalar_bars') else None
+    except ReferenceError:  # PyVista's proxy of a plotter that is no more
+        return None
 
 
 def show_table(thing, always=False):

@@ -34,31 +34,42 @@ class StandIns:
         #: The last places that the renderer was asked about: all that is known of a picker.
         self._asked: deque = deque(maxlen=_LAST)
         self._found: tuple = ((), [])
+        self._point: tuple = ()
+        self._clips: list = []
         self._shown: tuple | None = None
         #: Indices of the items that actors of either kind stand for.
         self._under: dict = {}
         self._within: list[int] = []
         self._clicked: list = []
         self._drawn: list = []
-        self._warned = self._looking = False
+        self._warned = self._looking = self._is_empty = False
 
     def put_in(self, renderer):
         """Be in a scene."""
         self._renderer = renderer
         if not self._clicked:
             self._clicked = [_lazy_actor(self, k) for k in range(_CLICKED)]
-        for actor, _ in self._clicked:
+        self._drawn = [_actor(_vtk.vtkPolyDataMapper()) for _ in range(_CLICKED)]
+        self.clip(self._clips)
+        for actor in self.actors():
             put_inner(renderer, actor)
+        self._empty()
         self._observers = [
-            renderer.AddObserver('ModifiedEvent', _weakly(self._note)),
-            renderer.AddObserver('StartEvent', _weakly(self._hide)),
-            renderer.AddObserver('EndEvent', _weakly(self._offer)),
+            renderer.AddObserver('ModifiedEvent', weakly(self._note)),
+            renderer.AddObserver('StartEvent', weakly(self._hide)),
+            renderer.AddObserver('EndEvent', weakly(self._offer)),
         ]
         self._offer()
 
     def actors(self) -> list:
         """Return the actors of both kinds."""
         return [*(actor for actor, _ in self._clicked), *self._drawn]
+
+    def clip(self, planes):
+        """Cut items off by planes, or None."""
+        self._clips = list(planes or ())
+        for actor in self.actors():
+            _clip(actor, self._clips)
 
     def take_out(self):
         """Leave the scene."""
@@ -74,18 +85,43 @@ class StandIns:
         if self._looking or (self._asked and self._asked[-1] == point):
             return
         self._asked.append(point)
+        if point != self._point and not self._has_drawn(*point):
+            self._empty()
+        self._point = point
         for _, source in self._clicked:
             source.Modified()
 
+    def _has_drawn(self, x, y) -> bool:
+        """Return True if a picker that drew a pixel asks for the place of what it found there."""
+        if self._shown is None:
+            return False
+        (x0, y0, x1, y1), _, content = self._shown
+        thing = self._thing()
+        inside = x0 - 1 <= x <= x1 + 1 and y0 - 1 <= y <= y1 + 1
+        return inside and thing is not None and content == thing.content_key()
+
+    def _empty(self):
+        """Have no meshes for pickers that draw: pickers by rays would find them."""
+        if self._shown is None and self._is_empty:
+            return
+        self._shown, self._is_empty = None, True
+        for actor in self._drawn:
+            actor.GetMapper().SetInputDataObject(_vtk.vtkPolyData())
+
     def _hide(self):
+        if self._renderer.GetSelector() is None:
+            self._empty()
         for actor in self.actors():
             actor.VisibilityOff()
 
     def _offer(self):
-        """Let pickers by rays find items between frames."""
+        """Let pickers find items between frames."""
         thing = self._thing()
         there = thing is not None and thing.pickable and thing.visibility
         for actor, _ in self._clicked:
+            actor.SetVisibility(there)
+        # The hardware picker draws only what was visible before it asks for the first frame.
+        for actor in self._drawn[:_CLICKED]:
             actor.SetVisibility(there)
         self._asked.clear()
 
@@ -143,7 +179,8 @@ class StandIns:
         """Show items in the area of a picker that draws the scene, in each of its passes."""
         thing = self._thing()
         view = frame.view_from_world.tobytes(), frame.clip_from_view.tobytes(), frame.size
-        key = self._renderer.GetSelector().GetArea(), view, thing.content_key()
+        area = tuple(self._renderer.GetSelector().GetArea())
+        key = area, view, thing.content_key()
         if key == self._shown:
             self._show_drawn()
             return
@@ -159,8 +196,9 @@ class StandIns:
         found = found[:_DRAWN]
         for _ in range(len(found) - len(self._drawn)):
             self._drawn.append(_actor(_vtk.vtkPolyDataMapper()))
+            _clip(self._drawn[-1], self._clips)
             put_inner(self._renderer, self._drawn[-1])
-        self._within = found
+        self._within, self._is_empty = found, False
         for actor, index in zip(self._drawn, found, strict=False):
             actor.GetMapper().SetInputDataObject(_named(thing, index))
         self._show_drawn()
@@ -197,7 +235,7 @@ class StandIns:
             actor.ReleaseGraphicsResources(window)
 
 
-def _weakly(method):
+def weakly(method):
     """Return an observer that calls a method while its owner lives."""
     method = weakref.WeakMethod(method)
     return lambda *_: (found := method()) and found()
@@ -217,6 +255,13 @@ def _actor(mapper):
     actor.UseBoundsOff()
     actor.VisibilityOff()
     return actor
+
+
+def _clip(actor, planes):
+    own = _vtk.vtkPlaneCollection()  # mappers that share one empty it for each other
+    for plane in planes:
+        own.AddItem(plane)
+    actor.GetMapper().SetClippingPlanes(own)
 
 
 def _lazy_actor(owner, k):

@@ -13,11 +13,28 @@ from pvibr.core import _vtk
 from pvibr.core.effect import Effect
 from pvibr.core.params import Param, checked_flag, checked_name
 from pvibr.core.plotters import put_inner, set_legend_label
+from pvibr.maths.arguments import naming
 from pvibr.scene.looks import read_only
 from pvibr.scene.scalar_bars import Bar, ThingMapper, share_range
 from pvibr.scene.shared_material import SharedMaterial
 
 _DIRECT = 2  # VTK_COLOR_MODE_DIRECT_SCALARS
+#: Methods of actors that change their place.
+MOVES = (
+    *('SetPosition', 'AddPosition', 'SetOrigin', 'SetOrientation', 'AddOrientation', 'SetScale'),
+    *('RotateX', 'RotateY', 'RotateZ', 'RotateWXYZ', 'SetUserMatrix', 'SetUserTransform'),
+)
+
+
+def _box_mesh():
+    """Return a mesh of two points that has bounds and draws nothing."""
+    mesh, points, cells = _vtk.vtkPolyData(), _vtk.vtkPoints(), _vtk.vtkCellArray()
+    points.SetDataTypeToDouble()
+    points.SetNumberOfPoints(2)
+    cells.InsertNextCell(3, (0, 1, 1))  # VTK takes the bounds of cells
+    mesh.SetPoints(points)
+    mesh.SetPolys(cells)
+    return mesh
 
 
 class _Visibility(Param):
@@ -44,6 +61,18 @@ def _unplaced(name):
     return property(value, refuse, doc=getattr(pv.Actor, name).__doc__)
 
 
+def _unmoved(name):
+    """Return a method of actors that raises an error."""
+
+    def refuse(thing, *_args):
+        if name != 'SetScale':  # plotters scale all that they list, also what it stands for
+            msg = f'{thing.name}.{name} is of no use: {thing.moved_by}'
+            raise AttributeError(msg)
+
+    refuse.__doc__ = 'Raise an error: its place cannot be set.'
+    return refuse
+
+
 def joined_bounds(boxes) -> tuple[float, ...]:
     """Return the bounds of all of some boxes, empty ones left out."""
     found = np.array([b for b in boxes if b and b[0] <= b[1]]).reshape(-1, 6)
@@ -56,7 +85,8 @@ def joined_bounds(boxes) -> tuple[float, ...]:
 class Thing(Effect, pv.Actor):
     """An effect that draws in the scene: the actor that stands for all that it draws with.
 
-    The actor itself draws nothing: it has the name, visibility, material and bounds of the whole.
+    The actor itself draws nothing, unless it is among its `actors`: it has the name, visibility,
+    material and bounds of the whole.
     A subclass overrides the hooks it needs.
 
     Parameters
@@ -146,6 +176,12 @@ class Thing(Effect, pv.Actor):
     def follow(self):
         """Take over a new time of the pipeline."""
 
+    @classmethod
+    def follow_all(cls, things):
+        """Have all things of this class in a pipeline take over its new time."""
+        for thing in things:
+            thing.follow()
+
     def scalar_mapper(self):
         """Return the actor's mapper with the table of the shown scalars, None without scalars."""
         return
@@ -204,20 +240,23 @@ class Thing(Effect, pv.Actor):
 
     def _set_bounds(self, bounds):
         """Have bounds, in the space of the actor."""
-        mesh = _vtk.vtkPolyData()
         # PyVista takes empty bounds for real ones.
         if self._has_extent != (bounds[0] <= bounds[1]):
             self._has_extent = not self._has_extent
             self.SetUseBounds(self._has_extent and self.counts_bounds)
-        if bounds[0] <= bounds[1]:
-            points, cells = _vtk.vtkPoints(), _vtk.vtkCellArray()
-            points.SetDataTypeToDouble()
-            points.InsertNextPoint(*bounds[::2])
-            points.InsertNextPoint(*bounds[1::2])
-            cells.InsertNextCell(3, (0, 1, 1))  # VTK takes the bounds of cells
-            mesh.SetPoints(points)
-            mesh.SetPolys(cells)
-        self.GetMapper().SetInputData(mesh)
+        mapper = self.GetMapper()
+        if not self._has_extent:
+            mapper.SetInputData(_vtk.vtkPolyData())
+            return
+        mesh = mapper.GetInput()
+        if not mesh.GetNumberOfPoints():
+            mesh = _box_mesh()
+            mapper.SetInputData(mesh)
+        points = mesh.GetPoints()
+        bounds = [float(b) for b in bounds]
+        points.SetPoint(0, *bounds[::2])
+        points.SetPoint(1, *bounds[1::2])
+        points.Modified()
 
     @property
     def name(self) -> str:
@@ -252,8 +291,9 @@ class Thing(Effect, pv.Actor):
 
     @prop.setter
     def prop(self, prop):
-        for actor in (self, *self._dressed):
-            actor.SetProperty(prop)
+        with naming('prop', prop):
+            for actor in (self, *self._dressed):
+                actor.SetProperty(prop)
         if self._material is not None:
             self._material.wear(prop)
 
@@ -351,12 +391,15 @@ class Thing(Effect, pv.Actor):
         super().detach()
 
     def _put_in(self, renderer):
-        for actor in self.actors():
+        for actor in self._inner():
             put_inner(renderer, actor)
 
     def _take_out(self, renderer):
-        for actor in self.actors():
+        for actor in self._inner():
             renderer.RemoveViewProp(actor)
+
+    def _inner(self) -> list:
+        return [actor for actor in self.actors() if actor is not self]
 
     def _show_bar(self):
         """Have the scalar bar show the scalars as they are now."""
@@ -388,6 +431,10 @@ class Thing(Effect, pv.Actor):
             mapper.scalar_range = clim
             mapper.lookup_table.SetTableRange(clim)  # nothing may draw with it
         return bool(stale)
+
+
+for _name in MOVES:
+    setattr(Thing, _name, _unmoved(_name))
 
 
 def _mapping(parts):

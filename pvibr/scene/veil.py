@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from pvibr.core._vtk import method
 from pvibr.gl import enums as gl
-from pvibr.gl.scene_pass import like_window
+from pvibr.gl.scene_pass import like_window, volumes_of
 from pvibr.gl.texture import Texture, release
 
 
@@ -24,7 +23,7 @@ class Veil:
 
     def draw(self, frame, picture) -> Texture | None:
         """Return a texture as large as the subplot's end, alpha the opacity; None without any."""
-        volumes = [p for p in self.renderer.GetViewProps() if _is_volume(p)]
+        volumes = volumes_of(self.renderer)
         if not volumes:
             return None
         window, (x, y), (width, height) = frame.window, frame.origin, frame.size
@@ -47,7 +46,3 @@ class Veil:
         """Free the GPU's memory; the context must be alive."""
         release(self._target)
         self._target = None
-
-
-def _is_volume(prop):
-    return method(prop, 'GetVisibility')() and prop.IsA('vtkVolume')

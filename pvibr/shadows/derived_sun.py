@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pyvista as pv
 
+from pvibr.core import _vtk
 from pvibr.core._vtk import address
 from pvibr.maths.kernels import vogel_disk
 from pvibr.maths.views import look_along
@@ -22,7 +23,7 @@ class DerivedSun:
 
     def __init__(self):
         self._renderer: Any = None
-        self._light: Any = None
+        self._light: _vtk.vtkLight | None = None
         self._dimmed: list = []
         self._share = 1.0
 

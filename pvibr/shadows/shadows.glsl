@@ -65,12 +65,21 @@ float ibr_shadow_test(sampler2D map, ibr_Shadow s)
 {
   vec2 corner = s.place.xy * s.side - ibr_shadow_filter_radius;
   vec2 first = clamp(floor(corner), vec2(0.0), vec2(s.side - float(TAPS)));
-  ivec2 origin = ivec2(s.tile.xy * vec2(textureSize(map, 0)) + 0.5) + ivec2(first);
   vec2 slope = s.slope / s.side;
-  float row = s.place.z - s.bias + dot(s.slope, (first + 0.5) / s.side - s.place.xy);
-  // How much of each texel the square covers, along either axis.
+  float row = s.place.z - s.bias + dot(slope, first + 0.5 - s.place.xy * s.side);
   vec2 begin = corner - first;
+#if TAPS == 2 && defined(IBR_GATHER)
+  // All four at once: above left, above right, right, left.
+  vec4 depth = textureGather(map, s.tile.xy + (first + 1.0) * s.tile.zw / s.side);
+  vec4 plane = row + vec4(slope.y, slope.x + slope.y, slope.x, 0.0);
+  vec4 hides = vec4(greaterThan(plane, depth)) * vec4(lessThan(depth, vec4(1.0)));
+  begin = clamp(begin, 0.0, 1.0);
+  vec2 across = mix(hides.xw, hides.yz, begin.x);
+  return 1.0 - mix(across.y, across.x, begin.y);
+#else
+  // How much of each texel the square covers, along either axis.
   vec2 end = begin + 2.0 * ibr_shadow_filter_radius;
+  ivec2 origin = ivec2(s.tile.xy * vec2(textureSize(map, 0)) + 0.5) + ivec2(first);
   float hidden = 0.0;
   for (int j = 0; j < TAPS; ++j)
   {
@@ -87,13 +96,14 @@ float ibr_shadow_test(sampler2D map, ibr_Shadow s)
     row += slope.y;
   }
   return 1.0 - hidden / (4.0 * ibr_shadow_filter_radius * ibr_shadow_filter_radius);
+#endif
 }
 
 //@pcf
 // The same by the driver's own comparison and linear filter, at places on a disk.
 float ibr_shadow_test(sampler2DShadow map, ibr_Shadow s)
 {
-  float angle = 6.2831853 * IBR_DITHER;
+  float angle = 6.2831853 * IBR_DITHER(ibr_shadow_dither);
   mat2 turn = TAPS > 4 ? mat2(cos(angle), sin(angle), -sin(angle), cos(angle)) : mat2(1.0);
   // A tap compares the four texels around it with the depth at their middle.
   float reach = s.bias + 0.75 * (abs(s.slope.x) + abs(s.slope.y)) / s.side;
@@ -122,7 +132,7 @@ float ibr_shadow_hider(sampler2D map, ibr_Shadow s, vec2 d)
 
 float ibr_shadow_distance(ibr_Shadow s, float d)
 {
-  return s.near + ibr_shadow_linear(s, d) * (s.far - s.near);
+  return s.near + (s.perspective ? ibr_shadow_linear(s, d) : d) * (s.far - s.near);
 }
 
 // Radius in the view of the cone to the light, at some distance from the light.
@@ -157,7 +167,7 @@ int ibr_shadow_enough(ibr_Shadow s, vec2 r)
 
 float ibr_shadow_test(sampler2D map, sampler2D near, ibr_Shadow s)
 {
-  float angle = 6.2831853 * IBR_DITHER;
+  float angle = 6.2831853 * IBR_DITHER(ibr_shadow_dither);
   mat2 turn = mat2(cos(angle), sin(angle), -sin(angle), cos(angle));
   float to = ibr_shadow_distance(s, s.place.z);
   float least = 0.7 / s.side;
@@ -275,55 +285,96 @@ float ibr_shadow_test(sampler2D map, ibr_Shadow s)
 }
 
 //@light
-vec3 ibr_shadow_map_lit_NUMBER(vec3 p, vec3 n)
+// Where a view has a place: texture coordinates; the distance along the view, if it is positional.
+// What is read from uniforms counts: llvmpipe takes as long for each number as for a division.
+vec3 ibr_shadow_at_NUMBER(int view, vec3 p)
+{
+  mat4 v = ibr_shadow_view[view];
+#if POSITIONAL
+  float w = dot(v[2].xyz, p);
+  return vec3(0.5 + vec2(dot(v[0].xyz, p), dot(v[1].xyz, p)) / w, w);
+#else
+  return vec3(p.xy * vec2(v[0].w, v[1].w) + v[2].xy, 1.0);
+#endif
+}
+
+// From a place to the light, normal, and the cosine between these times the first one's length.
+vec3 ibr_shadow_map_lit_NUMBER(vec3 toward, vec3 p, vec3 n, float facing)
 {
   int view = FIRST;
+  vec2 across = vec2(dot(n, ibr_shadow_view[FIRST][0].xyz), dot(n, ibr_shadow_view[FIRST][1].xyz));
+#if POSITIONAL
+  p = -toward;
+#else
+  // All views of a sun have the same axes.
+  mat4 axes = ibr_shadow_view[FIRST];
+  p = vec3(dot(p, axes[0].xyz), dot(p, axes[1].xyz), -dot(p, toward));
+#endif
 #if WHOLE == 6
   // Of views all around, the one whose axis is nearest.
-  float most = -1.0;
+  float along = 0.0;
   for (int k = FIRST; k < FIRST + WHOLE; ++k)
   {
-    mat4 m = ibr_shadow_from_view[k];
-    float w = dot(vec4(m[0].w, m[1].w, m[2].w, m[3].w), vec4(p, 1.0));
-    view = w > most ? k : view;
-    most = max(w, most);
+    float w = dot(ibr_shadow_view[k][2].xyz, p);
+    view = w > along ? k : view;
+    along = max(w, along);
   }
 #endif
+  vec3 q = ibr_shadow_at_NUMBER(view, p);
+#if REFINED
   // Of views around the eye, the narrowest.
-  float least = 1e30;
+  float most = 0.0;
   for (int k = FIRST + WHOLE; k < FIRST + WHOLE + REFINED; ++k)
   {
-    vec4 c = ibr_shadow_from_view[k] * vec4(p, 1.0);
-    vec2 aside = abs(c.xy - 0.5 * c.w);
-    bool narrower = ibr_shadow_texel[2 * k] < least;
-    if (narrower && max(aside.x, aside.y) < 0.49 * c.w && c.z < c.w)
+    vec3 c = ibr_shadow_at_NUMBER(k, p);
+    vec2 aside = abs(c.xy - 0.5);
+    bool narrower = ibr_shadow_view[k][0].w > most;
+    // Those of a sun have all casters above it; those of a lamp end somewhere.
+    bool within = max(aside.x, aside.y) < 0.49;
+#if POSITIONAL
+    within = within && c.z > 0.0 && c.z < ibr_shadow_view[k][3].y;
+#endif
+    if (narrower && within)
     {
       view = k;
-      least = ibr_shadow_texel[2 * k];
+      q = c;
+      most = ibr_shadow_view[k][0].w;
     }
   }
-  mat4 m = ibr_shadow_from_view[view];
-  vec4 q = m * vec4(p, 1.0);
-  vec3 s = q.xyz / q.w;
-  if (q.w <= 0.0 || max(abs(s.x - 0.5), abs(s.y - 0.5)) > 0.5) return vec3(1.0);
+#endif
+  if (q.z <= 0.0 || max(abs(q.x - 0.5), abs(q.y - 0.5)) > 0.5) return vec3(1.0);
   float side = ibr_shadow_size_NUMBER;
-  vec2 slope = ibr_slope(m, q, n);
-  // The side of a texel along which the receiver falls away from the light.
-  vec2 texel = vec2(ibr_shadow_texel[2 * view], ibr_shadow_texel[2 * view + 1]);
-  vec2 way = abs(slope) * (texel.x + texel.y) / texel + 1e-6;
-  float across = dot(way, texel) / length(way) * (POSITIONAL ? q.w : 1.0);
-  // The receiver's plane is moved along its normal; its place in the map stays.
-  vec3 moved = ibr_along(m, q, n) * (across * ibr_shadow_normal_bias);
-  s.z += moved.z - dot(slope, moved.xy);
+  mat4 v = ibr_shadow_view[view];
+#if POSITIONAL
+  vec2 wide = v[0].ww;
+  float deep = -v[2].w;
+  vec3 s = vec3(q.xy, v[1].w - deep / q.z);
+#if WHOLE + REFINED > 1
+  across = vec2(dot(n, v[0].xyz), dot(n, v[1].xyz));
+#endif
+  across *= deep / (wide * wide);
+#else
+  vec2 wide = vec2(v[0].w, v[1].w);
+  float deep = v[2].z;
+  vec3 s = vec3(q.xy, p.z * deep + v[2].w);
+  across *= deep / wide;
+#endif
+  // Depth per texture coordinate on the receiver's plane.
+  vec2 slope = across / facing;
+#if POLYGON
+  // As glPolygonOffset has it: the slope along the steeper axis, and units of resolution.
+  float bias = ibr_shadow_polygon.x * max(abs(slope.x), abs(slope.y)) / side;
+  bias += ibr_shadow_polygon.y / 16777216.0;
+  slope = vec2(0.0);
+#else
+  // The receiver's plane is moved along its normal by a part of the side of a texel along which it
+  // falls away from the light; its place in the map stays.
+  vec2 fall = abs(slope) + 1e-6;
+  float texel = (fall.x + fall.y) / (side * length(fall * wide));
+  s.z -= texel * ibr_shadow_normal_bias * deep / facing;
   // Rounding: of depth, and of vertices to parts of a texel when the map was drawn.
   float bias = 4e-7 + (abs(slope.x) + abs(slope.y)) / side / 128.0;
-  if (ibr_shadow_polygon.x >= 0.0)
-  {
-    // As glPolygonOffset has it: the slope along the steeper axis, and units of resolution.
-    bias = ibr_shadow_polygon.x * max(abs(slope.x), abs(slope.y)) / side;
-    bias += ibr_shadow_polygon.y / 16777216.0;
-    slope = vec2(0.0);
-  }
+#endif
   ivec2 cell = ivec2((view - FIRST) % COLUMNS, (view - FIRST) / COLUMNS);
   ibr_Shadow found;
   found.place = s;
@@ -331,10 +382,10 @@ vec3 ibr_shadow_map_lit_NUMBER(vec3 p, vec3 n)
   found.bias = bias;
   found.tile = vec4(vec2(cell) / vec2(COLUMNS, ROWS), 1.0 / vec2(COLUMNS, ROWS));
   found.side = side;
-  found.near = ibr_shadow_range[4 * view];
-  found.far = ibr_shadow_range[4 * view + 1];
-  found.size = vec2(ibr_shadow_range[4 * view + 2], ibr_shadow_range[4 * view + 3]);
-  found.perspective = POSITIONAL;
+  found.near = v[3].x;
+  found.far = v[3].y;
+  found.size = v[3].zw;
+  found.perspective = bool(POSITIONAL);
 #if NEAREST
   vec3 lit = vec3(ibr_shadow_test(ibr_shadow_map_NUMBER, ibr_shadow_near_NUMBER, found));
 #else
@@ -352,13 +403,17 @@ vec3 ibr_shadow_map_lit_NUMBER(vec3 p, vec3 n)
 
 vec3 ibr_shadow_NUMBER(vec3 p, vec3 n)
 {
-  vec3 toward = POSITIONAL ? normalize(ibr_shadow_place_NUMBER - p) : ibr_shadow_place_NUMBER;
+  vec3 toward = ibr_shadow_place_NUMBER - (POSITIONAL == 1 ? p : vec3(0.0));
   if (ibr_shadow_lift > 0.0)
   {
-    n = toward;
-    p += toward * ibr_shadow_lift;
+    n = normalize(toward);
+    p += n * ibr_shadow_lift;
+    toward -= POSITIONAL == 1 ? n * ibr_shadow_lift : vec3(0.0);
   }
-  return dot(n, toward) > 0.0 ? ibr_shadow_map_lit_NUMBER(p, n) : vec3(0.0);
+  float facing = dot(n, toward);
+  // Where light grazes, planes are too steep for what depth can tell.
+  facing = max(facing, 1e-3 * (POSITIONAL == 1 ? length(toward) : 1.0));
+  return dot(n, toward) > 0.0 ? ibr_shadow_map_lit_NUMBER(toward, p, n, facing) : vec3(0.0);
 }
 
 //@apply

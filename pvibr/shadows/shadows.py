@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from pvibr.core import _vtk
 from pvibr.core._vtk import address
 from pvibr.core.effect import Effect
 from pvibr.core.params import Param
@@ -15,22 +14,25 @@ from pvibr.core.passes import has_shadows
 from pvibr.gl import release, set_fragment_uniforms, shader_source, texture_units
 from pvibr.gl.drawer import Drawer
 from pvibr.gl.feature import Feature, FeatureSet, declared_samplers, sections
-from pvibr.scene.casters import Casters, set_surface_uniforms, surface_features
+from pvibr.scene.casters import Casters, Choice, set_surface_uniforms, surface_features
 from pvibr.scene.lights import SceneLight, lights_of
-from pvibr.scene.thing import Thing
 from pvibr.shadows.derived_sun import DerivedSun
 from pvibr.shadows.maps import (
     VEILS,
     LightMaps,
     filter_of,
     filter_radius,
-    light_size,
     map_parts,
-    texel_size,
 )
 from pvibr.shadows.moments import KINDS
 from pvibr.shadows.volume import ShadowVolumes, receiver_text
 
+_GATHER = """//VTK::System::Dec
+#ifdef GL_ARB_texture_gather
+#extension GL_ARB_texture_gather : enable
+#define IBR_GATHER
+#endif
+"""
 _MATERIAL = 6  # texture units that are left to materials
 
 
@@ -47,7 +49,7 @@ class Shadows(Effect):
     ----------
     casts : callable or sequence, optional
         Actors and things of pvibr that cast shadows, or a function that returns True for them; by
-        default all that are visible.
+        default all that are visible and count in the scene's bounds.
     receives : callable or sequence, optional
         The same for receivers of shadows; by default all that are lit.
     **settings
@@ -95,6 +97,12 @@ class Shadows(Effect):
         range='(0, 1)',
     )
     resolution = Param(2048, 'Texels along a side of a shadow map.', range='[16, 16384]')
+    memory = Param(
+        1024.0,
+        'Memory for the maps of all lights: at it, maps have fewer texels, with a warning.',
+        range='[1, 65536]',
+        unit='MiB',
+    )
     filter_radius = Param(
         None,
         'Filter radius of pcf, by default 0.5; standard deviation of moments, by default 2.',
@@ -138,17 +146,9 @@ class Shadows(Effect):
         unit='texels',
     )
 
+    casts, receives = Choice(), Choice()
+
     def __init__(self, *, casts=None, receives=None, **settings):
-        for name, choice in (('casts', casts), ('receives', receives)):
-            if not (choice is None or callable(choice) or isinstance(choice, (list, tuple, set))):
-                msg = f'{name} = {choice!r}: must be None, a list of actors, or a function of one'
-                raise TypeError(msg)
-            for item in () if choice is None or callable(choice) else choice:
-                if not isinstance(item, Thing | _vtk.vtkProp):
-                    msg = (
-                        f'{name} has a {type(item).__name__}: must be actors, as add_mesh returns'
-                    )
-                    raise TypeError(msg)
         self.casts, self.receives = casts, receives
         self._lights: list[LightMaps] = []
         self._attached = FeatureSet()
@@ -167,10 +167,11 @@ class Shadows(Effect):
         return [t for t in self.pipeline.things if t.enabled]
 
     def _casters(self, frame) -> Casters:
-        return self.pipeline.surfaces.casters(self.casts, self._things(), frame)
+        return self.pipeline.surfaces.casters(self.casts, self._things(), frame, scenery=False)
 
     def _receivers(self) -> dict:
-        actors, things = self.pipeline.surfaces.chosen(self.receives, self._things())
+        surfaces, things = self.pipeline.surfaces, self._things()
+        actors, things = surfaces.chosen(self.receives, things, handles=False)
         if self.method == 'volume':  # a mask is that of the opaque surfaces
             actors = {k: a for k, a in actors.items() if not a.HasTranslucentPolygonalGeometry()}
         return actors | {address(a): a for thing in things for a in thing.actors()}
@@ -219,6 +220,11 @@ class Shadows(Effect):
         else:
             release(self._volumes)
             self._volumes = None
+
+    @property
+    def bytes_of_a_light(self) -> float:
+        """Bytes that the maps of one light may take."""
+        return self.memory * 2**20 / max(len(self._lights), 1)
 
     def _match_lights(self):
         """Keep the maps of lights that are still on."""
@@ -279,32 +285,28 @@ class Shadows(Effect):
             uniforms['ibr_shadow_strength'] = float(self.strength)
             for light in self._casting():
                 uniforms |= _place(frame, light)
-            return _feature('volume', 0, lights), uniforms
+            return _feature('volume', 0, False, lights), uniforms
         lit = [m for m in self._lights if m.view is not None]
         if not lit:
             return None, {}
-        signature = (*filter_of(self), tuple(m.signature() for m in lit))
+        polygon = self.bias == 'polygon_offset'
+        signature = (*filter_of(self), polygon, tuple(m.signature() for m in lit))
         return _feature(*signature), self._uniforms(frame, lit)
 
     def _uniforms(self, frame, lit):
-        world_from_view, (_, taps) = np.linalg.inv(frame.view_from_world), filter_of(self)
-        matrices = [v.texture_from_world() @ world_from_view for m in lit for v in m.views]
-        texels = [t for m in lit for v in m.views for t in texel_size(v, m.view.resolution)]
-        on_plane = self.bias == 'plane'
-        ranges = [x for m in lit for v in m.views for x in (v.near, v.far, *light_size(self, v))]
+        _, taps = filter_of(self)
         uniforms = {
-            'ibr_shadow_from_view': np.stack(matrices),
-            'ibr_shadow_texel': np.reshape(texels, (-1, 1)),
-            'ibr_shadow_normal_bias': self.normal_bias if on_plane else 0.0,
-            'ibr_shadow_polygon': (-1.0, 0.0) if on_plane else self.polygon_offset,
-            'ibr_shadow_range': np.reshape(ranges, (-1, 1)),
+            'ibr_shadow_view': np.stack([v for m in lit for v in m.in_shader(frame)]),
+            'ibr_shadow_normal_bias': self.normal_bias,
+            'ibr_shadow_polygon': self.polygon_offset,
             'ibr_shadow_filter_radius': filter_radius(self),
             'ibr_shadow_strength': float(self.strength),
+            'ibr_shadow_dither': frame.vary('shadow taps')[0],
             'ibr_shadow_taps': max(1, round(taps * frame.quality)),
         }
         for maps in lit:
             n = maps.light.number
-            uniforms |= _place(frame, maps.light)
+            uniforms |= _place(frame, maps.source)
             uniforms[f'ibr_shadow_size_{n}'] = float(maps.view.resolution)
             for name, texture in maps.textures().items():
                 uniforms[f'ibr_shadow_{name}_{n}'] = texture.activate()
@@ -394,14 +396,14 @@ def _place(frame, light) -> dict:
 
 
 @lru_cache(maxsize=16)
-def _feature(method, taps, lights) -> Feature:
+def _feature(method, taps, polygon, lights) -> Feature:
     """Return the shader text for some lights, put around VTK's own light code."""
     text = sections(shader_source(__file__))
     if method == 'volume':
         samplers, body = receiver_text(lights)
         parts = [declared_samplers(samplers), text['declare'], body]
     else:
-        parts = map_parts(text, method, taps, lights)
+        parts = map_parts(text, method, taps, polygon, lights)
     before, after = text['apply'], ''
     for number, *_ in lights:
         call = f'ibr_shadow_{number}(ibr_shadow_p, ibr_shadow_n)'
@@ -409,6 +411,7 @@ def _feature(method, taps, lights) -> Feature:
         before += f'#define lightColor{number} (ibr_shadow_lit_{number} * lightColor{number})\n'
         after += f'#undef lightColor{number}\n'
     texts = {
+        'VTK::System::Dec': _GATHER,
         'VTK::CustomUniforms::Dec': ''.join(parts),
         'VTK::Light::Impl': f'{before}//VTK::Light::Impl\n{after}',
     }

@@ -198,7 +198,7 @@ class _Volume:
     def __init__(self):
         self.sides, self.caps = _Part(_feature(False)), _Part(_feature(True))
         self._edges = self._world = None
-        self._light: Any = None
+        self._light = np.full(4, np.nan)  # of none yet
         self._mirrored = False
         self._filled: bool | None = None
 

@@ -106,7 +106,6 @@ def test_single_meshes_are_triangles(name):
     assert sum(part.mesh.n_cells for part in parts) > 2000
 
 
-@pytest.mark.slow
 @pytest.mark.bench
 def test_quick_bench_runs(tmp_path):
     rows = main('instances', out=tmp_path, quick=True)

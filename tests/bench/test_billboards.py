@@ -34,9 +34,8 @@ def test_discs_are_round():
     assert np.ptp(image[..., 3]) == 255
 
 
-@pytest.mark.slow
 @pytest.mark.bench
 def test_quick_bench_runs(tmp_path):
     rows = main('billboards', out=tmp_path, quick=True)
     assert len(rows) > 30
-    assert {file.suffix for file in tmp_path.iterdir()} == {'.json', '.png'}
+    assert {file.suffix for file in tmp_path.iterdir()} == {'.json', '.png', '.txt'}

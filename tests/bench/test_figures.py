@@ -75,7 +75,6 @@ def test_linear_blending_loses_its_cross_section(degrees, left):
     assert figures_errors.cross_section(degrees, 'dual') == pytest.approx(1)
 
 
-@pytest.mark.slow
 @pytest.mark.bench
 def test_quick_bench_runs(tmp_path):
     rows = main('figures', out=tmp_path, quick=True)

@@ -78,6 +78,7 @@ def test_shadows_of_a_ball_are_ellipses(offset, scale):
         assert np.array_equal(found[sure] == 1, beyond[sure] > 0)
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize(('offset', 'scale'), FAR)
 @pytest.mark.parametrize('degrees', [0, 60, 89, 89.9])
 def test_no_surface_shadows_itself(degrees, offset, scale):
@@ -154,6 +155,7 @@ def test_wrong_and_strengths_leave_out_what_is_unknown():
     assert np.isnan(wrong(drawn, true, np.ones(5, bool)))
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize(
     ('name', 'data'),
     [*((name, True) for name in SCENES), ('terrain', False), ('statue', False)],

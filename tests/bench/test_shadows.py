@@ -86,7 +86,6 @@ def test_points_are_a_plot(tmp_path):
     assert (tmp_path / 'bench_shadows.png').stat().st_size > 1000
 
 
-@pytest.mark.slow
 @pytest.mark.bench
 def test_quick_bench_runs(tmp_path):
     rows = main('shadows', out=tmp_path, quick=True)

@@ -91,7 +91,6 @@ def test_a_bench_without_a_survey_says_so():
         main('moving', survey=1)
 
 
-@pytest.mark.slow
 @pytest.mark.bench
 def test_a_small_survey_runs():
     settings = SimpleNamespace(instances=20, frames=1, peer_frames=1)

@@ -11,6 +11,7 @@ from pvibr.billboard_clouds.cloud import billboard_cloud
 from pvibr.core import _vtk
 from pvibr.maths.image_error import silhouette_iou
 from pvibr.scenes.trees import tree_parts
+from tests.marks import slow
 
 VIEWS = [(1, 2, 0.8), (-2, 0.6, -0.7), (0.2, -1, 2)]
 
@@ -45,6 +46,7 @@ def cloud(torus):
     )
 
 
+@pytest.mark.slow
 def test_no_vertex_is_displaced_beyond_the_bound(torus, cloud):
     assert isinstance(cloud, pvibr.BillboardCloud)
     diagonal = np.linalg.norm(np.ptp(torus.points, axis=0))
@@ -122,7 +124,8 @@ def hills(seed=3):
     return pv.StructuredGrid(x, y, z).extract_surface(algorithm=None).triangulate()
 
 
-@pytest.mark.parametrize('make', [knot, hills])
+@pytest.mark.slow
+@pytest.mark.parametrize('make', [slow(knot), hills])
 def test_no_holes_within_the_outline(make):
     mesh = make()
     open_, closed = (
@@ -156,6 +159,7 @@ def test_holes_of_few_given_planes_are_counted(torus):
     assert cloud.holes > 0.05
 
 
+@pytest.mark.slow
 def test_stray_vertices_and_lines_are_left_out(torus):
     mesh = torus.copy()
     mesh.clear_data()
@@ -192,6 +196,7 @@ def test_alpha_is_all_or_nothing_and_keeps_coverage(cloud):
     assert np.abs(np.linalg.norm(normals, axis=-1) - 1).max() < 0.02
 
 
+@pytest.mark.slow
 def test_leaves_with_holes():
     parts = tree_parts('broadleaf', triangles=23_000)
     cloud = billboard_cloud(parts, epsilon=0.1, size=256, supersample=2)
@@ -212,6 +217,7 @@ def test_so_many_planes(torus):
     assert cloud.displacement == pytest.approx(away.max(), rel=0.02)
 
 
+@pytest.mark.slow
 def test_far_from_the_origin(torus):
     far = torus.copy()
     far.points = np.asarray(torus.points, float) + 1e6
@@ -239,8 +245,7 @@ def test_it_is_written_and_read_again(cloud, tmp_path):
     assert (material.alphaMode, material.doubleSided) == ('MASK', True)
     assert np.array_equal(np.asarray(material.baseColorTexture), cloud.texture.to_array())
     assert np.array_equal(np.asarray(material.normalTexture), cloud.normal_texture.to_array())
-    with pytest.warns(pvibr.PvibrWarning, match='normal texture'):
-        body = pvibr.read_gltf(glb).meshes[0]
+    body = pvibr.read_gltf(glb).meshes[0]
     assert body.look['alpha_cutoff'] == 0.5
     files = cloud.save(tmp_path / 'two words.obj')
     assert len(files) == 4
@@ -256,8 +261,7 @@ def test_a_read_glb_looks_the_same(cloud, torus, tmp_path):
     (glb,) = cloud.save(tmp_path / 'a.glb')
 
     def add(pl):
-        with pytest.warns(pvibr.PvibrWarning, match='normal texture'):
-            pl.ibr.add_animated(pvibr.read_gltf(glb))
+        pl.ibr.add_animated(pvibr.read_gltf(glb))
 
     read = coverage(picture(add, VIEWS[0], torus.bounds))
     own = coverage(picture(cloud.add_to, VIEWS[0], torus.bounds))

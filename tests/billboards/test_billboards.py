@@ -10,6 +10,8 @@ import pvibr
 from pvibr.core.frame import Frame
 from pvibr.maths.facing import azimuths, cards
 
+pytestmark = pytest.mark.sampled
+
 WHITE = np.full((8, 8, 4), 255, np.uint8)
 SIZE = (160, 100)
 
@@ -629,6 +631,7 @@ GOOD = {'points': [[0, 0, 0]], 'image': WHITE}
         ({'size_unit': 'inch'}, 'size_unit'),
         ({'anchor': 'left'}, 'anchor'),
         ({'frames': (3, 1)}, 'frames'),
+        ({'frames': [[1, 2], [3]]}, 'frames'),
         ({'views': 2}, 'views'),
         ({'views': 0}, 'views'),
         ({'views': 2, 'facing': 'cylindrical'}, 'divide'),

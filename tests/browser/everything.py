@@ -10,6 +10,7 @@ from unittest import mock
 
 import numpy as np
 import pyvista as pv
+from pyvista import examples
 
 import pvibr
 from pvibr.animation import Clip, FigureMesh, Skeleton, Track
@@ -100,6 +101,15 @@ EFFECTS = {name: _sample(name) for name in pvibr.EFFECTS} | {
     'LiveTexture': _live,
     'Mirror': _mirror,
 }
+
+
+def _photos(pl):
+    K = [[900.0, 0, 1023.5], [0, 900.0, 511.5], [0, 0, 1]]
+    camera = pvibr.Pinhole(K, np.diag([1.0, -1.0, -1.0]), [0.0, 0.0, 5.0], (2048, 1024))
+    mesh = pv.Plane(center=(0, 0, 1), i_size=4, j_size=2, i_resolution=8, j_resolution=4)
+    pl.ibr.add_photos(mesh, pvibr.Photo('a.jpg', camera, examples.mapfile))
+
+
 THINGS = {
     'Instances': lambda pl: pl.ibr.add_instances(pv.Cone(resolution=24), RINGS, color='green'),
     'Billboards': lambda pl: pl.ibr.add_billboards(RINGS, DISC, size=0.9),
@@ -110,6 +120,7 @@ THINGS = {
     'ImageLayers': lambda pl: pl.ibr.add_image_layers([_cone(pl)]),
     'AnimatedActor': lambda pl: pl.ibr.add_animated(_figure(), clip='rise'),
     'Crowd': lambda pl: pl.ibr.add_animated(_figure(), RINGS, clip='rise', max_error=8),
+    'PhotoMesh': _photos,
 }
 EVERYTHING = EFFECTS | THINGS
 
@@ -197,6 +208,7 @@ def serve():
         pl.ibr.play(speed) if speed else pl.ibr.stop()
 
     server.trigger('look')(lambda: view_of(pl))
+    server.trigger('details')(lambda: [row.details for row in pl.ibr.report().rows])
     server.trigger('states')(lambda: [row.state for row in pl.ibr.report().rows])
     server.start()
     pl.close()

@@ -5,7 +5,6 @@ from __future__ import annotations
 import base64
 import contextlib
 import io
-import json
 
 import imageio.v3 as imageio
 import numpy as np
@@ -29,6 +28,12 @@ _AS_PNG = """image => {
 }"""
 
 
+_TRIGGER = """([name, args]) => Promise.race([
+  trame.trigger(name, args),
+  new Promise((_, fail) => setTimeout(() => fail(new Error(`no answer to ${name}`)), 120000)),
+])"""
+
+
 def pixels_of(image):
     """Return the pixels of an image of a page, whatever its size there."""
     return imageio.imread(io.BytesIO(base64.b64decode(image.evaluate(_AS_PNG))))[..., :3]
@@ -50,8 +55,8 @@ class View:
         return cls(page, picture_of, until)
 
     def tell(self, name, *args):
-        """Call a trigger of the application."""
-        return self.page.evaluate(f'trame.trigger({json.dumps(name)}, {json.dumps(args)})')
+        """Call a trigger of the application; Playwright itself would wait forever."""
+        return self.page.evaluate(_TRIGGER, [name, args])
 
     @property
     def picture(self):

@@ -13,9 +13,10 @@ import imageio.v3 as imageio
 import pytest
 
 from tests.browser import everything
+from tests.browser.accessibility import problems
 from tests.browser.pages import JPEG, Reference, View, difference, pixels_of
 
-for _name in ('trame_pyvista', 'nbclient', 'jupyterlab'):
+for _name in ('trame_pyvista', 'nbclient', 'jupyterlab', 'anywidget'):
     if find_spec(_name) is None:  # imported where it is used: nbclient takes two seconds
         pytest.skip(f"needs {_name}: pip install 'pvibr[test]'", allow_module_level=True)
 
@@ -73,7 +74,8 @@ def test_executed(look):
         STOP,
     )
     NotebookClient(made, timeout=120, kernel_name='python3').execute()
-    still, shown, ended = (cell.outputs for cell in made.cells[1:])
+    # VTK may say that there is no display, in any cell.
+    still, shown, ended = ([o for o in c.outputs if 'data' in o] for c in made.cells[1:])
     picture = imageio.imread(io.BytesIO(base64.b64decode(still[0].data['image/png'])))
     assert difference(picture, Reference().picture(look, 'Vignette')) <= 1
     assert 'iframe' in shown[0].data['text/plain']
@@ -122,6 +124,7 @@ def test_in_the_browser(page, start, picture_of, until, quiet, tmp_path, look):
         "pl.show(jupyter_backend='trame', jupyter_kwargs=options)",
         "pl.close()\npl = plotter(size=(400, 300))\nshow_only(pl, 'Sky')\n"
         "pl.show(jupyter_backend='static')",
+        "show_only(pl, 'Vignette')\nimport pvibr_widgets\npvibr_widgets.panel(pl)",
         STOP.replace('json.dumps', 'print').replace('json, ', ''),
     )
     nbformat.write(made, tmp_path / 'a.ipynb')
@@ -169,4 +172,42 @@ def test_in_the_browser(page, start, picture_of, until, quiet, tmp_path, look):
     still = pixels_of(lab.run().locator('img'))
     look['size'] = still.shape[1::-1]
     assert difference(still, reference.picture(look, 'Sky')) <= 1
+    panel_beside_the_picture(lab.run(), page, until)
     assert lab.run().inner_text().strip() == '[False, True]'
+
+
+def panel_beside_the_picture(cell, page, until):
+    """Each control is named, typing is not JupyterLab's, and the picture follows and turns."""
+    image = cell.get_by_role('application')
+    picture = [pixels_of(image)]
+
+    def changes():
+        if difference(pixels_of(image), picture[-1]) > 0.5:
+            picture.append(pixels_of(image))
+            return True
+        return False
+
+    assert problems(page) == []
+    panel = cell.locator('pvibr-panel')
+    group = panel.locator('details').filter(has=page.get_by_text('Vignette', exact=True))
+    field = group.get_by_role('textbox', name='intensity', exact=True)
+    cells = page.locator('.jp-Notebook-cell').count()
+    field.fill('')
+    field.press('0')  # JupyterLab's shortcuts would be of the notebook
+    field.press('.')
+    field.press('1')
+    field.press('Enter')
+    until(changes)
+    slider = group.get_by_role('slider', name='intensity')
+    until(lambda: slider.get_attribute('aria-valuetext') == '0.1')
+    group.get_by_role('slider', name='intensity').press('Home')
+    until(changes)
+    assert page.locator('.jp-Notebook-cell').count() == cells
+    image.press('ArrowLeft')
+    until(changes)
+    box = image.bounding_box()
+    page.mouse.move(box['x'] + box['width'] / 2, box['y'] + box['height'] / 2)
+    page.mouse.down()
+    page.mouse.move(box['x'] + box['width'] * 0.7, box['y'] + box['height'] / 2, steps=4)
+    page.mouse.up()
+    until(changes)

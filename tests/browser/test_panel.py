@@ -8,6 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.browser.accessibility import problems, reached, tree
+
 pytest.importorskip('trame_pyvista', reason="needs trame: pip install 'pvibr[jupyter]'")
 pytestmark = pytest.mark.browser
 
@@ -100,11 +102,9 @@ def by_keys(panel):
     panel.changed(dark)
     assert panel.control('intensity', 'textbox').input_value() == '0'
     # Tabs go on through the row, the group and the page: nothing holds the focus.
-    names = set()
-    for _ in range(60):
-        panel.page.keyboard.press('Tab')
-        names.add(panel.page.evaluate('document.activeElement.ariaLabel'))
-    assert {'intensity', 'reset intensity', 'reset color', 'remove Vignette'} <= names
+    names = ' '.join(reached(panel.page))
+    for name in ('intensity', 'Reset intensity', 'Reset color', 'Remove Vignette', 'Save'):
+        assert name in names
 
 
 def by_mouse(panel):
@@ -140,6 +140,36 @@ def by_finger(panel):
     assert float(panel.control('intensity', 'textbox').input_value()) > 0.9
 
 
+def test_what_screen_readers_are_told(panel, until):
+    """Names and values of all controls, what is wrong with a text, and that a picture is drawn."""
+    assert problems(panel.page) == []
+    slider = panel.control('intensity')
+    assert (slider.get_attribute('aria-valuenow'), slider.get_attribute('aria-valuemax')) == (
+        panel.control('intensity', 'textbox').input_value(),
+        '1',
+    )
+    frame = panel.page.get_by_role('slider', name='interactive frame (ms)')
+    assert frame.get_attribute('aria-valuetext') == '100 ms'
+    told = {(n['role'], n['name']): n['value'] for n in tree(panel.page)}
+    assert told['slider', 'interactive frame (ms)'] == pytest.approx(100)
+    assert told['textbox', 'interactive frame (ms)'] == '100'
+    # A sign and a fold need nobody's answer: they are there when the event is.
+    at_once = """switched => {
+        const root = switched.getRootNode(), group = switched.closest('details');
+        switched.click();
+        const signed = [...root.querySelectorAll('.sign')].map(sign => !sign.hidden);
+        group.querySelector('summary').click();
+        return [...signed, root.querySelector('[aria-busy=true]') !== null, !group.open];
+    }"""
+    switch = panel.group('Vignette').get_by_role('checkbox', name='Vignette on')
+    assert switch.evaluate(at_once) == [True, True, True]
+    panel.changed(panel.plain)
+    until(lambda: not panel.page.locator('.sign').is_visible())
+    panel.group('Vignette').locator('summary').press('Enter')
+    switch.click()
+    panel.shows(panel.plain)
+
+
 def test_texts_switches_presets_and_colours(panel, until):
     field = panel.control('radius', 'textbox')
     field.fill('far')
@@ -159,8 +189,8 @@ def test_texts_switches_presets_and_colours(panel, until):
     without = panel.changed(panel.plain)
     group.get_by_role('checkbox', name='Vignette on').click()
     panel.shows(panel.plain)
-    group.get_by_role('combobox', name='preset of Vignette').fill('strong')
-    group.get_by_role('button', name='Apply').click()
+    group.get_by_role('combobox', name='Preset of Vignette').fill('strong')
+    group.get_by_role('button', name='Apply preset of Vignette').click()
     strong = panel.changed(panel.plain)
     assert strong.mean() < panel.plain.mean() < without.mean()
     group.locator('input[type=color]').fill('#ffffff')
@@ -194,4 +224,19 @@ def test_two_pages_agree(panel, served, picture_of, until):
     panel.control('intensity').press('End')
     panel.changed(panel.plain)
     until(lambda: other.control('intensity', 'textbox').input_value() == '1')
+    other.page.set_viewport_size({'width': 420, 'height': 620})
+    sides = 'i => [i.naturalWidth, i.naturalHeight, i.clientWidth, i.clientHeight]'
+    asking = 'view => view.style.paddingRight'
+
+    def fits(view):
+        *picture, width, height = view.page.locator('img').evaluate(sides)
+        return picture == [width, height] and not view.page.locator('.pvibr-view').evaluate(asking)
+
+    # The picture is that of the page used last; in the other it is undistorted.
+    until(lambda: fits(other) and not fits(panel))
+    assert panel.page.locator('img').evaluate('i => i.style.objectFit') == 'contain'
+    panel.page.mouse.move(100, 100)
+    until(lambda: fits(panel) and not fits(other))
+    other.page.evaluate("dispatchEvent(new Event('focus'))")  # as of who comes by keys
+    until(lambda: fits(other))
     other.page.close()

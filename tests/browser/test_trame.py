@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from itertools import pairwise
 from pathlib import Path
 
@@ -65,8 +66,8 @@ def test_everything_is_seen(off_screen, view):
     assert view.shows(plain) <= JPEG
     far = {}
     for name in everything.EVERYTHING:
-        if name == 'AmbientOcclusion':
-            continue  # what floats alone has none that JPEG would show
+        if name in ('AmbientOcclusion', 'Accumulation'):
+            continue  # what floats alone has none that JPEG would show; and edges alone are smooth
         expected = off_screen(look, name)
         bound = min(JPEG, difference(expected, plain) / 3)
         view.tell('show', name)
@@ -74,6 +75,17 @@ def test_everything_is_seen(off_screen, view):
         if not error <= bound or view.tell('states') != ['ran']:
             far[name] = error, bound, view.tell('states')
     assert not far
+
+
+def test_a_still_page_converges(off_screen, view, until):
+    """Frames come by themselves after a drag, until all samples are taken."""
+    view.tell('show', 'Accumulation')
+    before = view.tell('look')
+    view.drag((0.4, 0.5), (0.5, 0.6))
+    until(lambda: view.tell('details')[0]['samples'] == 64)
+    look = view.tell('look')
+    assert look['camera'] != before['camera']
+    assert view.shows(off_screen(look, '')) <= JPEG
 
 
 def settled(view, until):
@@ -151,6 +163,26 @@ def test_time_goes_on_in_the_page(off_screen, view, until):
     assert begin + 0.3 < look['time'] < begin + 30
     assert view.shows(off_screen(look, 'AnimatedActor'), 1.0) <= 1.0
     assert view.tell('look') == look
+
+
+def test_ten_tabs_come_and_go_while_time_goes_on(off_screen, view, served, picture_of, until):
+    """Most close before their first picture; the one that stays is right in the end."""
+    view.tell('show', 'AnimatedActor')
+    view.tell('play', 1.0)
+    for k in range(10):
+        tab = view.page.context.new_page()
+        tab.set_default_timeout(180_000)
+        tab.set_viewport_size({'width': 480, 'height': 320})  # a plotter has one size
+        tab.goto(served.url, wait_until='commit' if k % 2 else 'load')
+        if k in (0, 8):
+            View(tab, picture_of, until)
+        tab.close()
+    begin = view.tell('look')['time']
+    until(lambda: view.tell('look')['time'] > begin + 0.2)
+    view.tell('play', 0)
+    look = view.tell('look')
+    assert view.shows(off_screen(look, 'AnimatedActor'), 1.0) <= 1.0
+    assert not re.search(r'Traceback|Error|ERR[|]', served.said), served.said
 
 
 @pytest.mark.parametrize('name', ['Shadows', 'DepthOfField'])

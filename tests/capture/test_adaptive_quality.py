@@ -453,6 +453,33 @@ def test_a_page_dragged_on_a_server(slow):
     assert mouse(0.5, pressed=0) == 1.0
 
 
+def test_moves_that_queue_while_a_page_is_drawn_are_one_frame(slow):
+    web = pytest.importorskip('vtkmodules.vtkWebCore')
+    app, buttons = web.vtkWebApplication(), web.vtkWebInteractionEvent.LEFT_BUTTON
+
+    def dragged(renders):
+        pl = stage()
+        show = pl.ibr.add(Show())
+        pl.show(auto_close=False)
+        pl.iren.interactor.SetEnableRender(renders)  # trame's views are off
+        press(pl)
+        first = len(show.seen)
+        for k in range(60):
+            event = web.vtkWebInteractionEvent()
+            event.SetButtons(buttons)
+            event.SetX(0.4 + 0.004 * k)
+            event.SetY(0.5 + 0.1 * np.sin(k / 9))
+            app.HandleInteractionEvent(pl.render_window, event)
+        app.InvalidateCache(pl.render_window)
+        app.StillRenderToBuffer(pl.render_window, 0, 90)
+        return len(show.seen) - first, np.array(pl.camera.position), picture(pl)
+
+    (each, camera, shown), (one, newest, image) = dragged(True), dragged(False)
+    assert (each > 60, one) == (True, 1)
+    np.testing.assert_allclose(newest, camera, atol=1e-12)
+    np.testing.assert_array_equal(image, shown)
+
+
 def test_nothing_is_watched_where_nothing_is_left(slow):
     pl = stage()
     show = pl.ibr.add(Show())
@@ -574,3 +601,13 @@ def test_a_drag_right_after_the_wheel_needs_no_timer(window):
     assert window.show.seen[-1] < 1.0
     release(window)
     assert window.show.seen[-1] == 1.0
+
+
+def test_a_press_ends_its_timer_before_vtk_lets_no_observer_go(window):
+    window.ibr.play()
+    for _ in range(6):
+        window.window.Render()
+    assert window.timers == ['on', 'on']
+    press(window)
+    assert window.timers == ['on']
+    release(window)

@@ -1,4 +1,8 @@
 import asyncio
+import gc
+import logging
+import sys
+from time import sleep
 from types import SimpleNamespace
 
 import numpy as np
@@ -7,7 +11,7 @@ import pyvista as pv
 
 import pvibr
 from pvibr import ClosedError, Effect, attach
-from pvibr.capture.clock import Clock
+from pvibr.capture.clock import Clock, Loop
 from pvibr.core import _vtk
 
 
@@ -323,11 +327,19 @@ def test_a_notebook_without_a_loop_only_films():
 
 
 @pytest.mark.parametrize(
-    'wrong', [{'speed': float('nan')}, {'loop': 0}, {'loop': -1}, {'fps': 0}, {'fps': 'inf'}]
+    'wrong',
+    [
+        {'speed': float('nan')},
+        {'loop': 0},
+        {'loop': -1},
+        {'fps': 0},
+        {'fps': 'inf'},
+        {'speed': 1j},
+    ],
 )
 def test_numbers_that_are_not_allowed(wrong):
     pl = pv.Plotter(off_screen=True)
-    with pytest.raises(ValueError, match=next(iter(wrong))):
+    with pytest.raises((TypeError, ValueError), match=next(iter(wrong))):
         pl.ibr.play(**wrong)
     assert not pl.ibr.playing
 
@@ -339,3 +351,94 @@ def test_a_window_shows_sixtieths_where_nothing_may_be_measured(window, wall):
         for wall.seconds in (200.0, 200.5, 207.0, 207.1):
             window.tick()
     assert seen.times == pytest.approx([1 / 60, 2 / 60, 3 / 60])
+
+
+def test_a_loop_says_errors_but_not_that_a_page_closed(caplog):
+    async def fail(error):
+        raise error
+
+    async def play():
+        loop = Loop(asyncio.get_running_loop(), lambda: None)
+        gone = asyncio.create_task(fail(ConnectionResetError('closing transport')))
+        wrong = asyncio.create_task(fail(ValueError('wrong')))
+        await asyncio.sleep(0)
+        for error in (ConnectionResetError('closing transport'), ValueError('of a request')):
+            try:
+                await fail(error)
+            except Exception:
+                logging.getLogger('wslink.protocol').exception('Exception raised')
+        try:
+            try:
+                await fail(ConnectionResetError('closing transport'))
+            finally:
+                await fail(KeyError('the page, which wslink does not know yet'))
+        except KeyError:
+            logging.getLogger('aiohttp.server').exception('Exception raised')
+        del gone, wrong  # nobody retrieves what they raised
+        gc.collect()
+        loop.stop()
+
+    asyncio.run(play())
+    assert [str(record.exc_info[1]) for record in caplog.records] == ['of a request', 'wrong']
+
+
+def test_slow_frames_leave_a_server_time_for_its_pages():
+    """Whoever opens a page while time goes on has it served between two frames."""
+    frames, hops = [], []
+
+    async def serve():
+        ticks = Loop(asyncio.get_running_loop(), lambda: (sleep(0.03), frames.append(1)))
+        while len(frames) < 5:
+            await asyncio.sleep(0)
+            hops.extend([1] * bool(frames))
+        ticks.stop()
+
+    asyncio.run(serve())
+    assert len(hops) > 10 * len(frames)
+
+
+def test_a_page_that_takes_nothing_holds_up_the_others_no_longer_than_patience(monkeypatch):
+    """Its frames are not piled up; it is given up, and they go on."""
+    aiohttp = pytest.importorskip('aiohttp')
+    from aiohttp import web
+
+    frames = []
+
+    async def flood(request):
+        page = web.WebSocketResponse()
+        await page.prepare(request)
+        for _ in range(1000):
+            await page.send_bytes(bytes(100_000))
+
+    async def serve():
+        app = web.Application()
+        app.router.add_get('/', flood)
+        runner = web.AppRunner(app)
+        await runner.setup()
+        await web.TCPSite(runner, '127.0.0.1', 0).start()
+        server = SimpleNamespace(running=True, _server=SimpleNamespace(runner=runner))
+        module = SimpleNamespace(AVAILABLE_SERVERS={'page': server})
+        monkeypatch.setitem(sys.modules, 'trame.app.core', module)
+        url = f'http://127.0.0.1:{runner.addresses[0][1]}/'
+        soon = aiohttp.ClientWSTimeout(ws_close=0.1)
+        async with (
+            aiohttp.ClientSession() as session,
+            session.ws_connect(url, timeout=soon) as page,
+        ):
+            page._response.connection.transport.pause_reading()
+            await _until(lambda: any(p.writing_paused for p in runner.server.connections))
+            ticks = Loop(asyncio.get_running_loop(), lambda: frames.append(1))
+            await asyncio.sleep(0.2)
+            assert not frames
+            monkeypatch.setattr('pvibr.capture.clock._PATIENCE', 0.1)
+            await _until(lambda: frames)
+            ticks.stop()
+            assert not runner.server.connections
+        await runner.cleanup()
+
+    asyncio.run(asyncio.wait_for(serve(), 30))
+
+
+async def _until(true):
+    while not true():
+        await asyncio.sleep(0.01)

@@ -1,6 +1,7 @@
 """Movies: each frame of its own moment, broken off and resumed, whole or not at all."""
 
 import json
+from decimal import Decimal
 
 import imageio.v3 as iio
 import numpy as np
@@ -37,6 +38,8 @@ def turner(pl, until=None):
 def test_a_broken_movie_goes_on_where_it_stopped(pl, tmp_path, name):
     ffmpeg = pytest.importorskip('imageio_ffmpeg')
     whole, broken = tmp_path / 'whole' / name, tmp_path / 'broken' / name
+    whole.parent.mkdir()
+    broken.parent.mkdir()
     turn, calls = turner(pl)
     before, pl.ibr.time = pl.camera_position, 3.0
     assert pl.ibr.movie(whole, 1, fps=6, each=turn, speed=2) == whole
@@ -135,12 +138,33 @@ def test_what_moves_is_filmed_at_its_time(pl, tmp_path):
 
 @pytest.mark.parametrize(
     'wrong',
-    [{'seconds': 0}, {'seconds': np.nan}, {'fps': -1}, {'start': np.inf}, {'speed': np.nan}],
+    [
+        {'seconds': 0},
+        {'seconds': np.nan},
+        {'fps': -1},
+        {'start': np.inf},
+        {'speed': np.nan},
+        {'samples': 0},
+        {'samples': 2.5},
+        {'shutter': -0.1, 'samples': 4},
+        {'shutter': np.nan, 'samples': 4},
+        {'shutter': 0.5},
+        {'fps': Decimal('nan')},
+        {'start': np.full(5, 1.0)},
+        {'speed': 1j},
+        {'seconds': 1e300},
+        {'each': 3.0},
+        {'resume': np.zeros(0)},
+        {'progress': 'no'},
+        {'path': ''},
+        {'path': 3.0},
+        {'path': 'no/such/folder/a.gif'},
+    ],
 )
-def test_wrong_numbers_are_named(pl, tmp_path, wrong):
-    arguments = {'seconds': 1} | wrong
-    with pytest.raises(ValueError, match=next(iter(wrong))):
-        pl.ibr.movie(tmp_path / 'a.gif', **arguments)
+def test_wrong_arguments_are_named(pl, tmp_path, wrong):
+    arguments = {'path': tmp_path / 'a.gif', 'seconds': 1} | wrong
+    with pytest.raises((ValueError, TypeError, OSError), match=rf'\b{next(iter(wrong))}\b'):
+        pl.ibr.movie(**arguments)
     assert list(tmp_path.iterdir()) == []
 
 
@@ -151,6 +175,8 @@ def test_wrong_numbers_are_named(pl, tmp_path, wrong):
         ({'seconds': 1, 'frames': 3}, TypeError),
         ({'frames': 0}, ValueError),
         ({'frames': 2.5}, ValueError),
+        ({'frames': 2**70}, ValueError),
+        ({'frames': '2'}, TypeError),
     ],
 )
 def test_seconds_or_frames(pl, tmp_path, arguments, error):
@@ -219,3 +245,26 @@ def test_a_window_shows_the_scene_as_before_a_movie(pl, tmp_path):
     turn, _ = turner(pl)
     pl.ibr.movie(tmp_path / 'frames', 1, fps=3, each=turn)
     assert (pl.screenshot(return_img=True) == before).all()
+
+
+@pytest.mark.parametrize('shutter', [0.0, 0.5, 1.0])
+def test_what_moves_is_blurred_while_the_shutter_is_open(tmp_path, shutter):
+    """A square of 16 pixels that goes 24 to the right in each frame."""
+    pl = pv.Plotter(off_screen=True, window_size=(96, 16))
+    pl.set_background('black')
+    square = pl.add_mesh(pv.Plane(i_size=16, j_size=99), color='white', lighting=False)
+    pl.camera_position = [(0, 0, 10), (0, 0, 0), (0, 1, 0)]
+    pl.camera.parallel_projection, pl.camera.parallel_scale = True, 8
+
+    def move(time):
+        square.position = (24 * time - 30, 0, 0)
+
+    pl.ibr.movie(tmp_path / 'frames', frames=3, fps=1, each=move, samples=64, shutter=shutter)
+    x = np.arange(96) + 0.5 - 48
+    for k in range(3):
+        row = iio.imread(tmp_path / 'frames' / f'{k}.png')[8, :, 0] / 255.0
+        opened = np.linspace(0, shutter, 400)[:, None]
+        expected = (np.abs(x - 24 * (k + opened) + 30) < 8).mean(0)
+        assert np.abs(row - expected).max() < 0.05
+        assert abs(row.sum() - 16) < 0.2
+    assert pl.ibr.time == 0

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 import pvibr
 from pvibr.capture import tiled_screenshot as large
 from pvibr.capture.tiled_screenshot import spans
+from pvibr.core.passes import margins
 
 SIZE = (150, 100)
 
@@ -46,6 +47,7 @@ def scene(size, times=1, **options):
     return pl
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('options', [{}, {'shape': (1, 2)}], ids=['one', 'two'])
 def test_a_large_picture_is_that_of_a_large_window(options):
     small, big = scene(SIZE, **options), scene([4 * n for n in SIZE], 4, **options)
@@ -80,6 +82,36 @@ def test_linked_subplots_have_tiles_of_their_own():
     assert np.abs(found - expected).max() <= 2
 
 
+def test_tiles_overlap_by_what_effects_of_the_last_subplot_look_at():
+    def shot(size, **how):
+        pl = pv.Plotter(off_screen=True, window_size=size, shape=(1, 2), border=False)
+        pl.subplot(0, 1)
+        for k in range(5):
+            ball = pv.Sphere(center=(k / 2 - 1, k - 2, k / 4), radius=0.4)
+            pl.add_mesh(ball, color='wheat', lighting=False)
+        pl.camera_position = [(0, -7, 2), (0, 0, 0), (0, 0, 1)]
+        pl.ibr.add(pvibr.DepthOfField(radius=0.05, distance=7.0))
+        found = np.asarray(pl.ibr.screenshot(**how)).astype(int)
+        pl.close()
+        return found
+
+    off = np.abs(shot(SIZE, scale=2) - shot((300, 200)))
+    assert (off.max(-1) > 12).mean() < 0.004
+
+
+@pytest.mark.parametrize('port', [(0.5, 0, 0.5, 1), (0.5, 0.5, 1, 0.5), (0.5, 0, 0.502, 1)])
+def test_subplots_without_pixels_are_left_out(port):
+    pl = pv.Plotter(off_screen=True, window_size=(96, 64), shape=(1, 2), border=False)
+    pl.subplot(0, 1)
+    pl.ibr.add_instances(pv.Cube(), [[0, 0, 0], [1, 0, 0]])
+    pl.ibr.add(pvibr.DepthOfField(radius=0.05))
+    pl.renderer.SetViewport(*port)
+    assert margins(pl.renderer, (0, 0)) == (1.0, 1.0)
+    assert pl.ibr.screenshot(scale=2).shape == (128, 192, 3)
+    assert pl.ibr.pick(70, 30) is None
+    pl.close()
+
+
 @pytest.mark.parametrize(
     ('size', 'window'),
     [
@@ -112,7 +144,9 @@ def test_transparent_backgrounds():
 def test_files_are_written_whole(tmp_path):
     pl = pv.Plotter(off_screen=True, window_size=(20, 10))
     pl.add_mesh(pv.Sphere())
-    file = tmp_path / 'new' / 'a.png'
+    file = tmp_path / 'a.png'
+    with pytest.raises(FileNotFoundError, match=r"filename = .*: there is no folder '.*new'"):
+        pl.ibr.screenshot(tmp_path / 'new' / 'a.png')
     assert pl.ibr.screenshot(file, scale=2, return_img=False) is None
     assert pv.read(file).dimensions == (40, 20, 1)
     with pytest.raises(ValueError, match='unknown file extension'):
@@ -152,7 +186,8 @@ def test_tiles_overlap_by_what_ambient_occlusion_looks_at(radius, expected):
     if radius:
         pl.enable_ssao(radius=radius)
     pl.render()
-    assert large._margins({pl.renderer: pl.camera}, [], (200, 100))[1] == expected
+    found = large._margins(pl.render_window, {pl.renderer: pl.camera}, [], (200, 100), 1)
+    assert found[1] == expected
 
 
 def test_what_is_not_in_a_tile_is_not_drawn(capfd):
@@ -167,6 +202,7 @@ def test_what_is_not_in_a_tile_is_not_drawn(capfd):
     assert [renderer.GetDraw() for renderer in pl.renderers] == [0, 1]
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize(
     'how',
     [{'scale': 4}, {'window_size': (90, 130)}, {'transparent_background': True}, {'scale': 1}],

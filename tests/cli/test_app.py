@@ -146,6 +146,7 @@ def test_view_opens_a_window_where_there_is_a_display(called, files, monkeypatch
     assert [kwargs['window'] for _, kwargs in called] == [display, False, False]
 
 
+@pytest.mark.slow
 def test_bake_says_what_it_made(tmp_path, capsys):
     pv.Sphere(theta_resolution=9, phi_resolution=9).save(tmp_path / 'ball.ply')
     out, sheet = tmp_path / 'ball.npz', tmp_path / 'views.png'

@@ -42,7 +42,7 @@ def test_demo_writes_pictures_and_numbers(tmp_path, capsys):
 
 
 def test_a_movie_has_its_frames(tmp_path):
-    file = tmp_path / 'walk' / 'walk.mp4'
+    file = tmp_path / 'walk.mp4'
     demo.main(out=tmp_path, count=20, frames=4, size=SIZE, movie=file)
     assert imageio_ffmpeg.count_frames_and_secs(str(file))[0] == 4
     assert not (tmp_path / 'demo.json').exists()

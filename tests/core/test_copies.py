@@ -13,6 +13,8 @@ import pvibr
 from pvibr.core.params import params_of
 from tests.pictures import plotter, shot
 
+pytestmark = pytest.mark.sampled
+
 EFFECTS = [name for name in pvibr.EFFECTS if name != 'Projector']
 WAYS = {
     'deepcopy': copy.deepcopy,

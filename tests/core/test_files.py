@@ -9,13 +9,15 @@ from pvibr.core.files import replacing
 
 
 def test_what_fails_leaves_what_was_there(tmp_path):
-    file = tmp_path / 'new' / 'a.txt'
+    file = tmp_path / 'a.txt'
     with replacing(file) as part:
         part.write_text('first')
     with pytest.raises(RuntimeError), replacing(file) as part:
         _fail(part)
     assert file.read_text() == 'first'
     assert [p.name for p in file.parent.iterdir()] == ['a.txt']
+    with pytest.raises(FileNotFoundError, match='there is no folder'), replacing(file / 'b'):
+        pass
 
 
 def _fail(file):
@@ -51,5 +53,5 @@ def test_a_full_disk_is_named(tmp_path):
 
 def test_a_folder_that_is_a_file_is_named(tmp_path):
     (tmp_path / 'a').write_text('')
-    with pytest.raises(OSError, match='could not be written'), replacing(tmp_path / 'a' / 'b'):
+    with pytest.raises(OSError, match='there is no folder'), replacing(tmp_path / 'a' / 'b'):
         pass

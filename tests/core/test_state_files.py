@@ -103,6 +103,8 @@ def test_a_wrong_value_changes_nothing(pl, change):
     with pytest.raises((TypeError, ValueError), match=r'must be|not JSON'):
         pl.ibr.load_state_text(text)
     assert pl.ibr.state() == before
+    with pytest.raises(TypeError, match='text = nan: must be a str or bytes'):
+        pl.ibr.load_state_text(float('nan'))
 
 
 @pytest.mark.parametrize(
@@ -202,9 +204,10 @@ def test_a_file_that_the_system_cuts_is_never_seen(tmp_path):
     assert os.listdir(tmp_path) == ['look.json']
 
 
-def test_folders_are_made_and_files_must_be_there(pl, tmp_path):
-    pl.ibr.save_state(tmp_path / 'new' / 'a.json')
-    pl.ibr.load_state(tmp_path / 'new' / 'a.json')
+def test_folders_and_files_must_be_there(pl, tmp_path):
+    with pytest.raises(FileNotFoundError, match='there is no folder'):
+        pl.ibr.save_state(tmp_path / 'new' / 'a.json')
+    assert not list(tmp_path.iterdir())
     with pytest.raises(FileNotFoundError):
         pl.ibr.load_state(tmp_path / 'none.json')
 

@@ -72,3 +72,25 @@ def test_a_state_with_unknown_names():
         pl.ibr.restore(state)
 
     assert told(restore) == [(__file__, inspect.getsourcelines(restore)[1] + 1)]
+
+
+@pytest.mark.parametrize('bakes', [True, False])
+def test_pyvistas_warnings_of_an_export_are_at_the_user(tmp_path, bakes):
+    pl = plotter((40, 30))
+    pl.add_mesh(pv.Cube())
+    if bakes:
+        pl.ibr.add_spheres([[0.0, 0.0, 0.0]])
+    else:
+        pl.ibr.add(pvibr.Bloom())
+    pl.render()
+
+    def write():
+        pl.export_html(tmp_path / 'page.html')
+
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter('always')
+        write()
+    line = inspect.getsourcelines(write)[1] + 1
+    deprecated = [w for w in said if 'export_html is deprecated' in str(w.message)]
+    assert [(w.filename, w.lineno) for w in deprecated] == [(__file__, line)]
+    assert (tmp_path / 'page.html').stat().st_size > 10_000

@@ -55,6 +55,7 @@ def with_tutorial(tmp_path):
     return tmp_path
 
 
+@pytest.mark.slow
 def test_effect_of_the_tutorial_keeps_the_contract(with_tutorial):
     paths = os.pathsep.join([str(with_tutorial), *sys.path])
     tests = [ROOT / 'tests/effects/test_every.py', ROOT / 'tests/widgets/test_presets.py']
@@ -69,6 +70,13 @@ def test_effect_of_the_tutorial_keeps_the_contract(with_tutorial):
     )
     assert done.returncode == 0, done.stdout
     assert re.search(r'^\d passed', done.stdout, re.MULTILINE), done.stdout
+    *_, script = re.findall(r'```python\n(.*?)```', TUTORIAL, re.DOTALL)
+    subprocess.run(
+        [sys.executable, '-W', 'error', '-c', script],
+        cwd=with_tutorial,
+        env=os.environ | {'PYTHONPATH': paths, 'PYVISTA_OFF_SCREEN': 'true'},
+        check=True,
+    )
 
 
 def test_protocol_of_the_tutorial_is_that_of_the_class():

@@ -14,6 +14,8 @@ from pvibr.effects.light_spread import LightSpread
 from pvibr.gl import Quad
 from tests.pictures import off, shot
 
+pytestmark = pytest.mark.sampled
+
 SIZE = (96, 64)
 SMOOTH = np.dstack([*np.meshgrid(np.linspace(0, 1, 96), np.linspace(1, 0, 64)), np.ones((64, 96))])
 
@@ -25,11 +27,12 @@ def things(pl):
     return [a for a in pl.renderer.actors.values() if isinstance(a, pv.Actor)]
 
 
-#: The registered effects that draw on pixels; each makes a sample that is seen.
+#: The registered effects that draw on pixels; each makes a sample that is seen. The mean of many
+#: frames is none: `test_accumulation.py` has the same of it.
 EVERY = {
     name: effect
     for name, effect in ((n, getattr(pvibr, n)) for n in pvibr.EFFECTS)
-    if effect.render is not Effect.render
+    if effect.render is not Effect.render and name != 'Accumulation'
 }
 #: Light spreads over shares of the picture, whatever its pixels: that of the window is shown.
 LIGHT = [name for name, effect in EVERY.items() if issubclass(effect, LightSpread)]
@@ -100,6 +103,16 @@ def test_on_off_removed_and_added_again(pl, name):
     effect.restore(made.state())
     pl.ibr.add(effect)
     np.testing.assert_array_equal(shot(pl), on)
+
+
+@every
+def test_the_first_frame_is_right(name):
+    """A script saves the first one; what is drawn off screen within it gives the context back."""
+    pl = scene(pv.Plotter(window_size=SIZE))
+    add(pl, name)
+    first = shot(pl)
+    shot(pl)
+    np.testing.assert_array_equal(first, shot(pl))
 
 
 @every

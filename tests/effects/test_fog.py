@@ -89,12 +89,15 @@ def test_by_default_it_is_the_same_at_any_scale():
     found = []
     for scale in (1e-6, 1.0):
         pl = plotter(SIZE)
-        pl.add_mesh(pv.Sphere(radius=scale), color='tan')
+        pl.set_background('white')
+        pl.add_mesh(pv.Sphere(radius=scale), color='black', lighting=False)
         place(pl, (0, -6 * scale, 0))
         pl.ibr.add(pvibr.Fog())
         pl.show(auto_close=False)
         found.append(shot(pl))
     assert np.abs(found[0] - found[1]).max() <= 2
+    middle = found[1][SIZE[1] // 2, SIZE[0] // 2]
+    np.testing.assert_allclose(middle, 255 * (1 - np.exp(-5 / (3 * 12**0.5))), atol=2)
 
 
 @pytest.mark.parametrize('settings', [{'visibility': 0}, {'height': -1}, {'color': (1, 0)}])

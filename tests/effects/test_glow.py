@@ -9,6 +9,8 @@ import pyvista as pv
 import pvibr
 from pvibr.gl.offscreen import read_rgba
 
+pytestmark = pytest.mark.sampled
+
 
 def grab(pl):
     """Return what a new frame holds, (height, width, 4) float, row 0 below."""

@@ -22,6 +22,12 @@ FAINT = {
     'lines': lambda: pvibr.Outline(opacity=1e-3),
     'vignette': lambda: pvibr.Vignette(intensity=1e-4),
 }
+#: Beside each other.
+TOGETHER = (
+    *(FAINT[name] for name in ('tone mapping', 'bloom', 'lens', 'vignette', 'lines')),
+    lambda: pvibr.AmbientOcclusion(strength=1e-4),
+    lambda: pvibr.Fog(1e6),
+)
 
 
 def scene(samples, seed=3):
@@ -55,6 +61,10 @@ def test_soft_edges_are_those_of_the_plain_picture(samples):
         assert pl.ibr.report().rows[0].state == 'ran' or name == 'lens', pl.ibr.report()
         assert off(shot(pl, transparent_background=True), clear).max() <= 1, name
         pl.ibr.remove(effect)
+    for make in TOGETHER:
+        pl.ibr.add(make())
+    assert off(shot(pl), plain).max() <= 2
+    assert off(shot(pl, transparent_background=True), clear).max() <= 2
 
 
 def test_a_sky_composites_soft_edges():

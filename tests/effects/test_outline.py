@@ -12,6 +12,8 @@ from pvibr.bench.effects.outline import MESHES, agreement, contour, inner
 from pvibr.gl import scene_pass
 from pvibr.scene import buffers
 
+pytestmark = pytest.mark.sampled
+
 SIZE = (320, 240)
 RED = (1.0, 0.0, 0.0)
 

@@ -9,6 +9,8 @@ import pyvista as pv
 import pvibr
 from tests.pictures import place, plotter, shown
 
+pytestmark = pytest.mark.sampled
+
 OPTIONS = {
     'plain': lambda pl: None,
     'multisampled': lambda pl: pl.render_window.SetMultiSamples(4),

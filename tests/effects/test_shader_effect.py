@@ -11,6 +11,8 @@ from pvibr import Param, ShaderEffect
 from pvibr.core.errors import PvibrWarning
 from tests.pictures import shot
 
+pytestmark = pytest.mark.sampled
+
 SIZE = (96, 64)
 
 

@@ -216,6 +216,7 @@ def test_shadows_on_flat_coloured_and_textured_things():
     pl.close()
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize('mode', ['replace', 'modulate', 'decal', 'add'])
 @pytest.mark.parametrize('texture', [0, 256])
 def test_projected_pictures(mode, texture):
@@ -275,6 +276,7 @@ def test_instances_keep_places_colours_and_holes():
     pl.close()
 
 
+@pytest.mark.slow
 def test_a_number_of_triangles_is_kept_to():
     pl = plotter()
     look(pl)
@@ -582,7 +584,8 @@ def test_gltf_of_pyvista_has_what_is_baked(tmp_path):
     scene = trimesh.load(tmp_path / 'scene.gltf')
     assert np.allclose(scene.bounds, np.reshape(made.bounds, (3, 2)).T, atol=1e-4)
     assert sum(len(g.faces) for g in scene.geometry.values()) == triangles(made)
-    assert all(len(vertex_colours(g)) > 1 for g in scene.geometry.values())
+    # The ground has the shadow of the ball, whose lit side has none.
+    assert max(len(vertex_colours(g)) for g in scene.geometry.values()) > 100
     made.close()
     pl.close()
 

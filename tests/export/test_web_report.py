@@ -67,6 +67,22 @@ def test_what_is_off_is_not_missing(plotter):
     assert [r.effect for r in plotter.ibr.web_report().missing] == ['Spheres']
 
 
+def test_what_is_neutral_is_not_missing(tmp_path):
+    pl = pv.Plotter(off_screen=True, window_size=(64, 48))
+    pl.add_mesh(pv.Cube())
+    kinds = [getattr(pvibr, name) for name in pvibr.EFFECTS]
+    added = [pl.ibr.add(kind.sample([])) for kind in kinds if kind.neutral]
+    assert len(added) > 14
+    missing = {row.effect for row in pl.ibr.web_report().missing}
+    assert {'Bloom', 'Fog', 'Outline'} <= missing
+    for effect in added:
+        setattr(effect, *effect.neutral)
+    assert {row.state for row in pl.ibr.web_report().rows} == {'off'}
+    pl.render()
+    exports(pl, tmp_path)  # a warning would fail
+    pl.ibr.to_plain_plotter().close()
+
+
 def test_bad_input(plotter):
     with pytest.raises(ValueError, match="backend is 'firefox'; it must be one of 'static'"):
         plotter.ibr.web_report('firefox')
@@ -102,7 +118,7 @@ def test_exporters_of_pyvista_write_the_plain_plotter(tmp_path):
     assert all(actor.mapper.dataset.n_cells for actor in plain.actors.values())
     plain.close()
     pl.close()
-    with pytest.raises(pvibr.ClosedError):
+    with pytest.raises(RuntimeError, match='This plotter has been closed'):  # as PyVista says
         pl.export_gltf(tmp_path / 'scene.gltf')
     with pytest.raises(pvibr.ClosedError):
         pl.ibr.to_plain_plotter()
@@ -136,6 +152,12 @@ def test_pages_of_trame_and_html(plotter):
     plotter.show(auto_close=False)
     with pytest.warns(pvibr.PvibrWarning, match='Bloom'):
         assert plotter.trame.export_html(None).getvalue()
+    with pytest.warns(pvibr.PvibrWarning, match='Bloom'):
+        plain = plotter.ibr.to_plain_plotter()
+    with pytest.warns(pvibr.PvibrWarning, match='Bloom'):
+        sizes = [len(pl.trame.export_vtksz(None)) for pl in (plotter, plain)]
+    assert sizes[0] == pytest.approx(sizes[1], rel=0.01)
+    plain.close()
 
 
 def test_no_warning_without_effects_or_where_all_is_shown(tmp_path):

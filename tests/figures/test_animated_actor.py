@@ -12,6 +12,8 @@ from pvibr.animation import FigureMesh, Pose, Skeleton
 from tests import pictures
 from tests.figures.makers import bend, bending, growing, worm
 
+pytestmark = pytest.mark.sampled
+
 VIEW = [(6.0, 5.0, 3.0), (0.0, 0.0, 0.0), (0.0, 0.0, 1.0)]
 
 
@@ -453,13 +455,6 @@ def test_scalar_bar():
     pl = plotter()
     pl.ibr.add_animated(worm(), scalars='height')
     assert 'height' in pl.scalar_bars
-
-
-def test_looks_that_split_points_are_refused():
-    with pytest.raises(ValueError, match='split'):
-        plotter().ibr.add_animated(
-            worm(), smooth_shading=True, split_sharp_edges=True, feature_angle=5
-        )
 
 
 # -- picking ---------------------------------------------------------------------------------

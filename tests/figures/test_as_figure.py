@@ -43,6 +43,45 @@ def test_files(tmp_path, kind):
         as_figure(kind(tmp_path / 'nothing.glb'))
 
 
+@pytest.mark.parametrize(
+    ('name', 'words'),
+    [
+        ('a.fbx', 'save it as .glb, with Blender or FBX2glTF'),
+        ('b.USDZ', 'Blender or usd2gltf'),
+        ('c.blend', 'with Blender'),
+        ('d.mb', 'the exporter of the program'),
+    ],
+)
+def test_files_that_must_be_converted(name, words):
+    with pytest.raises(ValueError, match=f'{name} is not read: .*{words}'):
+        as_figure(name)
+
+
+@pytest.mark.parametrize('name', ['ball.vtp', 'ball.stl', 'ball.obj', 'ball.vtu'])
+def test_files_of_one_mesh(tmp_path, name):
+    ball = pv.Sphere(radius=2.0, center=(1, 0, 0))
+    (ball if name != 'ball.vtu' else ball.cast_to_unstructured_grid()).save(tmp_path / name)
+    figure = as_figure(tmp_path / name)
+    np.testing.assert_allclose(figure.mesh().bounds, ball.bounds, atol=1e-5)
+    with pytest.raises(FileNotFoundError, match='nothing'):
+        as_figure(tmp_path / f'nothing{name[4:]}')
+
+
+def test_files_of_trimesh_and_of_several_meshes(tmp_path):
+    trimesh = pytest.importorskip('trimesh')
+    trimesh.creation.box().export(tmp_path / 'box.off')
+    assert as_figure(tmp_path / 'box.off').mesh().n_cells == 12
+    blocks = pv.MultiBlock([pv.Cube(), pv.MultiBlock([pv.Sphere()])])
+    blocks.save(tmp_path / 'two.vtm')
+    assert len(as_figure(tmp_path / 'two.vtm').meshes) == 2
+
+
+def test_vrm_is_gltf(tmp_path):
+    Figure([FigureMesh(pv.Cube().triangulate())]).save(tmp_path / 'a.glb')
+    (tmp_path / 'a.glb').rename(tmp_path / 'a.vrm')
+    assert len(as_figure(tmp_path / 'a.vrm').meshes) == 1
+
+
 def test_a_figure_is_itself():
     figure = as_figure(pv.Cube())
     assert as_figure(figure) is figure

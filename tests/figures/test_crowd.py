@@ -13,6 +13,7 @@ from pvibr.animation import Clip, FigureMesh, Skeleton, Track
 from pvibr.figures import pose_atlas
 from pvibr.figures.crowd_group import Playback
 from pvibr.figures.pose_atlas import PoseAtlas, pose_counts
+from pvibr.instances import measure
 from tests.figures.makers import bending, growing, worm
 from tests.pictures import grab, place
 
@@ -25,6 +26,9 @@ SIZE = (160, 120)
 def _small(monkeypatch):
     monkeypatch.setattr(pose_atlas, 'VIEWS', 6)
     monkeypatch.setattr(pose_atlas, 'TILES', (32,))
+    # Few views of a thin worm err more than many.
+    monkeypatch.setattr(measure, '_SIDE', 8)
+    monkeypatch.setattr(measure, '_VIEWS', 64)
 
 
 @pytest.fixture(scope='module')
@@ -126,6 +130,7 @@ def test_a_time_has_one_picture(figure, show):
     assert np.abs(grab(pl) - first).max() < 0.01
 
 
+@pytest.mark.slow
 def test_each_plays_its_own_clip(figure, show):
     pl, crowd = show(figure, apart(), clips=['bend', 'still'], max_error=2.0, color='tan')
     pl.ibr.time = 1.0
@@ -147,6 +152,7 @@ def interrupted(*_args, **_kwargs):
     raise KeyboardInterrupt
 
 
+@pytest.mark.slow
 def test_a_clip_that_is_new_is_baked_when_it_is_played(figure, show, monkeypatch):
     pl, crowd = show(figure, apart(), clips='still', max_error=2.0)
     grab(pl)
@@ -163,6 +169,7 @@ def test_a_clip_that_is_new_is_baked_when_it_is_played(figure, show, monkeypatch
     assert silhouette(grab(pl)).sum() > 0
 
 
+@pytest.mark.slow
 def test_ends_without_a_loop(figure, show):
     pl, crowd = show(figure, apart(1), loop=False, speeds=-1.0, times=1.5)
     pl.ibr.time = 100.0
@@ -243,6 +250,7 @@ def test_morphs_and_dual_quaternions(show):
     assert crowd.mesh(0).n_points == morphed.meshes[0].mesh.n_points
 
 
+@pytest.mark.slow
 def test_life(figure, show):
     pl, crowd = show(figure, apart(), NEAR, name='worms')
     first = grab(pl)

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import pyvista as pv
 
 from pvibr import Figure
 from pvibr.animation import (
@@ -16,12 +17,13 @@ from pvibr.animation import (
     FrameRange,
     Mixer,
     PoseSource,
+    Skeleton,
     StateGraph,
     VertexAnimationStates,
     joint_mask,
 )
 from pvibr.animation.pose import Pose
-from tests.figures.makers import bend, bending, growing, worm
+from tests.figures.makers import JOINTS, bend, bending, growing, worm
 from tests.figures.test_animated_actor import differing, plotter, shot
 
 
@@ -127,4 +129,41 @@ def test_an_order_without_a_fade_is_seen_at_once():
         graph.go('there' if graph.state(0.0) == 'here' else 'here', at=0.0)
         expected = there if graph.state(0.0) == 'there' else here
         np.testing.assert_allclose(actor.pose.rotation, expected.rotation)
+    pl.close()
+
+
+class _Matrices:
+    """A simulator, which mirrors."""
+
+    def sample(self, time):
+        return np.tile(np.diag([-1.0, 1, 1, 1]), (JOINTS, 1, 1)) + time * np.eye(4, k=3)
+
+
+class _Breaks:
+    def sample(self, time):
+        if time:
+            raise RuntimeError
+        return Pose(np.zeros((JOINTS, 3)))
+
+
+def test_figures_posed_together_are_where_each_is_alone():
+    """Unlike ones: skinned by both ways, rigid, morphed, of key frames, of matrices."""
+    rng = np.random.default_rng(11)
+    wheel = Skeleton([-1, 0], Pose([[0, 0, 1.0], [1, 0, 0]], scale=[[1, 1, 1], [1, -1, 1]]))
+    figures = [worm(5.0 * i, clips=[bending(rng.uniform(1, 3))]) for i in range(3)]
+    figures += [Figure([FigureMesh(pv.Disc(), node=1)], wheel, [bending()]), growing()]
+    figures += [worm(n_morphs=2, clips=[bending()]), worm(clips=[bending()]), worm(), worm()]
+    pl = pv.Plotter(off_screen=True)
+    actors = [pl.ibr.add_animated(figure) for figure in figures]
+    actors[1].skinning = 'dual'
+    actors[6].play(loop='pingpong', speed=0.7)
+    actors[7].driver, actors[8].driver = _Matrices(), _Breaks()
+    for time in (0.4, 1.7):
+        pl.ibr.time = time
+        for figure, actor in zip(figures[:8], actors, strict=False):
+            pose, shown = actor.driver.sample(time), actor._moment
+            np.testing.assert_allclose(shown.world, figure.world(pose), atol=1e-12)
+            np.testing.assert_array_equal(shown.signs, np.sign(np.linalg.det(shown.world)))
+            bounds = figure.bounds(pose, actor.skinning)
+            np.testing.assert_allclose(actor.bounds, bounds, atol=3e-5)
     pl.close()

@@ -178,20 +178,21 @@ def test_colours_morph():
     pl.close()
 
 
-def test_too_many_figures_say_so_and_the_others_are_drawn():
-    """All of them keep their textures bound while a frame is drawn."""
-
-    def crowded(count):
-        pl = plotter()
-        for k in range(count):
-            pl.ibr.add_animated(worm(clips=[bending()])).position = (k / 4, 0, 0)
-        pl.camera_position = [(3, -20, 2), (3, 0, 2), (0, 0, 1)]
-        return pl
-
-    pl = crowded(24)
-    with pytest.warns(pvibr.PvibrWarning, match=r'too many figures.*crowd'):
-        pl.show(auto_close=False)
-    on = [figure.enabled for figure in pl.ibr.effects]
-    assert on == sorted(on, reverse=True)
-    assert 8 <= sum(on) < 24
-    np.testing.assert_array_equal(shot(pl), shot(crowded(sum(on))))
+def test_any_number_of_unlike_figures_is_drawn():
+    """Forty, each by its own textures, with shadows and colours: as the meshes that they show."""
+    pl, plain = plotter(lighting='none'), plotter(lighting='none')
+    look, colors = {'smooth_shading': True, 'culling': 'back'}, ('tan', 'red', 'teal')
+    for k in range(40):
+        figure = worm(k=1 + k % 6)
+        made = pl.ibr.add_animated(figure, color=colors[k % 3], **look)
+        made.pose = bend(figure, 0.05 * (k % 9) - 0.2, move=(k % 8 - 3.5, 0, 2.5 * (k // 8) - 6))
+        plain.add_mesh(made.mesh(), color=colors[k % 3], **look)
+    found = []
+    for shown in (pl, plain):
+        shown.add_mesh(pv.Plane(center=(0, 3, 0), direction=(0, -1, 0), i_size=20, j_size=20))
+        shown.add_light(pv.Light(position=(5, -20, 9), light_type='scene light'))
+        shown.ibr.add(pvibr.Shadows(resolution=256))
+        found.append(shot(shown, [(3.0, -20.0, 2.0), (0, 0, 0), (0, 0, 1)]))
+    assert all(figure.enabled for figure in pl.ibr.effects)
+    assert differing(*found, level=4) <= 25
+    assert len(np.unique(found[1].reshape(-1, 3), axis=0)) > 100

@@ -123,7 +123,7 @@ def test_correctives():
 
 
 def test_more_joints_than_a_row_of_the_state(monkeypatch):
-    monkeypatch.setattr('pvibr.figures.posing._STATE_WIDTH', 7)
+    monkeypatch.setattr('pvibr.figures.pose_sheet.STATE_WIDTH', 8)
     figure = worm(n_morphs=3)
     pose = bend(figure, 0.3, weights=[0.5, 0.1, -0.7])
     check(figure, pose)
@@ -133,7 +133,6 @@ def test_more_joints_than_a_row_of_the_state(monkeypatch):
 def test_shapes_stream_through_a_small_store(monkeypatch):
     """More shapes than there is room for come and go; those in use are right."""
     monkeypatch.setattr(shapes_module, 'BUDGET', 1)
-    monkeypatch.setattr(shapes_module, '_FEW', 1)
     figure = worm(n_morphs=6)
     pl = pv.Plotter(off_screen=True, window_size=(64, 64))
     actor = pl.ibr.add_animated(figure)
@@ -145,8 +144,8 @@ def test_shapes_stream_through_a_small_store(monkeypatch):
         pl.render()
         expected, _ = figure.posed(0, actor.pose)
         assert np.abs(read_back(actor)[0] - expected).max() < 1e-5
-        store = actor._posing._passes[0].store
-        assert store.capacity >= len(shown)
+        store = actor._posing._meshes[0].store
+        assert store.nbytes <= (8 + 2) * store.rows * 1024 * 32
     pl.close()
 
 
@@ -158,7 +157,7 @@ def test_each_shape_is_uploaded_once():
     for weight in (0.1, 0.2, 0.3):
         actor.weights = [weight, 0, 0, 1]
         pl.render()
-    assert actor._posing._passes[0].store.loads == 2
+    assert actor._posing._meshes[0].store.loads == 2
     pl.close()
 
 
@@ -188,13 +187,11 @@ def test_several_poses_of_one_mould():
 
 
 def test_too_many_vertices_are_said():
-    from pvibr.figures.posing import Posing
+    from pvibr.figures.posing import Posing, RestMesh
 
-    class Many:
-        points = np.zeros((1, 3))
-
+    one = RestMesh(np.zeros((1, 3)), np.zeros((1, 3)))
     pl = pv.Plotter(off_screen=True, window_size=(64, 64))
     pl.show(auto_close=False)
     with pytest.raises(ValueError, match='vertices in 100000 poses'):
-        Posing(pl.render_window, [Many()], poses=100000)
+        Posing(pl.render_window, [one], poses=100000)
     pl.close()

@@ -40,15 +40,22 @@ def test_as_one_and_one_after_the_other(high, monkeypatch):
         pl.ibr.add(pvibr.Bloom(threshold=0.3))
     drawn = []
     draw = fused.Fused._draw
-    monkeypatch.setattr(
-        fused.Fused, '_draw', lambda s, c, p: drawn.append(len(p)) or draw(s, c, p)
-    )
+
+    def counted(self, picture, points, *to):
+        drawn.append(len(points))
+        return draw(self, picture, points, *to)
+
+    monkeypatch.setattr(fused.Fused, '_draw', counted)
     together = pictures(pl)
     assert set(drawn) == {8 if high else 6}
     monkeypatch.undo()
-    monkeypatch.setattr(
-        fused.Fused, 'draw', lambda s, c, points: [s._draw(c, [p]) for p in points]
-    )
+
+    def one_by_one(self, picture, points, to=None):
+        for point in points[:-1]:
+            self._draw(picture, [point])
+        return self._draw(picture, points[-1:], to)
+
+    monkeypatch.setattr(fused.Fused, 'draw', one_by_one)
     for one, other in zip(together, pictures(pl), strict=True):
         assert np.abs(one - other).max() <= 1
     assert together[0].std() > 10
@@ -61,9 +68,12 @@ def test_what_has_many_textures_is_drawn_in_parts(monkeypatch):
         pl.ibr.add(pvibr.ImageOverlay(image, opacity=0.3))
     drawn = []
     draw = fused.Fused._draw
-    monkeypatch.setattr(
-        fused.Fused, '_draw', lambda s, c, p: drawn.append(len(p)) or draw(s, c, p)
-    )
+
+    def counted(self, picture, points, *to):
+        drawn.append(len(points))
+        return draw(self, picture, points, *to)
+
+    monkeypatch.setattr(fused.Fused, '_draw', counted)
     pl.show(auto_close=False)
     assert max(drawn) < 15
     assert len(drawn) > 1
@@ -83,3 +93,30 @@ void main() { if (much(uv) < 0.5) discard; gl_FragData[0] = texture(color, uv); 
         assert f'{name}_1' in found
     assert found.count('uniform sampler2D color') == 1
     assert 'discard' not in found
+
+
+@pytest.mark.parametrize('tones', [False, True])
+def test_light_in_a_part_of_the_picture_is_added_there_alone(tones, monkeypatch):
+    """As a lamp's is: the same picture to a step, whether that is in a pass over all or not."""
+    pl = pv.Plotter(off_screen=True, window_size=(120, 90))
+    pl.set_background('#203040')
+    pl.add_mesh(pv.Sphere(radius=0.03, center=(-0.4, 0.3, 0)), color='white', lighting=False)
+    pl.add_mesh(pv.Cube(center=(0.3, -0.2, 0), x_length=0.4), color='tan', specular=0)
+    if tones:
+        pl.ibr.add(pvibr.ToneMapping())
+    pl.ibr.add(pvibr.Bloom(0.9, levels=1))
+    pl.camera_position = 'xy'
+    found, local = [], fused._is_local
+    for there in (local, lambda *_: False):
+        asked = []
+        monkeypatch.setattr(
+            fused,
+            '_is_local',
+            lambda *a, there=there, asked=asked: asked.append(there(*a)) or asked[-1],
+        )
+        pl.show(auto_close=False) if not found else pl.render()
+        found.append((pl.screenshot().astype(int), any(asked)))
+    pl.close()
+    assert [was for _, was in found] == [True, False]
+    assert np.abs(found[0][0] - found[1][0]).max() <= 1
+    assert found[0][0].std() > 5

@@ -11,6 +11,8 @@ import pvibr
 from pvibr.core import _vtk
 from tests.pictures import depth_buffer, read
 
+pytestmark = pytest.mark.sampled
+
 TORUS = pv.ParametricTorus(u_res=60, v_res=30)
 BALL = pv.Sphere(theta_resolution=60, phi_resolution=30)
 SIZE = (320, 200)

@@ -60,6 +60,7 @@ def beside(pl):
     pl.add_mesh(MESHES[0], opacity=0.4).scale = (5.0, 5.0, 5.0)
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize('setup', [None, beside], ids=['alone', 'beside others'])
 @pytest.mark.parametrize(('samples', 'blur'), [(0, 0.0), (4, 0.0), (0, 3.0), (4, 1.0)])
 def test_no_background_shows_through_layers(samples, blur, setup):

@@ -8,6 +8,8 @@ import pyvista as pv
 
 from tests.pictures import place, plotter, shot
 
+pytestmark = pytest.mark.sampled
+
 
 def make(seed, parallel, **settings):
     """Return a plotter with two bowls and some balls, and their impostor."""

@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 from pvibr.capture.offscreen import SAMPLES, Stage, covered, mesh_actors
 from pvibr.maths.image_error import crossed, displacements
 from pvibr.meshes.parts import as_parts
+from tests.marks import slow
 
 pytestmark = pytest.mark.all_sizes
 #: Displacement beyond max_error: outlines are known to whole pixels.
@@ -103,7 +104,8 @@ def check_from_everywhere(mesh, folder, count, seed):
                 assert_bound(pictures(stage, cameras, Stage.coverage), truth, own, max_error)
 
 
-@pytest.mark.parametrize('make', [ring, plate])
+@pytest.mark.slow
+@pytest.mark.parametrize('make', [slow(ring), plate])
 def test_from_everywhere(atlases, make):
     check_from_everywhere(make(), atlases, 60, 150)
 

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from pvibr.core.frame import Frame
 from tests.instances.scenes import Scenes
 
-pytestmark = pytest.mark.all_sizes
+pytestmark = [pytest.mark.all_sizes, pytest.mark.sampled]
 
 VIEWS = {
     'side': (1, 0, 0),
@@ -256,6 +256,7 @@ def test_no_flicker_by_parts_of_pixels(scenes, see, bean, size):
     assert np.ptp(energy) < max(0.12 * energy.mean(), 0.02)
 
 
+@pytest.mark.slow
 def test_levels_meet_without_a_step(scenes, see, bean):
     """From pixel to pixel of size neither area nor colour jumps, whichever level is drawn."""
     pl, _ = scenes.instances(bean, [[0, 0, 0]], camera=camera((1, -1, 0.7), 5, False), color='tan')
@@ -293,10 +294,14 @@ def test_area_is_kept_while_levels_change(scenes, see, bean, pair):
 _ONE_LAYER = pytest.param(
     {'opacity': 0.5},
     2.0,
-    marks=pytest.mark.xfail(strict=True, reason='a card shows one layer of a translucent ball'),
+    marks=[
+        pytest.mark.xfail(strict=True, reason='a card shows one layer of a translucent ball'),
+        pytest.mark.slow,
+    ],
 )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(('looks', 'size'), [({}, 2.0), ({}, 0.7), _ONE_LAYER])
 def test_small_things_do_not_flicker_whatever_was_measured(scenes, see, looks, size):
     """A plain ball, drawn by whatever level is chosen, keeps its energy as it moves."""

@@ -79,6 +79,7 @@ def scalars(mesh):
     mesh['height'] = -mesh['height']
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize('change', [moved, replaced, scalars])
 def test_a_changed_mesh_is_drawn_as_it_is_until_baked_again(scenes, see, beans, change):
     look = {'scalars': 'height', 'color': None} if change is scalars else {}

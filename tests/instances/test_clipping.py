@@ -57,11 +57,36 @@ def test_planes_come_move_and_go(bake):
     other.close()
 
 
-def test_others_and_widgets_say_what_to_do():
+def test_pickers_of_pyvista_find_what_is_left():
+    pl, things = scene(lambda pl: pl.ibr.add_instances(pv.Cube(), [[2.0, 2.0, 2.0]], bake=False))
+    shot(pl)
+    picker = _vtk.vtkCellPicker()
+    picker.SetTolerance(0.0)
+    pl.renderer.SetWorldPoint(2, 2, 2, 1.0)
+    pl.renderer.WorldToDisplay()
+    x, y, _ = pl.renderer.GetDisplayPoint()
+    picker.Pick(x, y, 0, pl.renderer)
+    assert things.instance_of(picker.GetActor()) == 0
+    before = np.array(picker.GetPickPosition())
+    away = np.array(CAMERA[0]) - 2.0
+    things.mapper.AddClippingPlane(plane((2, 2, 2), -away))
+    shot(pl)
+    picker.Pick(x, y, 0, pl.renderer)
+    assert things.instance_of(picker.GetActor()) == 0  # its back, from inside
+    behind = np.array(picker.GetPickPosition())
+    np.testing.assert_allclose(things.pick(x, y).point, behind, atol=1e-4)
+    assert away @ (before - 2) > 0.1
+    assert away @ (behind - 2) < 1e-6
+    things.mapper.AddClippingPlane(plane((2, 2, 0), (0, 0, -1)))
+    shot(pl)
+    picker.Pick(x, y, 0, pl.renderer)
+    assert picker.GetActor() is None
+    assert things.pick(x, y) is None
+
+
+def test_widgets_say_what_to_do():
     pl = pv.Plotter(off_screen=True)
     balls = pl.ibr.add_spheres([[0.0, 0, 0]])
-    with pytest.raises(AttributeError, match='Spheres cannot be clipped: leave items out'):
-        balls.mapper.AddClippingPlane(plane((0, 0, 0), (1, 0, 0)))
     with pytest.raises(TypeError, match=r'Spheres is none.*add_plane_widget'):
         pl.add_mesh_clip_plane(balls)
     assert pl.add_mesh_clip_plane(pv.Sphere()) is not None

@@ -58,6 +58,7 @@ def shown(scenes, sets, level, **kwargs):
     return pl
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize('level', [None, 'flat', 'blended', {'flat': (0, 30), 'mesh': (30, 1e9)}])
 def test_no_background_shows_through_sets(scenes, see, sets, inside, level):
     pl = shown(scenes, sets, level)
@@ -112,6 +113,7 @@ def test_a_view_is_the_same_picture_whatever_was_drawn_before(scenes, sets):
 STEREO = ('Left', 'Right', 'Anaglyph', 'SplitViewportHorizontal', 'CrystalEyes')
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize('kind', STEREO)
 def test_the_first_frame_of_each_eye_is_the_last(scenes, sets, kind):
     pl = scenes.empty(SIZE)
@@ -157,6 +159,7 @@ def test_screenshots_and_deterministic_frames_do_not_depend_on_what_was_before(s
         np.testing.assert_array_equal(first, found)
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize('edges', [False, True], ids=['many a draw', 'an actor each'])
 @pytest.mark.parametrize('seed', [3, 4])
 def test_meshes_of_equal_depth_do_not_depend_on_which_was_needed_first(scenes, see, edges, seed):

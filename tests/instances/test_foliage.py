@@ -11,6 +11,7 @@ import pvibr
 from pvibr.instances.foliage_quads import Groups, Layout, clusters, components, dilated, quads
 from pvibr.instances.levels import _levels, content_key
 from pvibr.meshes.parts import as_parts
+from tests.marks import slow
 
 
 @pytest.fixture(scope='module')
@@ -246,7 +247,8 @@ def by_glb(trunk, leaves, image, folder):
     return folder / 'tree.gltf', {}
 
 
-@pytest.mark.parametrize('seed', [0, 7])
+@pytest.mark.sampled
+@pytest.mark.parametrize('seed', [0, slow(7)])
 @pytest.mark.parametrize('given', [by_texture, by_actors, by_parts, by_blocks, by_glb])
 def test_a_plant_is_given_as_add_mesh_takes_it(given, seed, tmp_path):
     what, looks = given(*textured(seed), tmp_path)

@@ -37,6 +37,7 @@ def cover_and_color(picture):
     return cover, picture[..., :3].sum((0, 1)) / cover
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize(('level', 'darker'), [('splat', 0.2), ('flat', 0.15)])
 def test_large_sets_cover_what_the_meshes_do(scenes, mesh, level, darker, monkeypatch):
     monkeypatch.setattr(group, 'SORTED', FEW)

@@ -11,6 +11,8 @@ import pvibr
 from pvibr.meshes.decimate import lighter
 from pvibr.meshes.parts import as_parts
 
+pytestmark = pytest.mark.sampled
+
 SIZE = (150, 110)
 CAMERA = {'eye': (7, -8, 6), 'focus': (0, 0, 0), 'angle': 32}
 
@@ -100,6 +102,7 @@ def plain_parts(scenes, see, part):
     return see.place(truth, **CAMERA)
 
 
+@pytest.mark.slow
 def test_holes_and_parts(scenes, see):
     look = {'texture': checks(alpha=True), 'smooth_shading': True, 'alpha_cutoff': 0.5}
     drawn, _ = near(scenes, body(), poses(), **look)

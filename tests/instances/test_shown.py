@@ -81,6 +81,7 @@ def shown(atlas, row, column, meshes, **look):
     return dark, 1 - (light - dark).mean(-1)
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize('look', LOOKS.values(), ids=LOOKS)
 def test_colours_are_those_that_vtk_draws(look):
     mesh = bowl()

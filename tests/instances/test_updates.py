@@ -108,6 +108,7 @@ def fresh(scenes, shapes, twin):
     return pl, things
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('sorted_up_to', [16_384, 30], ids=['single', 'blocks'])
 @settings(deadline=None, max_examples=5)
 @given(

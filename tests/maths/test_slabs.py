@@ -47,6 +47,7 @@ def test_directions_are_spread_and_turns_are_around(step):
     assert np.arccos(np.clip(cosines, -1, 1)).max() < 1.5 * step
 
 
+@pytest.mark.slow
 @settings(max_examples=30)
 @given(st.integers(0, 2**32 - 1), st.floats(0.05, 1))
 def test_merged_slabs_hold_every_triangle_and_are_not_more(seed, bound):

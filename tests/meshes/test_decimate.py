@@ -126,6 +126,15 @@ def test_points_that_no_triangle_uses_do_no_harm():
     assert 0 < less.n_cells < full.n_cells
 
 
+@pytest.mark.parametrize('count', [1, 2, 3])
+def test_the_last_triangles_of_a_part_are_not_simplified_to_none(count):
+    points = np.array([[0, 0, 0], [0, 1, 0], [0, 0, 9], [0, 1, 9], [0.5, 0, 9.0]])
+    faces = np.array([[0, 1, 2], [1, 3, 2], [2, 3, 4]])[:count]
+    (part,) = as_parts(pv.PolyData.from_regular_faces(points, faces))
+    found = lighter(part, 0.25)
+    assert found is None or found.mesh.n_cells > 0
+
+
 @pytest.mark.parametrize('kind', [np.float64, np.uint8])
 def test_point_arrays_are_kept_in_their_type(kind):
     mesh = ball()

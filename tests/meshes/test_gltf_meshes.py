@@ -159,9 +159,12 @@ def test_gpu_instancing(glb):
 def test_gpu_instancing_of_scales_only(glb):
     instanced(glb, SCALE=[[1, 1, 1], [0, 0, 0], [-1, 1, 1]])
     (mesh,), _, matrices = scene_instances(glb.write())
-    # The one that is scaled to nothing is invisible; with a mirrored one no back is culled.
+    # The one that is scaled to nothing is invisible; instances cull no back where one mirrors.
     assert matrices[:, 0, 0].tolist() == [1, -1]
-    assert 'culling' not in mesh.surfaces[0][1]
+    assert mesh.surfaces[0][1]['culling'] == 'back'
+    pl = plotter()
+    made = pl.ibr.add_instances(glb.write(), bake=False)
+    assert made.prop.culling == 'none'
 
 
 def test_instances_of_a_real_file(data_dir):
@@ -302,6 +305,7 @@ def test_textures_are_those_of_trimesh(tmp_path, mode):
     for mesh in (box, tmp_path / 'box.glb'):
         pl = plotter((80, 60))
         for part in as_parts(mesh, lighting=False):
+            part.actor.texture.mipmap = True  # a file without a sampler leaves it to the reader
             pl.add_actor(part.actor)
         pl.view_isometric()
         pictures.append(grab(pl))

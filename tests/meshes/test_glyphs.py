@@ -12,6 +12,8 @@ import pyvista as pv
 from pvibr.core.errors import PvibrWarning
 from tests.pictures import off, place, plotter, shot
 
+pytestmark = pytest.mark.sampled
+
 CONE = pv.Cone(direction=(1.0, 2.0, 3.0), resolution=5)
 TABLE = [CONE, pv.Cube()]
 

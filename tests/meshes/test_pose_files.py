@@ -2,6 +2,8 @@
 
 import gzip
 import json
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -110,7 +112,7 @@ def test_arrays_on_disk(tmp_path):
     file.write_bytes(b'')
     with pytest.raises(ValueError, match=r'a\.npy'):
         read_poses(file)
-    with pytest.raises(FileNotFoundError):
+    with pytest.raises(FileNotFoundError, match=r'poses file at the path .*no\.csv'):
         read_poses(tmp_path / 'no.csv')
 
 
@@ -131,7 +133,7 @@ def test_others_are_read_only_when_wanted(tmp_path):
     assert {k: v.tolist() for k, v in columns.items()} == {'c7': [10], 'c999': [1002]}
     assert len(read_poses(file)[1]) == 1000
     assert read_poses(file, others=())[1] == {}
-    with pytest.raises(ValueError, match="no column 'c1000'"):
+    with pytest.raises(ValueError, match="others has 'c1000', which is no column"):
         read_poses(file, others=['c1000'])
 
 
@@ -311,6 +313,13 @@ def test_other_json_is_no_city(tmp_path):
         read_mesh(file)
     with pytest.raises(FileNotFoundError):
         read_city(tmp_path / 'no.json')
+
+
+def test_a_city_leaves_the_json_of_others_as_it_is(tmp_path):
+    """In a process of its own: the library is imported once."""
+    program = 'import json, sys; from pvibr import read_city; read_city(sys.argv[1]); '
+    program += 'assert json.loads(json.dumps([0.1 + 0.2, 1e-300])) == [0.1 + 0.2, 1e-300]'
+    subprocess.run([sys.executable, '-c', program, str(_city(tmp_path))], check=True)
 
 
 def test_a_real_city(data_dir):

@@ -190,6 +190,8 @@ BAD = [
     ({'scale': np.inf}, ValueError, 'scale is inf'),
     ({'scale': ['x', 'y']}, TypeError, 'scale is'),
     ({'factor': 'big'}, TypeError, "factor is 'big'"),
+    ({'scale': 1e300}, ValueError, 'scale is up to'),
+    ({'factor': 1e300}, ValueError, 'factor is 1e'),
     ({'factor': np.nan}, ValueError, 'factor is nan'),
     ({'factor': [1.0, 2.0]}, ValueError, 'factor is'),
 ]

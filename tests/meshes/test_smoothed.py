@@ -1,4 +1,4 @@
-"""Normals of flat-shaded surfaces: means of facets that bend, but not at creases."""
+"""Normals of lighter meshes: those of the surface that each triangle stands for."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import pytest
 import pyvista as pv
 
 from pvibr.instances.levels import make_model
+from pvibr.meshes.decimate import lighter
 from pvibr.meshes.parts import as_parts
 from pvibr.meshes.smoothed import smoothed
 
@@ -22,88 +23,98 @@ def ball(sides):
     return pv.Sphere(theta_resolution=2 * sides, phi_resolution=sides)
 
 
-def prism(sides=6):
-    return pv.Cylinder(resolution=sides, capping=True).triangulate().subdivide(3, 'linear')
+def cut_ball(height=0.3, sides=60):
+    """A ball with a flat top, whose rim is a crease of about 50 degrees."""
+    mesh = ball(sides)
+    mesh.clear_data()
+    points = np.array(mesh.points)
+    points[:, 2] = np.minimum(points[:, 2], height)
+    mesh.points = points
+    return mesh
 
 
-def smooth(mesh, **looks):
+def levels(mesh, share=0.1, **looks):
+    """Return a lighter part, and the same with fitted normals."""
     (part,) = as_parts(mesh, **looks)
-    return smoothed(part)
+    light = lighter(part, share)
+    return light, smoothed(part, light)
 
 
-def test_normals_are_those_of_the_surface():
-    part = smooth(soup(ball(30)), color='tan')
-    normals = part.mesh.point_data.active_normals
-    out = part.mesh.points / np.linalg.norm(part.mesh.points, axis=1, keepdims=True)
-    assert (normals * out).sum(1).min() > 0.995
-    assert part.actor.prop.interpolation.name == 'GOURAUD'
-    assert part.mesh.active_scalars_name is None
+def corners(part):
+    """Return places and normals at the corners of triangles, float64."""
+    faces = part.mesh.regular_faces
+    normals = np.asarray(part.mesh.point_data.active_normals, float)
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    return np.asarray(part.mesh.points, float)[faces], normals[faces]
+
+
+@pytest.mark.parametrize('looks', [{}, {'smooth_shading': True}], ids=['flat', 'smooth'])
+def test_normals_are_those_of_the_surface(looks):
+    rng = np.random.default_rng(7)
+    radii = rng.uniform(0.6, 1.6, 3)
+    mesh = ball(50)
+    mesh.clear_data()
+    mesh.points *= radii
+    mesh = soup(mesh) if not looks else mesh
+    light, part = levels(mesh, 0.05, color='tan', **looks)
+    assert part.mesh.n_cells == light.mesh.n_cells < 0.06 * mesh.n_cells
+    places, normals = corners(part)
+    truth = places / radii**2  # the gradient of an ellipsoid
+    truth /= np.linalg.norm(truth, axis=2, keepdims=True)
+    assert (normals * truth).sum(2).min() > np.cos(np.radians(6))
+    assert np.degrees(np.arccos(np.clip((normals * truth).sum(2), -1, 1))).mean() < 1
+    assert part.actor.prop.interpolation.name in ('GOURAUD', 'PHONG')
+    assert part.mesh.n_points < light.mesh.n_points * 1.5 or not looks
 
 
 def test_creases_stay():
-    """A can of many sides: its rim is a crease, its side is round."""
-    part = smooth(prism(40))
-    places = np.asarray(part.mesh.points, float)[part.mesh.regular_faces]
-    normals = part.mesh.point_data.active_normals[part.mesh.regular_faces]
-    cap = np.ptp(places[..., 0], axis=1) < 1e-6
-    np.testing.assert_allclose(np.abs(normals[cap][..., 0]), 1, atol=1e-5)
-    round_ = places[~cap] * [0, 1, 1]
-    round_ /= np.linalg.norm(round_, axis=2, keepdims=True)
-    assert (normals[~cap] * round_).sum(2).min() > 0.99
+    """The flat top is flat up to its rim, the round side round."""
+    _, part = levels(cut_ball(), color='tan')
+    places, normals = corners(part)
+    top = (places[..., 2] > 0.3 - 1e-6).all(1)
+    assert top.any()
+    assert (normals[top] @ (0, 0, 1)).min() > np.cos(np.radians(2))
+    side = (places[..., 2] < 0.29).all(1)
+    out = places[side] / np.linalg.norm(places[side], axis=2, keepdims=True)
+    assert (normals[side] * out).sum(2).min() > np.cos(np.radians(8))
 
 
 @pytest.mark.parametrize(
     ('mesh', 'looks'),
     [
-        (prism(), {}),
-        (pv.Plane().triangulate(), {}),
-        (ball(12), {'smooth_shading': True}),
+        (pv.Cube().triangulate().subdivide(4, 'linear'), {}),
+        (pv.Plane(i_resolution=20, j_resolution=20).triangulate(), {}),
         (ball(12), {'alpha_cutoff': 0.5}),
     ],
-    ids=['prism', 'plane', 'smooth', 'cut out'],
+    ids=['cube', 'plane', 'cut out'],
 )
-def test_what_is_flat_or_smooth_stays_so(mesh, looks):
-    assert smooth(mesh, **looks) is None
+def test_what_is_right_stays(mesh, looks):
+    light, part = levels(mesh, **looks)
+    assert part is light
 
 
 def test_arrays_are_kept():
-    mesh = ball(20)
+    mesh = ball(40)
     mesh['height'] = mesh.points[:, 2].copy()
-    mesh.cell_data['side'] = np.arange(mesh.n_cells)
-    part = smooth(mesh, scalars='height')
-    np.testing.assert_allclose(part.mesh['height'], part.mesh.points[:, 2], atol=1e-6)
+    mesh.cell_data['side'] = np.sign(mesh.cell_centers().points[:, 0])
+    _, part = levels(mesh, scalars='height')
+    np.testing.assert_allclose(part.mesh['height'], part.mesh.points[:, 2], atol=0.01)
     assert part.mesh.active_scalars_name == 'height'
-    part = smooth(mesh, scalars='side')
-    np.testing.assert_array_equal(part.mesh.cell_data['side'], np.arange(mesh.n_cells))
+    light, part = levels(mesh, scalars='side')
+    np.testing.assert_array_equal(part.mesh.cell_data['side'], light.mesh.cell_data['side'])
 
 
-def shading(model):
-    """Return how each level interpolates light."""
-    return [level.parts[0].actor.prop.interpolation.name for level in model.levels]
-
-
-@pytest.mark.parametrize('seed', [3, 8])
-def test_levels_have_the_shading_with_the_least_error(tmp_path, monkeypatch, seed):
-    """Facets too small to see become smooth; those that are seen do not."""
+def test_levels_of_facets_too_small_to_see_are_smooth(tmp_path, monkeypatch):
     monkeypatch.setattr('pvibr.instances.measure.SIZES', (8, 64))
     kwargs = {'views': 2, 'tile': 16, 'cache': tmp_path}
-    rng = np.random.default_rng(seed)
     fine = ball(60)
-    fine.points *= 1 + 0.1 * np.sin(fine.points @ rng.normal(size=(3, 1)) * 3)
-    model = make_model(as_parts(soup(fine)), **kwargs)
-    # The first lighter level, of a quarter of the facets, is about as close either way.
-    assert shading(model)[0] == 'FLAT'
-    assert len(model.levels) > 3
-    assert set(shading(model)[2:]) == {'GOURAUD'}
-    again = make_model(as_parts(soup(fine)), **kwargs)  # of the cache
-    assert shading(again) == shading(model)
-    # Cut by planes that meet at less than what counts as a crease.
-    cut = ball(40)
-    for normal in (
-        pv.Icosahedron()
-        .subdivide(1)
-        .compute_normals(cell_normals=True, point_normals=False, inplace=False)['Normals']
-    ):
-        over = np.maximum(np.array(cut.points) @ normal - 0.46, 0)
-        cut.points = np.array(cut.points) - over[:, None] * normal
-    assert set(shading(make_model(as_parts(cut), **kwargs))) == {'FLAT'}
+    fine.points *= 1 + 0.1 * np.sin(fine.points @ np.random.default_rng(3).normal(size=(3, 1)) * 3)
+
+    def shading():
+        model = make_model(as_parts(soup(fine)), **kwargs)
+        return [level.parts[0].actor.prop.interpolation.name for level in model.levels]
+
+    made = shading()
+    assert len(made) > 3
+    assert made == ['FLAT', *['GOURAUD'] * (len(made) - 1)]
+    assert shading() == made  # of the cache

@@ -97,6 +97,7 @@ def pose(angle, scale=1.0, shift=(0, 0, 0)):
     return matrix
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize('offset', [0.0, 1e6])
 @pytest.mark.parametrize('parallel', [None, 2.2], ids=['perspective', 'parallel'])
 def test_the_side_that_the_eye_sees_is_shown_and_lit(fir, foliage, atlases, parallel, offset, see):

@@ -313,6 +313,7 @@ def in_a_room(pl, mirrors, depth, side, seed):
         pl.add_mesh(plate, lighting=False, color='white').texture = live.texture
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize(('seed', 'focus'), [(0, (0, 1.2, 0)), (3, (0.5, 1.2, 0.15))])
 @pytest.mark.parametrize('depth', [0, 1, 3])
 def test_mirrors_in_parallel_projection_show_the_unfolded_scene(depth, seed, focus):

@@ -14,6 +14,8 @@ from pvibr.maths.draping import sample
 from pvibr.maths.orthographic import Orthographic
 from pvibr.maths.pinhole import Pinhole
 
+pytestmark = pytest.mark.sampled
+
 LENS = (-0.25, 0.08, 1e-3, -2e-3)
 GREEN = np.zeros((90, 160, 3), np.uint8) + np.uint8([0, 255, 0])
 ABOVE = Orthographic.from_extent(-1, 1, -1, 1, zmax=5)
@@ -389,6 +391,57 @@ def test_gains_make_overlaps_alike(stage):
     assert abs(mixed[left].mean() / mixed[right].mean()) > 1.2 * (
         plain[left].mean() / plain[right].mean()
     )
+
+
+@pytest.mark.parametrize('samples', [0, 8])
+@pytest.mark.parametrize('seed', [3, 11])
+def test_no_specks_on_steep_terrain(seed, samples):
+    """From above nothing hides any of it: valleys and multisampled borders stay painted."""
+    rng, n = np.random.default_rng(seed), 96
+    waves = np.fft.fft2(rng.normal(size=(n, n)))
+    k = np.hypot(*np.meshgrid(*[np.fft.fftfreq(n, 1 / n)] * 2)) + 1
+    heights = np.real(np.fft.ifft2(waves / k**1.6))
+    y, x = np.mgrid[-10 : 10 : n * 1j, -10 : 10 : n * 1j]
+    mesh = pv.StructuredGrid(x, y, 1.5 * heights / heights.std())
+    above = pvibr.Orthographic.from_extent(-10.1, 10.1, -10.1, 10.1)
+    pl = pv.Plotter(off_screen=True, window_size=(300, 225))
+    pl.disable_anti_aliasing()
+    if samples:
+        pl.enable_anti_aliasing('msaa', multi_samples=samples)
+    pl.set_background('black')
+    pl.add_mesh(mesh, color='magenta', lighting=False)
+    green = np.zeros((8, 8, 3))
+    green[..., 1] = 1
+    photo = pl.ibr.add(pvibr.Projector(green, above))
+    pl.camera_position = [(3, -24, 13), (0, 0, 0), (0, 0, 1)]
+
+    def bare():
+        pl.render()
+        return (pl.screenshot(return_img=True)[..., 0] > 60).sum()
+
+    with_depth = bare()
+    photo.occlusion = False  # what is left faces away
+    assert with_depth - bare() <= 15  # of 30 000; 200 and 6 000 by the receiver's plane alone
+    pl.close()
+    assert (
+        pvibr.Projector(green, above).bake(mesh.extract_surface(algorithm=None))['covered'].all()
+    )
+
+
+def test_the_first_frame_with_gains_is_right_and_they_can_be_read():
+    """Measuring them draws in another window, within the first frame."""
+    base = np.tile(np.linspace(0.3, 0.9, 90)[:, None, None], (1, 90, 3))
+    grid = pv.Plane(i_size=4, j_size=4, i_resolution=20, j_resolution=20)
+    pl = pv.Plotter(off_screen=True, window_size=(200, 150))
+    pl.add_mesh(grid, color='white')
+    photos = pl.ibr.add(pvibr.Projector([base, 0.5 * base], list(sides()), gains='auto'))
+    assert photos.found_gains.tolist() == [[1, 1, 1]] * 2
+    first = pl.screenshot(return_img=True)
+    for _ in range(2):
+        pl.render()
+    np.testing.assert_array_equal(first, pl.screenshot(return_img=True))
+    assert np.abs(photos.found_gains[1] / photos.found_gains[0] - 2).max() < 0.02
+    pl.close()
 
 
 # -- as data ------------------------------------------------------------------------------------

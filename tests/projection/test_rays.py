@@ -120,7 +120,7 @@ def test_instances_figures_and_impostors_cast_as_their_meshes():
     meshes += [figure.mesh().extract_surface(algorithm=None)]
     meshes += [cube.translate((x, -1.5, 0.5)) for x in (-1, 1)]
     for method in ('rays', 'map'):
-        how = {'to': 'cells', 'method': method}
+        how = {'to': 'cells', 'method': method, 'resolution': 1024}
         found = pvibr.shadow_mask(ground, light, [cubes, figure, impostor], **how)
         np.testing.assert_array_equal(found, pvibr.shadow_mask(ground, light, meshes, **how))
         for caster, few in ((cubes, 5), (figure, 1), (impostor, 5)):
@@ -158,6 +158,49 @@ def test_without_embree_rays_name_their_extra(monkeypatch):
 def test_what_is_wrong_is_told():
     with pytest.raises(ValueError, match="method is 'ray'"):
         pvibr.shadow_mask(grid(), lamp((0, 0, 3)), method='ray')
+    with pytest.raises(ValueError, match='resolution is 0'):
+        pvibr.shadow_mask(grid(), lamp((0, 0, 3)), resolution=0)
     clouds = pvibr.Shadows()
-    with pytest.raises(TypeError, match='no mesh'):
+    with pytest.raises(TypeError, match='must be meshes, actors or things'):
         pvibr.shadow_mask(grid(), lamp((0, 0, 3)), [clouds])
+
+
+def thin_scene(seed, count=6):
+    """Return a hilly ground and masts and blades far thinner than texels of a small map."""
+    rng = np.random.default_rng(seed)
+    ground = pv.Plane(i_size=100, j_size=100, i_resolution=60, j_resolution=60).triangulate()
+    x, y, _ = points = np.array(ground.points, float).T
+    points[2] = 3 * np.sin(x / 9) * np.cos(y / 13)
+    ground.points = points.T
+    thin = []
+    for x, y in rng.uniform(-40, 40, (count, 2)):
+        up = {'center': (x, y, 8), 'direction': (0, 0, 1), 'radius': 0.15, 'height': 16}
+        thin.append(pv.Cylinder(**up, resolution=8).triangulate())
+        blade = pv.Box((x - 0.1, x + 0.1, y - 5, y + 5, 16, 16.2))
+        thin.append(blade.rotate_y(rng.uniform(0, 90), point=(x, y, 16)))
+    return ground, thin
+
+
+@pytest.mark.parametrize(
+    ('kind', 'seed', 'to'),
+    [('sun', 0, 'cells'), ('sun', 11, 'points'), ('spot', 3, 'points'), ('point', 15, 'cells')],
+)
+def test_maps_say_where_they_may_be_wrong(kind, seed, to):
+    ground, thin = thin_scene(seed)
+    sun = pv.Light(position=(30, 18, 25), light_type='scene light')
+    if kind != 'sun':
+        sun.positional, sun.cone_angle = True, 50 if kind == 'spot' else 90
+    true = pvibr.shadow_mask(ground, sun, thin, to=to, method='rays')
+    shares = []
+    for resolution in (256, None):
+        how = {'method': 'map', 'resolution': resolution, 'doubt': True}
+        lit, doubt = pvibr.shadow_mask(ground, sun, thin, to=to, **how)
+        wrong = np.abs(lit - true)
+        assert (wrong > doubt + 0.5).mean() < 1e-3
+        assert doubt.mean() < (0.1 if to == 'points' else 0.7) if resolution else 0.005
+        shares.append((wrong > 0.5).sum())
+        assert wrong.sum() <= doubt.sum()
+    assert shares[0] > 5 * shares[1]
+    lit, doubt = pvibr.shadow_mask(ground, sun, thin, to=to, method='rays', doubt=True)
+    np.testing.assert_array_equal(lit, true)
+    assert not doubt.any()

@@ -10,8 +10,9 @@ import pvibr
 from pvibr.bench.common.rays import Rays
 from pvibr.maths.orthographic import Orthographic
 from pvibr.maths.pinhole import Pinhole
+from pvibr.projection import rays
 from pvibr.projection.depth_maps import view_of
-from pvibr.projection.samples import Samples
+from pvibr.projection.samples import Samples, sides_of
 
 ABOVE = Orthographic.from_extent(-1, 1, -1, 1, zmax=5)
 
@@ -53,6 +54,20 @@ def off_band(mesh, true):
         np.minimum.at(low, corner, true)
         np.maximum.at(high, corner, true)
     return (low == high)[faces].all(1)
+
+
+@pytest.mark.parametrize('kind', [tuple, list, dict])
+def test_intrinsics_ask_for_the_size_of_their_picture(kind):
+    mesh, camera = grid(), looking((0.2, -4, 3), (0, 0, 0))
+    bare = {'K': camera.K, 'R': camera.R, 't': camera.t}
+    given = bare if kind is dict else kind(bare.values())
+    with pytest.raises(ValueError, match='size = None: must be width and height'):
+        pvibr.visible(mesh, given)
+    wanted = pvibr.visible(mesh, camera)
+    assert 0 < wanted.sum() < len(wanted) or wanted.all()
+    np.testing.assert_array_equal(pvibr.visible(mesh, given, size=camera.size), wanted)
+    named = bare | {'size': camera.size}
+    np.testing.assert_array_equal(pvibr.visible(mesh, named, size=camera.size), wanted)
 
 
 @pytest.mark.parametrize('to', ['points', 'cells'])
@@ -206,5 +221,40 @@ def test_bad_input_is_named(call, message):
 
 
 def test_what_is_no_mesh_is_named():
-    with pytest.raises(TypeError, match='no mesh'):
+    with pytest.raises(TypeError, match='casters has 3'):
         pvibr.visible(grid(), ABOVE, casters=[3])
+
+
+@pytest.mark.parametrize('split', [False, True])
+def test_what_is_closed_is_lit_outside(split):
+    """Closed meshes, whatever points their triangles share, as VTK's own count of open edges."""
+    rng = np.random.default_rng(5)
+    for whole in (pv.Icosahedron(), pv.Cube().triangulate(), pv.Cone(resolution=5).triangulate()):
+        for how in ('whole', 'inside out', 'hole', 'twice'):
+            faces = whole.regular_faces[:, :: -1 if how == 'inside out' else 1]
+            faces = faces[rng.permutation(len(faces))]
+            faces = {'hole': faces[1:], 'twice': [*faces, faces[0]]}.get(how, faces)
+            points = whole.points[np.array(faces)].reshape(-1, 3) if split else whole.points
+            faces = np.arange(len(points)).reshape(-1, 3) if split else faces
+            mesh = pv.PolyData.from_regular_faces(points, faces)
+            is_open = mesh.clean().n_open_edges > 0
+            assert is_open == (how in ('hole', 'twice'))
+            want = 0 if is_open else -1 if how == 'inside out' else 1
+            assert sides_of(mesh, None) == want, how
+
+
+def test_a_tree_serves_until_a_triangle_moves():
+    """Of embree: it is made anew where points are written in place, which no time stamp tells."""
+    pytest.importorskip('embreex')
+    mesh, roof = grid(count=9), pv.Plane(center=(0, 0, 1), i_size=1.0, j_size=1.0)
+    scenes, areas = [], []
+    for step in ('', 'sun', 'shift', 'again'):
+        light = lamp((0, 0, 5) if step == '' else (1, 0, 5))
+        if step == 'shift':
+            np.asarray(roof.points)[:, 0] += 0.3
+        lit = pvibr.shadow_mask(mesh, light, [roof], to='cells', method='rays')
+        areas.append(mesh.cell_centers().points[lit == 0].mean(0)[0])
+        scenes.append(rays._KEPT[-1])
+    assert scenes[0] is scenes[1] is not scenes[2] is scenes[3]
+    assert areas[1] < areas[0] - 0.1
+    assert areas[2] == areas[3] > areas[1] + 0.2

@@ -7,6 +7,7 @@ import pytest
 import pyvista as pv
 
 from pvibr.quadrics import occlusion
+from tests.marks import slow
 
 COUNT = 20_000
 VIEWS = [(0, -7.5, 1), (5, 5, 4), (0.1, 0.2, -6), (-4, 0, 0.3), (0, -1.5, 0), (0.2, 0.1, 0)]
@@ -33,10 +34,16 @@ def always(monkeypatch):
     return lambda share: monkeypatch.setattr(occlusion, '_WORTH', share)
 
 
+MODES = (None, False), (None, True), ('msaa', False), ('ssaa', False)
+#: Each kind and each mode at least once.
+QUICK = {'spheres': MODES[::2], 'ellipsoids': MODES[1::2], 'cylinders': MODES[2:3]}
+
+
+@pytest.mark.sampled
 @pytest.mark.parametrize(
-    ('smooth', 'parallel'), [(None, False), (None, True), ('msaa', False), ('ssaa', False)]
+    ('kind', 'smooth', 'parallel'),
+    [slow(kind, *mode, when=mode not in QUICK[kind]) for kind in QUICK for mode in MODES],
 )
-@pytest.mark.parametrize('kind', ['spheres', 'ellipsoids', 'cylinders'])
 def test_nothing_that_is_seen_is_left_out(kind, smooth, parallel, see, always):
     pl = pv.Plotter(off_screen=True, window_size=(200, 150))
     pl.disable_anti_aliasing()

@@ -10,6 +10,9 @@ import pyvista as pv
 
 from pvibr.core.frame import Frame
 from pvibr.maths.quadric_rays import cast, inner, meet_cylinders, meet_ellipsoids, meet_spheres
+from tests.marks import slow
+
+pytestmark = pytest.mark.sampled
 
 SIZE = 200, 150
 EARTH = 6.4e6
@@ -108,9 +111,15 @@ def stand_by(pl, height, parallel):
 THIN = (1, 1, 1e-4), (1, 1e-4, 1e-4), (1, 0.01, 1e-4)
 
 
-@pytest.mark.parametrize('parallel', [False, True])
-@pytest.mark.parametrize('thin', THIN)
-@pytest.mark.parametrize(('away', 'seed'), [(4.0, 2), (0.3, 1)])
+@pytest.mark.parametrize(
+    ('thin', 'away', 'seed', 'parallel'),
+    [
+        slow(thin, *place, parallel, when=(k + (place[1] == 1) + parallel) % 2)
+        for k, thin in enumerate(THIN)
+        for place in ((4.0, 2), (0.3, 1))
+        for parallel in (False, True)
+    ],
+)
 def test_ellipsoids_as_thin_as_may_be(away, thin, parallel, seed, see):
     # From afar they are thinner than a pixel and drawn as thick, from nearby those of 40 are seen.
     rng = np.random.default_rng(seed)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from functools import partial
+from functools import partial, wraps
 
 import numpy as np
 import pytest
@@ -16,6 +16,8 @@ from pvibr.maths.quadric_rays import CAPS, cast, inner, meet_cylinders, meet_ell
 from pvibr.quadrics.cylinders import Cylinders
 from pvibr.quadrics.ellipsoids import Ellipsoids
 from pvibr.quadrics.quadrics import Quadrics
+
+pytestmark = pytest.mark.sampled
 
 SIZE = (150, 90)
 
@@ -102,6 +104,7 @@ def only(monkeypatch, way):
     )
     init = Quadrics.__init__
 
+    @wraps(init)  # with what it takes
     def patched(self, **kwargs):
         self.shape = dataclasses.replace(self.shape, largest_point=largest)
         init(self, **kwargs)
@@ -418,6 +421,32 @@ def test_opacity_of_each_and_of_all(see):
     things.opacity = [0.0, 0.5]
     np.testing.assert_allclose(see.grab(pl)[y, [left, right]], [[0, 0, 0], [0, 0.5, 0]], atol=0.01)
     pl.close()
+
+
+@pytest.mark.parametrize('kind', ['ellipsoids', 'round'])
+def test_alpha_of_colors_multiplies_opacity(kind, see):
+    count = len((eggs if kind == 'ellipsoids' else bars)()[0])
+    colors = np.random.default_rng(7).uniform(0.2, 1, (count, 4))
+    colors[0, 3] = 1.0
+
+    def shown(colors, opacity):
+        pl = plotter()
+        things = add(pl, kind, colors=colors, opacity=opacity, lighting=False)
+        aim(pl, (0, -6, 1))
+        plain = pl.ibr.to_plain_plotter()
+        pictures = see.grab(pl), plain.screenshot(None, return_img=True) / 255
+        assert things.blends
+        things.colors = colors[:, :3]
+        assert things.blends == (np.min(opacity) < 1)
+        for each in (pl, plain):
+            each.close()
+        return pictures
+
+    for opacity in (1.0, 0.5, np.linspace(0.3, 1, count)):
+        wanted = shown(colors[:, :3], colors[:, 3] * opacity)
+        for found, want in zip(shown(colors, opacity), wanted, strict=True):
+            np.testing.assert_allclose(found, want, atol=0.02)
+            assert 0.1 < want.max() < 1
 
 
 def test_many_translucent_ones_are_what_peeling_shows(see):

@@ -63,6 +63,7 @@ def compare(pl, things, see, atol=1.01 / 255):
     assert seen.sum() > 100
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize('offset', [0.0, 1e6])
 @pytest.mark.parametrize('parallel', [None, 1.3], ids=['perspective', 'parallel'])
 @pytest.mark.parametrize('largest', [60.0, -1.0], ids=['points', 'quads'])

@@ -8,6 +8,8 @@ import pyvista as pv
 
 from tests.scene.test_things import THINGS, Scene
 
+pytestmark = pytest.mark.sampled
+
 BAD = [
     {'scalar_bar_args': {'titel': 'x'}},
     {'scalar_bar_args': {'title': 3}},

@@ -58,9 +58,26 @@ def test_ids_are_indices_top_row_first(pl):
     top = pl.add_mesh(pv.Cube(center=(0, 1.2, 0), x_length=0.3, y_length=0.3))
     glass = pl.add_mesh(pv.Cube(center=(0, -1.2, 0)), opacity=0.5)
     ids, objects = pl.ibr.buffer('id'), pl.ibr.buffer_objects
-    assert objects[int(ids[45, 60])] is ball
-    assert objects[int(ids[:30, 60].max())] is top
+    assert ids.dtype == np.int32
+    assert objects[ids[45, 60]] is ball
+    assert objects[ids[:30, 60].max()] is top
+    assert len(objects) == 4
+    assert ids.max() < 4
     assert not (ids == objects.index(glass)).any()
+
+
+def test_objects_are_those_of_the_ids_that_were_returned(pl):
+    ball = next(iter(pl.renderer.actors.values()))
+    ids = pl.ibr.buffer('id')
+    first = pl.add_mesh(pv.Cube(center=(9, 0, 0)), name='A')
+    pl.remove_actor(ball)
+    for other in ('depth', 'color', 'normal'):
+        pl.ibr.buffer(other)
+        assert pl.ibr.buffer_objects[ids[45, 60]] is ball
+    assert first not in pl.ibr.buffer_objects
+    pl.ibr.buffer('id')
+    assert first in pl.ibr.buffer_objects
+    assert ball not in pl.ibr.buffer_objects
 
 
 def test_color_is_the_picture(pl):
@@ -89,7 +106,7 @@ def test_what_is_translucent_looks_as_before(pl, high):
 
 
 def test_bad_name(pl):
-    with pytest.raises(ValueError, match="buffer = 'height': must be one of 'depth'"):
+    with pytest.raises(ValueError, match="name = 'height': must be one of 'depth'"):
         pl.ibr.buffer('height')
     assert not pl.ibr.effects
 
@@ -146,6 +163,7 @@ BUSY = (
 )
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize('columns', [1, 2])
 @pytest.mark.parametrize('change', FREE + BUSY)
 def test_written_with_the_scene_and_drawn_again_are_the_same(change, columns, monkeypatch):

@@ -16,6 +16,8 @@ from pvibr.scene.keywords import reason
 from tests.pictures import plotter, shown
 from tests.scene.test_things import GRAY, THINGS, Scene
 
+pytestmark = pytest.mark.sampled
+
 PAGE = Path(__file__).parents[2] / 'docs' / 'keywords.md'
 KEYWORDS = [
     n for n in inspect.signature(pv.Plotter.add_mesh).parameters if n not in ('self', 'mesh')

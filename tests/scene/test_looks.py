@@ -9,6 +9,8 @@ from scipy.spatial.transform import Rotation
 
 from pvibr.scene import looks as look
 
+pytestmark = pytest.mark.sampled
+
 CHECKS = np.kron(np.indices((4, 4)).sum(0) % 2, np.ones((8, 8)))
 IMAGE = np.stack([255 * CHECKS, 255 - 255 * CHECKS, 90 + 0 * CHECKS], 2).astype(np.uint8)
 HOLES = np.dstack([IMAGE, (255 * CHECKS).astype(np.uint8)])
@@ -233,10 +235,15 @@ def test_colors_that_do_not_fit(colors, words):
         look.as_colors(colors, 2)
 
 
-@pytest.mark.parametrize('scalars', [[1.0], [[1.0], [2.0]], ['a', 'b'], [1j, 2]])
+@pytest.mark.parametrize('scalars', [[1.0], [[1.0], [2.0]], ['a', 'b']])
 def test_scalars_that_do_not_fit(scalars):
     with pytest.raises(ValueError, match=r'scalars has shape.*must be \(2,\) numbers'):
         look.as_scalars(scalars, 2)
+
+
+def test_scalars_are_not_complex():
+    with pytest.raises(TypeError, match=r'scalars = .*complex numbers, dates'):
+        look.as_scalars([1j, 2], 2)
 
 
 def test_table_is_that_of_add_mesh():

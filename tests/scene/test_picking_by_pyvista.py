@@ -13,6 +13,8 @@ from pvibr.core import _vtk
 from tests.pictures import plotter, shot
 from tests.test_every_thing import EVERY, PLACES, SIZE, drawn
 
+pytestmark = pytest.mark.sampled
+
 OF_ITEMS = [name for name in EVERY if not EVERY[name].replaces]
 PIXELS = [(x, y) for x in range(4, SIZE[0], 11) for y in range(3, SIZE[1], 9)]
 #: The stage is two actors, the things or meshes follow.
@@ -47,7 +49,7 @@ def both(request):
 @pytest.mark.parametrize('kind', ['vtkCellPicker', 'vtkHardwarePicker'])
 def test_same_item_cell_and_place(both, kind):
     pl, thing, meshes = both
-    before, agree, found = shot(pl), [], 0
+    before, agree, found, right = shot(pl), [], 0, 0
     for pixel in PIXELS:
         actor, mesh, place = picked(pl, pixel, getattr(_vtk, kind)())
         other, _, truth = picked(meshes, pixel, getattr(_vtk, kind)())
@@ -59,8 +61,10 @@ def test_same_item_cell_and_place(both, kind):
         index = [number] if hasattr(thing, 'instance_of') else None
         agree.append(index is None or index_in(mesh) == index)
         agree[-1] &= index is None or thing.instance_of(actor) == number
-        agree[-1] &= bool(np.linalg.norm(place - truth) < 0.15)
+        agree[-1] &= bool(np.linalg.norm(place - truth) < 0.15) or not np.isfinite(truth).all()
+        right += agree[-1]
     assert found > 2
+    assert right >= 0.9 * found
     # The hardware picker takes what is within five pixels, which differs at outlines.
     assert np.mean(agree) > (0.97 if kind == 'vtkCellPicker' else 0.94)
     np.testing.assert_array_equal(shot(pl), before)
@@ -113,7 +117,8 @@ def test_items_in_a_rectangle_through_the_scene(both):
         assert sorted(items['original_cell_ids']) == [0, 1, 2]
         assert np.ptp(items.points - PLACES, axis=0).max() < 1e-5
     else:
-        assert items.n_cells == thing.mesh().n_cells
+        mesh = thing.mesh() if hasattr(thing, 'mesh') else thing.mapper.dataset
+        assert items.n_cells == mesh.n_cells
 
 
 def test_what_is_hidden_or_not_pickable_is_not_found():
@@ -144,6 +149,7 @@ def test_what_is_hidden_or_not_pickable_is_not_found():
     assert index() is None
 
 
+@pytest.mark.slow
 def test_far_instances_are_found_and_too_many_are_told():
     rng = np.random.default_rng(4)
     places = rng.uniform(-1, 1, (1500, 3)) * (4, 4, 0.1)

@@ -12,6 +12,8 @@ import pyvista as pv
 import pvibr
 from pvibr.animation import FigureMesh, Skeleton
 
+pytestmark = pytest.mark.sampled
+
 SIZE = (120, 90)
 GRAY = np.full((4, 4, 3), 0.4)
 PLACES = [[-1.2, 0.0, 0.6], [1.2, 0.0, 0.6]]
@@ -175,16 +177,17 @@ def test_bounds_are_those_of_the_actor(scene, kind):
 
 
 @every
-def test_only_what_has_one_place_can_be_moved(scene, kind):
+def test_all_but_what_stands_for_actors_can_be_moved(scene, kind):
     thing = scene.add(kind)
     before = thing.bounds
-    if kind == 'AnimatedActor':
+    if kind not in SUBSTITUTES:
         thing.position = (1.0, 0.0, 0.0)
         assert thing.bounds == pytest.approx(np.add(before, (1, 1, 0, 0, 0, 0)))
         assert scene.shows(kind)
         thing.SetPosition(0.0, 0.0, 2.0)
         scene.picture()
-        assert thing.actors()[0].GetBounds() == pytest.approx(thing.bounds, abs=1e-5)
+        if kind == 'AnimatedActor':
+            assert thing.actors()[0].GetBounds() == pytest.approx(thing.bounds, abs=1e-5)
         assert thing.bounds == pytest.approx(np.add(before, (0, 0, 0, 0, 2, 2)))
         return
     for name, value in {'position': (1.0, 0, 0), 'scale': 2.0, 'user_matrix': np.eye(4)}.items():
@@ -273,3 +276,13 @@ def test_its_scalar_bar_goes_with_it(scene, kind, way):
     REMOVALS[way](scene.plotter, thing)
     assert not scene.plotter.scalar_bars
     assert (scene.picture() == scene.before).all()
+
+
+@pytest.mark.parametrize('kind', ['Instances', 'Crowd', 'AnimatedActor'])
+def test_a_style_set_later_keeps_the_colour(kind):
+    """PyVista gives wireframes the theme's colour where none was set."""
+    pl = pv.Plotter(off_screen=True, window_size=SIZE)
+    thing = THINGS[kind](pl.ibr, color='tomato')
+    thing.prop.style = 'wireframe'
+    assert thing.prop.color == 'tomato'
+    pl.close()

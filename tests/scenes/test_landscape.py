@@ -7,6 +7,7 @@ import pytest
 from scipy.spatial import cKDTree
 
 from pvibr.scenes.landscape import CLEARING, SCALES, landscape
+from tests.marks import slow
 
 
 @pytest.fixture(scope='module')
@@ -117,7 +118,7 @@ def test_bad_wishes_are_named(kwargs, match):
         landscape(**kwargs)
 
 
-@pytest.mark.parametrize('n', [1, 100, 100_000])
+@pytest.mark.parametrize('n', [1, 100, slow(100_000)])
 def test_any_number_of_trees(n):
     scene = landscape(n)
     assert len(np.unique(scene.matrices, axis=0)) == n

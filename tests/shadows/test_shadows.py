@@ -13,6 +13,8 @@ from pvibr.core import _vtk
 from pvibr.core.errors import PvibrWarning
 from pvibr.gl.feature import replacements
 
+pytestmark = pytest.mark.sampled
+
 SIZE = (240, 160)
 MAPS = ('hard', 'pcf', 'pcss', 'vsm', 'evsm', 'msm')
 

@@ -7,6 +7,7 @@ import pytest
 import pyvista as pv
 from scipy import ndimage
 
+import pvibr
 from pvibr.bench.common.light_scenes import LightScene, bare, light_at
 from pvibr.bench.common.rays import Rays
 from pvibr.bench.shadows.errors import drawn, sight
@@ -42,6 +43,7 @@ def scene(seed, ground):
     return LightScene('standing', meshes, lights, ((2.0, -6.0, 4.5), (0, 0, 0.2), (0, 0, 1)))
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize('kind', EXTENTS)
 @pytest.mark.parametrize(('ground', 'taps'), [(4.0, 64), (40.0, 16), (1000.0, 16)])
 def test_the_umbra_is_dark_and_the_rest_is_right(kind, ground, taps):
@@ -56,3 +58,28 @@ def test_the_umbra_is_dark_and_the_rest_is_right(kind, ground, taps):
     assert (lit[umbra] > 0.1).mean() <= 0.001
     assert np.abs(lit - found.lit)[known].mean() < 0.004
     assert np.abs(lit - found.lit)[edge].mean() < 0.15
+
+
+def test_a_lamp_without_a_radius_is_as_large_in_every_view():
+    pl = pv.Plotter(off_screen=True, window_size=(160, 120), lighting='none')
+    lamp = pv.Light(position=(400, 100, 300), light_type='scene light', positional=True)
+    lamp.cone_angle = 35
+    pl.add_light(lamp)
+    pl.add_mesh(pv.Plane(i_size=3000, j_size=3000, i_resolution=1, j_resolution=1), color='white')
+    pl.add_mesh(pv.Box((-8, 8, -8, 8, 0, 16)), color='white')
+    pl.add_mesh(pv.Box((14, 16, -8, -6, 0, 3)), color='white')
+    pl.camera_position = [(10, -45, 30), (5, -4, 0), (0, 0, 1)]
+    shadows = pl.ibr.add(pvibr.Shadows(method='pcss'))
+    pl.show(auto_close=False)
+    found = pl.screenshot().astype(int)
+    views = shadows.views_of(lamp)
+    assert len(views) > 1
+    assert views[-1].far < 0.98 * views[0].far
+    shadows.radius = views[0].far / 50
+    pl.render()
+    same = pl.screenshot().astype(int)
+    shadows.radius = views[-1].far / 50
+    pl.render()
+    other = pl.screenshot().astype(int)
+    np.testing.assert_array_equal(found, same)
+    assert np.abs(found - other).max() > 8

@@ -9,6 +9,8 @@ from pvibr.maths.views import perspective
 from pvibr.shadows.volume import safe_before, shadow_rects
 from tests.pictures import shot
 
+pytestmark = pytest.mark.sampled
+
 EYE = ((1, -7, 5), (0, 0, 0.5), (0, 0, 1))
 
 

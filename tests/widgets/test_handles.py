@@ -8,7 +8,10 @@ import pyvista as pv
 
 import pvibr
 from pvibr.maths.cameras import as_camera
-from pvibr_widgets import light_handles, pick_focus, projector_handles
+from pvibr_widgets import light_handles, pick_focus, projector_handles, time_bar
+from pvibr_widgets.handles_marks import HOVERED
+
+pytestmark = pytest.mark.sampled
 
 SIZE = 320, 240
 PICTURE = np.full((30, 40, 3), (255, 0, 0), np.uint8)
@@ -570,6 +573,8 @@ def test_a_camera_light_is_moved_where_it_is_seen(hand):
 def test_the_frustum_of_its_shadows_holds_the_scene(hand):
     pl, light, shadows, handles = lit(**SPOT)
     (view,) = shadows.views_of(light)
+    assert not len(handles._lines()[1][0])  # until one of its handles is selected
+    handles.focus('aim')
     _, (edges, _), _ = handles._lines()
     assert edges.shape == (12, 2, 3)
     texture = view.texture_from_world() @ np.column_stack([edges.reshape(-1, 3), np.ones(24)]).T
@@ -582,6 +587,41 @@ def test_the_frustum_of_its_shadows_holds_the_scene(hand):
     pl.render()
     assert shadows.views_of(light) == []
     assert len(handles._lines()[1][0]) == 0
+
+
+def test_hovering_names_and_highlights(hand):
+    pl, _, _, handles = lit(**SPOT)
+    lens = pl.ibr.add(pvibr.DepthOfField())
+    focus, bar = pick_focus(pl, lens), time_bar(pl, 0, 4)
+    mouse = hand(pl)
+    assert focus.pick((SIZE[0] // 2, SIZE[1] // 2))
+    pl.render()
+    plain = pl.screenshot()
+    shown = {
+        'aim': (handles, handles.pixels['aim']),
+        'focus': (focus, focus._pixel + 4),
+        'play': (bar, (28, 28)),
+        'time 0.00 s': (bar, (70, 28)),
+    }
+    for word, (overlay, pixel) in shown.items():
+        mouse.move(pixel)
+        assert overlay._marks._text.GetInput().strip() == word
+        picture = pl.screenshot().astype(int)
+        assert (picture != plain).any()
+        y, x = SIZE[1] - 1 - round(pixel[1]), round(pixel[0])
+        around = picture[max(y - 14, 0) : y + 14, max(x - 14, 0) : x + 14]
+        assert (np.abs(around - HOVERED).max(2) < 12).sum() > 20
+    assert len(handles._lines()[1][0]) == 0
+    mouse.move(handles.pixels['position'])
+    assert len(handles._lines()[1][0]) == 12
+    frames = []
+    pl.renderer.AddObserver('EndEvent', lambda *_: frames.append(1))
+    mouse.move(np.add(handles.pixels['position'], 2))
+    assert not frames  # the same
+    mouse.move((SIZE[0] - 2, SIZE[1] - 2))
+    np.testing.assert_array_equal(pl.screenshot(), plain)
+    handles.remove()
+    mouse.move((100, 100))
 
 
 def test_lights_go_and_headlights_have_no_handles():

@@ -11,7 +11,7 @@ import pvibr
 import pvibr_widgets
 
 FOLDER, ROOT = Path(pvibr_widgets.__file__).parent, Path(pvibr.__file__).parent
-TOOLKITS = 'ipywidgets', 'qtpy', 'PySide6', 'trame', 'pyvistaqt', 'vtk', 'vtkmodules'
+TOOLKITS = 'anywidget', 'qtpy', 'PySide6', 'trame', 'pyvistaqt', 'vtk', 'vtkmodules'
 
 
 def imported(path):
@@ -48,7 +48,8 @@ def test_names_of_the_package():
 
 
 def test_what_panels_read_beside_python_is_in_the_package():
-    assert {p.name for p in FOLDER.iterdir() if p.suffix in ('.html', '.css')} == {
-        'panel.html',
+    assert {p.name for p in FOLDER.iterdir() if p.suffix in ('.js', '.css')} == {
+        'panel.js',
+        'notebook.js',
         'panel.css',
     }

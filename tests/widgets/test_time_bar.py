@@ -175,6 +175,7 @@ def test_in_a_subplot_with_effects_it_is_as_sharp(hand):
     assert np.isclose(pl.ibr.time, 0.5, atol=0.01)
     pl.iren.interactor.SetKeySym('Escape')
     pl.iren.interactor.KeyPressEvent()
+    hand(pl).move((SIZE[0] + at(0.5)[0], SIZE[1] - 5))  # what it is over is bright
     assert colour(pl, (SIZE[0] + at(0.5)[0], LOW)) == YELLOW
     picture = pl.screenshot(scale=2)
     assert picture[2 * (SIZE[1] - LOW), 2 * round(SIZE[0] + at(0.5)[0])].tolist() == YELLOW

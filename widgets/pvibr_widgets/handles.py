@@ -7,6 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from pvibr_widgets.handles_keys import Control
+from pvibr_widgets.handles_marks import HOVERED
 from pvibr_widgets.handles_overlay import Overlay, Touch
 from pvibr_widgets.handles_stage import Pointer, to_pixels
 
@@ -122,6 +123,15 @@ class Handles(Overlay):
         for grip in self._grips.values():
             grip.remove()
 
+    def _under(self, pixel):
+        names = [name for name in self._places if self._grips[name].usable]
+        if not names:
+            return None
+        frame = self._stage.frame()
+        at = to_pixels(frame, [self._places[name] for name in names]) + frame.origin
+        away = np.linalg.norm(at - pixel, axis=1)
+        return names[int(away.argmin())] if away.min() <= self._size / 2 else None
+
     def _update(self, frame):
         self._places = self._looked()
         for name, grip in self._grips.items():
@@ -137,15 +147,16 @@ class Handles(Overlay):
             seen = bool(np.isfinite(pixel).all())
             self._grips[name].touch.reach(seen)
             if seen:
-                color = _FOCUS if name == focused else _COLOR
+                color = {self._hovered: HOVERED, focused: _FOCUS}.get(name, _COLOR)
                 size = self._size * frame.scale
                 marks.append((pixel, _SHAPES.get(name, 'circle'), color, size))
         self._marks.draw_marks(marks)
-        where = at.get(focused)
+        named = self._hovered if self._hovered in at else focused
+        where = at.get(named)
         if where is None or not np.isfinite(where).all():
             self._marks.say('')
         else:
-            self._marks.say(focused, where + 0.8 * self._size * frame.scale)
+            self._marks.say(named, where + 0.8 * self._size * frame.scale)
 
 
 class Grip(Control):

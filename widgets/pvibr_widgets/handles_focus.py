@@ -10,6 +10,7 @@ from pvibr.core.plotters import put_inner
 from pvibr.effects.depth_of_field import DepthOfField
 from pvibr.gl.scene_pass import hidden_name
 from pvibr_widgets.handles_keys import OwnersControl
+from pvibr_widgets.handles_marks import HOVERED
 from pvibr_widgets.handles_overlay import SCENE, Overlay, Touch
 from pvibr_widgets.handles_stage import Pointer, Stage
 
@@ -174,14 +175,22 @@ class FocusPick(Overlay):
     def _prepare(self, frame):
         self._plane.show(frame, self.thing)
 
+    def _under(self, pixel):
+        frame = self._stage.frame()
+        if not self._is_shown(frame):
+            return None
+        away = np.linalg.norm(pixel - frame.origin - self._pixel)
+        return 'focus' if away <= _SIZE / 2 else None
+
     def _update(self, frame):
         self._touch.switch(True)
         if not self._is_shown(frame):
             self._marks.hide()
             return
         at = self._pixel * frame.scale
-        self._marks.draw_marks([(at, 'circle', _MARK, _SIZE * frame.scale)])
-        focused = self._stage.ring.current is self._keys
+        color = HOVERED if self._hovered else _MARK
+        self._marks.draw_marks([(at, 'circle', color, _SIZE * frame.scale)])
+        focused = self._hovered or self._stage.ring.current is self._keys
         self._marks.say('focus' if focused else '', at + 0.8 * _SIZE * frame.scale)
 
     def _is_shown(self, frame) -> bool:

@@ -158,7 +158,8 @@ class _LightHandles(Handles):
             own = np.array([[self._places['direction'], self._sphere()[0]]])
         elif self._is_spot:
             own = self._cone()
-        views = [v for s in self._shadows() for v in s.views_of(self.thing)]
+        selected = self.focused or self._hovered
+        views = [v for s in self._shadows() if selected for v in s.views_of(self.thing)]
         whole = views if self.thing.GetPositional() else views[:1]
         return [
             (_edges(views[len(whole) :]), _CASCADE),

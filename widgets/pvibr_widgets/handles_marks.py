@@ -13,6 +13,8 @@ from pvibr_widgets.handles_stage import lines_to_pixels
 
 #: Around what is drawn, so that it is seen before anything.
 DARK = (20, 20, 20)
+#: What the mouse is over.
+HOVERED = (255, 245, 200)
 # Corners, where the first of them is as a share of what is between two, and radius.
 _SHAPES = {
     'square': (4, 0.5, 1.2),

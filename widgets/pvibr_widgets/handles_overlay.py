@@ -38,6 +38,8 @@ class Overlay:
         calls = (self._leave, _FIRST), (self._follow, _LAST)
         add = stage.renderer.AddObserver
         self._tags = [add('StartEvent', weakly(call), priority) for call, priority in calls]
+        self._hovered: str | None = None
+        self._hover = stage.interactor.AddObserver('MouseMoveEvent', weakly(self._on_move))
         stage.ibr.on_close(weakly(self.remove))
 
     # -- what a subclass does ---------------------------------------------------------------------
@@ -57,6 +59,10 @@ class Overlay:
 
     def _free(self):
         """Remove the controls from the scene without rendering."""
+
+    def _under(self, pixel) -> str | None:
+        """Return the name of the control at a pixel of the window, None for none."""
+        return None
 
     # -- what users do ----------------------------------------------------------------------------
 
@@ -78,6 +84,7 @@ class Overlay:
         while self._tags:
             self._stage.renderer.RemoveObserver(self._tags.pop())
         self._enabled = False
+        self._stage.interactor.RemoveObserver(self._hover)
         with self._stage.still():
             self._free()
         self._marks.remove()
@@ -85,6 +92,15 @@ class Overlay:
     def _tell(self):
         for call in list(self.callbacks):
             call(self.thing)
+
+    def _on_move(self):
+        """Name and highlight what the mouse is over; while it drags, nothing changes."""
+        if not self._enabled or self._is_gone():
+            return
+        found = self._under(np.array(self._stage.interactor.GetEventPosition(), float))
+        if found != self._hovered:
+            self._hovered = found
+            self._stage.draw()
 
     # -- following --------------------------------------------------------------------------------
 

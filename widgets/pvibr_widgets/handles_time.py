@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from pvibr_widgets.handles_keys import OwnersControl
-from pvibr_widgets.handles_marks import DARK
+from pvibr_widgets.handles_marks import DARK, HOVERED
 from pvibr_widgets.handles_overlay import BAR, Overlay, Touch
 from pvibr_widgets.handles_stage import Stage
 
@@ -173,6 +173,11 @@ class TimeBar(Overlay):
     def _on_button(self, pixel) -> bool:
         return bool(np.abs(np.subtract(self._beside(pixel), _EDGE)).max() <= _TOUCHED / 2)
 
+    def _under(self, pixel):
+        if self._on_button(pixel):
+            return 'pause' if self.playing else 'play'
+        return 'time' if self._on_bar(pixel) else None
+
     def _beside(self, pixel):
         """Return a window pixel as a subplot pixel."""
         return np.subtract(pixel, self._stage.frame().origin)
@@ -204,17 +209,21 @@ class TimeBar(Overlay):
         left, right, low = self._place(frame)
         share = float(np.clip((self._time - self.start) / (self.stop - self.start), 0, 1))
         at = left + share * (right - left)
-        focused = self._stage.ring.current is self._keys
+        plain = _FOCUS if self._stage.ring.current is self._keys else _KNOB
+        button = plain if self._hovered in (None, 'time') else HOVERED
+        knob = HOVERED if self._hovered == 'time' else plain
         shapes = [
             *_framed(_box(left, right, low), _GREY),
             (_box(left, at, low), _DONE),
             *((corners, DARK) for corners in self._glyph(low, 3)),
-            *((corners, _FOCUS if focused else _KNOB) for corners in self._glyph(low, 0)),
+            *((corners, button) for corners in self._glyph(low, 0)),
             (_disk((at, low), _TOUCHED / 2 - 2), DARK),
-            (_disk((at, low), _TOUCHED / 2 - 5), _FOCUS if focused else _KNOB),
+            (_disk((at, low), _TOUCHED / 2 - 5), knob),
         ]
         self._marks.draw_polygons([(corners * frame.scale, color) for corners, color in shapes])
         word = f'{self._time:.2f} s'
+        if self._hovered is not None:
+            word = self._hovered if self._hovered != 'time' else f'time {word}'
         beside = min(at, right - 2.5 * _EDGE), low + 0.6 * _TOUCHED
         self._marks.say(word, np.multiply(beside, frame.scale))
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import math
+import re
 import warnings
 import weakref
 
@@ -23,7 +24,7 @@ class Group:
     def __init__(self, key, name, thing, place, presets, is_open=True):
         self.key, self.name, self.thing, self._presets = key, name, thing, presets
         self.is_open = is_open
-        self.title = f'{place}{name}'
+        self.title = place + _in_words(name, type(thing).__name__)
         size = _size_of(thing.pipeline.renderer)
         self.rows = [Row(thing, p, size) for p in params_of(type(thing)).values()]
 
@@ -133,9 +134,19 @@ class Model:
                 method()
 
         self.ibr.on_close(look)
+        self.each_frame(look)
+
+    def each_frame(self, tell):
+        """Call a function after each frame of the window, until this is closed.
+
+        Parameters
+        ----------
+        tell : callable
+            Takes the window and the name of the event.
+        """
         window = self._window
         if window is not None:
-            self._tags = [(window, window.AddObserver('EndEvent', look))]
+            self._tags.append((window, window.AddObserver('EndEvent', tell)))
 
     @property
     def _window(self):
@@ -302,6 +313,14 @@ class Model:
             The file.
         """
         self.ibr.load_state(_named(path))
+
+
+def _in_words(name, kind) -> str:
+    """Return the name of an effect in words where it is that of its class: "Depth of field"."""
+    if not name.startswith(kind):
+        return name
+    words = re.sub(r'(?<=[a-z])(?=[A-Z])', ' ', kind)
+    return words[:1] + words[1:].lower() + name.removeprefix(kind)
 
 
 def _look_of(owner, rows) -> tuple:

@@ -2,42 +2,27 @@
 
 from __future__ import annotations
 
-import asyncio
 import itertools
-import re
-from importlib import resources
-from typing import Any
 
 from pvibr.core.errors import require
-from pvibr.core.state_files import to_text
-from pvibr_widgets.model import Group, Model
-from pvibr_widgets.rows import Row
+from pvibr_widgets.model import Model
+from pvibr_widgets.remote import RemotePanel, element_script
 
 _numbers = itertools.count()
-_QUIET = 0.06  # seconds without a message after which the page is idle
-#: What a page may ask for, and as what its value is taken; None takes none.
-_PAGE_ACTIONS: dict[str, Any] = {'help': bool, 'code': None, 'load': str, 'reset_all': None}
-_GROUP_ACTIONS: dict[str, Any] = {
-    'open': bool,
-    'switch': bool,
-    'remove': None,
-    'apply': str,
-    'keep': str,
-    'forget': str,
-}
-_ROW_ACTIONS: dict[str, Any] = {
-    'move': int,
-    'choose': int,
-    'set': bool,
-    'derive': bool,
-    'write': str,
-    'paint': str,
-    'reset': None,
-}
-_METHODS = {'help': 'show_help', 'code': 'show_code'}
+_BUTTON = (
+    'font: 14px/1.4 sans-serif; min-height: 28px; margin: 4px 8px; padding: 0 8px; '
+    'color: #1b1b1b; background: #fff; border: 1px solid #767676; border-radius: 4px'
+)
+_BESIDE = 'display: flex; flex-wrap: wrap; height: 100vh; width: 100%'
+_VIEW = 'flex: 3 1 20em; min-width: 0; min-height: 50%; position: relative'
+_SIDE = 'flex: 1 1 22em; max-height: 100%; overflow: auto; background: #fff'
+_DRAWER = (
+    'position: fixed; top: 0; right: 0; width: min(24em, 100%); height: 100%; z-index: 2; '
+    'box-shadow: 0 0 6px rgba(0, 0, 0, 0.4); background: #fff; overflow: auto'
+)
 
 
-def trame_panel(plotter, server=None, *, update=None, presets=None):
+def trame_panel(plotter, server=None, *, picture=False, update=None, presets=None):
     """Add a control panel to a trame page during its layout.
 
     Parameters
@@ -46,6 +31,8 @@ def trame_panel(plotter, server=None, *, update=None, presets=None):
         Plotter to control.
     server : trame.Server, str or None
         The page's, or its name.
+    picture : bool, optional
+        Put PyVista's view of the plotter beside the panel, to fill the page.
     update : callable, optional
         Sends a picture to the page, after each change: where the page's view is none of PyVista's,
         its ``update``.
@@ -75,13 +62,23 @@ def trame_panel(plotter, server=None, *, update=None, presets=None):
     >>> with SinglePageLayout(server) as layout:
     ...     with layout.content:
     ...         panel = trame_panel(pl, server)
-    >>> panel.act('write', panel.shown['groups'][0]['id'], 'spread', '0.25')
+    >>> panel.act('write', panel.shown['groups'][0]['id'], 'spread', '0.25')['text']
     '0.25'
     >>> bloom.spread
     0.25
     >>> pl.close()
     """
-    return PagePanel(Model(plotter, presets=presets), _server_of(server), update)
+    server, model = _server_of(server), Model(plotter, presets=presets)
+    if not picture:
+        return PagePanel(model, server, update)
+    html = require('trame.widgets.html', 'jupyter', 'Panels in pages')
+    ui = require('trame_pyvista.ui', 'jupyter', 'Panels in pages')
+    # One above the other where a window is narrow.
+    with html.Div(style=_BESIDE, trame_server=server):
+        with html.Main(style=_VIEW, classes='pvibr-view'):
+            ui.plotter_ui(plotter, mode='server', server=server, add_menu=False)
+        with html.Div(style=_SIDE):
+            return PagePanel(model, server, update)
 
 
 def menu_item(plotter, *, presets=None):
@@ -124,201 +121,47 @@ def menu_item(plotter, *, presets=None):
             'pvibr',
             type='button',
             click=f'{shown} = !{shown}',
-            classes='pvibr-button',
+            style=_BUTTON,
             __properties=[('aria_expanded', 'aria-expanded')],
             aria_expanded=(shown,),
         )
-        with html.Div(v_show=(shown,), classes='pvibr-drawer'):
-            html.Button('Close', type='button', click=f'{shown} = false', classes='pvibr-button')
+        with html.Div(v_show=(shown,), style=_DRAWER):
+            html.Button('Close', type='button', click=f'{shown} = false', style=_BUTTON)
             trame_panel(plotter, server, presets=presets)
 
     return add
 
 
-class PagePanel:
+class PagePanel(RemotePanel):
     """A control panel in a page, bound to a variable of the server's state."""
 
     def __init__(self, model, server, update=None):
-        self.model, self._server, self._update = model, server, update
+        super().__init__(model)
+        self._server, self._update = server, update
         self.name = f'pvibr_panel_{next(_numbers)}'
-        self._helps, self._code = False, ''
-        self._draw = None
-        self._push = None
         self.element = self._laid_out()
         model.listen(self._changed)
-        self._show()
+        self._tell()
 
     def _laid_out(self):
         html = require('trame.widgets.html', 'jupyter', 'Panels in pages')
         client = require('trame.widgets.client', 'jupyter', 'Panels in pages')
-        act, save = f'{self.name}_act', f'{self.name}_save'
+        act = f'{self.name}_act'
         self._server.controller.trigger(act)(self.act)
-        self._server.controller.trigger(save)(self.state_text)
-        _, text, rows = re.split('<!--.*?-->', _text_of('panel.html'), flags=re.DOTALL)
-        for word, name in (('ROWS', rows), ('PANEL', self.name), ('ACT', act), ('SAVE', save)):
-            text = text.replace(word, name)
-        with html.Div(text, trame_server=self._server) as element:
-            client.Style(_text_of('panel.css'))
+        # Templates of Vue 2 and 3 know this way to give an element what is no text.
+        asked = f"(asked) => trigger('{act}', asked)"
+        text = f'<pvibr-panel :data.prop="{self.name}" :send.prop="{asked}"></pvibr-panel>'
+        with html.Div(text, classes='pvibr-panel', trame_server=self._server) as element:
+            client.Script(element_script(), trame_server=self._server)
         return element
 
-    @property
-    def shown(self) -> dict:
-        """The content of the page as JSON values."""
-        return {
-            'message': self.model.message,
-            'help': self._helps,
-            'code': self._code,
-            'groups': [_group_shown(group) for group in self.model.groups],
-            'own': {'id': '', 'rows': [_row_shown(row) for row in self.model.own]},
-        }
-
-    def state_text(self) -> str:
-        """Return all settings as the content of a state file."""
-        return to_text('state', self.model.ibr.state())
-
-    # -- actions of pages -------------------------------------------------------------------------
-
-    def act(self, action, *args) -> str:
-        """Perform an action of a control."""
-        target, rest = self._target_of(action, args)
-        if target is None:  # removed meanwhile, or unknown
-            return ''
-        if isinstance(target, Group) and action == 'open':
-            target.is_open = bool(rest and rest[0])
-            return ''
-        self.model.act(
-            lambda: getattr(target, _METHODS.get(action, action))(*_given(action, rest))
-        )
-        self._draw_later()
-        return target.text if isinstance(target, Row) else ''
-
-    def _target_of(self, action, args):
-        """Return the function of an action and its arguments, None if it does not exist."""
-        if action in _PAGE_ACTIONS:
-            return self, args
-        group = next((g for g in self.model.groups if args[:1] == (_id_of(g),)), None)
-        if action in _GROUP_ACTIONS:
-            return group, args[1:]
-        rows = self.model.own if args[:1] == ('',) else () if group is None else group.rows
-        row = next((r for r in rows if args[1:2] == (r.name,)), None)
-        return (row if action in _ROW_ACTIONS else None), args[2:]
-
-    def show_help(self, helps):
-        """Show or hide the help of settings."""
-        self._helps = helps
-
-    def show_code(self):
-        """Show the Python code."""
-        self._code = self.model.code()
-
-    def load(self, text):
-        """Load the content of a state file."""
-        self.model.ibr.load_state_text(text)
-
-    def reset_all(self):
-        """Reset all settings."""
-        self.model.reset()
-
-    # -- updates of pages -------------------------------------------------------------------------
-
-    def _draw_later(self):
-        """Render once for all pending changes: sliders are faster than frames."""
-        self._cancel_push()
-        loop = _loop()
-        if loop is None:
-            self._drawn()
-        elif self._draw is None:
-            self._draw = loop.call_later(0.01, self._drawn)
-
-    def _drawn(self):
-        self._draw = None
-        self.model.show()
-        if self._update is not None:
-            self._update()
-
-    def _changed(self, _rebuilt):
-        """Update the page when it is idle: a slider must not jump back while it moves."""
-        self._cancel_push()
-        loop = _loop()
-        if loop is None:
-            self._show()
-        else:
-            self._push = loop.call_later(_QUIET, self._show)
-
-    def _cancel_push(self):
-        if self._push is not None:
-            self._push.cancel()
-            self._push = None
-
-    def _show(self):
-        self._push = None
+    def _tell(self):
         with self._server.state as state:
             state[self.name] = self.shown
 
-    def close(self):
-        """Stop following the plotter; calling it again is fine."""
-        self.model.close()
-        self._cancel_push()
-        if self._draw is not None:
-            self._draw.cancel()
-            self._draw = None
-
-
-def _given(action, values):
-    """Return the converted arguments of an action from a page."""
-    convert = _PAGE_ACTIONS.get(action) or _GROUP_ACTIONS.get(action) or _ROW_ACTIONS.get(action)
-    if convert is None:
-        return ()
-    if len(values) != 1 or not isinstance(values[0], (str, bool, int, float)):
-        msg = f'{action} {values!r:.60}: must have one value'
-        raise ValueError(msg)
-    return (convert(values[0]),)
-
-
-def _group_shown(group) -> dict:
-    try:
-        presets, why = group.presets, group.why
-    except (OSError, ValueError) as error:
-        presets, why = [], str(error)
-    return {
-        'id': _id_of(group),
-        'title': group.title,
-        'enabled': group.enabled,
-        'why': why,
-        'open': group.is_open,
-        'presets': presets,
-        'rows': [_row_shown(row) for row in group.rows],
-    }
-
-
-def _row_shown(row) -> dict:
-    shown = {n: getattr(row, n) for n in ('name', 'kind', 'label', 'help', 'text', 'error')}
-    shown |= {'optional': row.optional, 'derived': row.derived}
-    if row.kind == 'number':
-        shown |= {'last': row.scale.last, 'stop': row.stop}
-    elif row.kind == 'choice':
-        shown |= {'choices': row.choices, 'choice': row.choice}
-    elif row.kind == 'color':
-        shown['color'] = row.color
-    elif row.kind == 'switch':
-        shown['value'] = bool(row.value)
-    return shown
-
-
-def _id_of(group) -> str:
-    """Return a unique name of a group."""
-    return f'{group.key}_{id(group.thing)}'
-
-
-def _text_of(name) -> str:
-    return resources.files('pvibr_widgets').joinpath(name).read_text(encoding='utf-8')
-
-
-def _loop():
-    try:
-        return asyncio.get_running_loop()
-    except RuntimeError:
-        return None
+    def _picture_drawn(self):
+        if self._update is not None:
+            self._update()
 
 
 def _server_of(server):

@@ -324,6 +324,7 @@ class RowView(QtWidgets.QWidget):
             slider.setRange(0, row.scale.last)
             slider.setPageStep(max(row.scale.last // 10, 1))
             slider.setValue(row.stop)
+            slider.setAccessibleDescription(f'{row.text or "auto"} {row.param.unit or ""}'.strip())
         if (text := get('text')) is not None:
             text.setText(self._text())
             text.setPlaceholderText('auto' if row.derived else '')

@@ -11,6 +11,8 @@ import pyvista as pv
 from pvibr.formats.gltf_file import GltfError, GltfFile, follow
 from pvibr.maths.vectors import unit_vectors
 
+_KINDS = ('directional', 'point', 'spot')
+
 
 @dataclass(frozen=True)
 class FigureCamera:
@@ -55,7 +57,13 @@ class FigureLight:
 
     def placed(self, world, exposure=1.0) -> pv.Light:
         """Return the light at the joint, from world matrices (n, 4, 4)."""
-        matrix = np.asarray(world, dtype=np.float64)[self.node]
+        return self._at(np.asarray(world, dtype=np.float64)[self.node], exposure)
+
+    def held(self, exposure=1.0) -> pv.Light:
+        """Return the light in the joint's space: its ``transform_matrix`` moves it."""
+        return self._at(np.eye(4), exposure)
+
+    def _at(self, matrix, exposure):
         back = unit_vectors(matrix[:3, 2])
         directional = self.kind == 'directional'
         position = back if directional else matrix[:3, 3]
@@ -94,7 +102,10 @@ def lights_of(file: GltfFile, nodes):
         if at is not None:
             place = f'nodes[{node}].extensions.KHR_lights_punctual.light'
             light = follow(known, at.light, place, 'lights')
-            lights.append(_light(light, node))
+            if light.type in _KINDS:
+                lights.append(_light(light, node))
+            else:
+                file.leave_out(f'a light of type {light.type[:40]!r}', place)
     return lights
 
 

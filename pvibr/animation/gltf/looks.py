@@ -2,25 +2,19 @@
 
 from __future__ import annotations
 
-import io
 import math
 from typing import Any
 
 import msgspec
 import numpy as np
-import pyvista as pv
 
-from pvibr.formats.gltf_file import GltfError, GltfFile, MissingFileError, follow
-from pvibr.formats.gltf_schema import Material, Metallic, Sampler, TextureInfo
+from pvibr.animation.gltf.pictures import Pictures
+from pvibr.formats.gltf_file import GltfFile, follow
+from pvibr.formats.gltf_schema import Material, Metallic
 from pvibr.maths.tones import to_display
 
 #: Name of the array of vertex colours.
 COLORS = 'gltf_colors'
-_NEAREST = 9728
-_MIPMAPS = (9984, 9985, 9986, 9987)
-_WRAPS = {33071: 'CLAMP_TO_EDGE', 33648: 'MIRRORED_REPEAT', 10497: 'REPEAT'}
-#: Image formats that Pillow may try; others are unsafe (EPS starts Ghostscript).
-_PICTURES = ('PNG', 'JPEG', 'WEBP')
 _SRGB = ('base_color_texture', 'emissive_texture')
 #: VTK's texture names by those of glTF.
 _VTK = {
@@ -28,7 +22,10 @@ _VTK = {
     'metallic_roughness_texture': 'materialTex',
     'occlusion_texture': 'materialTex',
     'emissive_texture': 'emissiveTex',
+    'normal_texture': 'normalTex',
 }
+#: Textures that are shown with any shading.
+_ALWAYS = ('base_color_texture', 'emissive_texture', 'normal_texture')
 #: Channels of a texture in use; the others are set to 1.
 _CHANNELS = {'metallic_roughness_texture': 'GB', 'occlusion_texture': 'R'}
 
@@ -38,7 +35,7 @@ class Looks:
 
     def __init__(self, file: GltfFile, pbr):
         self._file, self._pbr = file, pbr
-        self._textures: dict[tuple, pv.Texture] = {}
+        self._pictures = Pictures(file)
 
     def material(self, index, place) -> Material:
         """Return a material."""
@@ -58,27 +55,24 @@ class Looks:
         )
         return msgspec.structs.replace(material, pbr_metallic_roughness=surface)
 
-    def look(self, material, place, *, coordinates, colors, mirrored):
-        """Return the keywords for ``add_mesh``."""
-        look: dict[str, Any] = {'smooth_shading': True}
-        used: dict[str, Any] = {}
-        if self._is_physical(material):
-            used = self._surface(material) if coordinates else {}
-            look |= _physical(material, used)
-        elif coordinates:
-            look |= self._texture_of(material)
+    def look(self, material, place, surface):
+        """Return the keywords for ``add_mesh`` of a surface."""
+        look: dict[str, Any] = {} if surface.wires else {'smooth_shading': True}
+        used = self._used(material, surface.tiles) if surface.coordinates else {}
+        look |= _physical(material) if self._is_physical(material) else {}
         shines = _only_shines(material) and 'emissive_texture' not in used
-        if colors:
+        look |= _maps(material, used, 'pbr' in look, shines)
+        if surface.colors:
             look |= {'scalars': COLORS, 'rgb': True, 'preference': 'point'}
         else:
             # VTK expects linear colours with physically based shading.
             look['color'] = _color(material, shines, linear='pbr' in look)
             look |= _opacity(material)
-        if material.extensions.unlit is not None or shines:
+        if material.extensions.unlit is not None or shines or (surface.wires and not surface.lit):
             look['lighting'] = False
         if material.alpha_mode == 'MASK':
-            look['alpha_cutoff'] = min(material.alpha_cutoff, 1.0)
-        if not material.double_sided and not mirrored:
+            look |= _mask(material, 1.0 if surface.colors else _alpha(material))
+        if not material.double_sided and not surface.wires:
             look['culling'] = 'back'
         self._leave_out(material, place, used)
         return look
@@ -105,9 +99,16 @@ class Looks:
 
     def coordinates(self, material):
         """Return the index of the texture coordinates in use, and their transform (2, 3)."""
-        infos = self._infos(material).values() if self._is_physical(material) else ()
-        base = material.pbr_metallic_roughness.base_color_texture
-        return _coordinates(next((i for i in (base, *infos) if i is not None), None))
+        return _coordinates(self._first_info(material))
+
+    def tiles(self, material, coordinates):
+        """Return the :class:`Tiles` that the textures need for coordinates (n, 2), or None."""
+        info = self._first_info(material)
+        return None if info is None else self._pictures.tiles(info, coordinates)
+
+    def _first_info(self, material):
+        """Return the texture whose coordinates are those of the mesh, or None."""
+        return next((i for i in self._infos(material).values() if i is not None), None)
 
     def _is_physical(self, material):
         # VTK does not sort surfaces that only the alpha of such a texture makes translucent.
@@ -115,22 +116,23 @@ class Looks:
         textured = material.pbr_metallic_roughness.base_color_texture is not None
         return self._pbr and material.extensions.unlit is None and not (blended and textured)
 
-    @staticmethod
-    def _infos(material):
-        metallic = material.pbr_metallic_roughness
-        return {
-            'base_color_texture': metallic.base_color_texture,
-            'metallic_roughness_texture': metallic.metallic_roughness_texture,
-            'occlusion_texture': material.occlusion_texture,
-            'emissive_texture': material.emissive_texture,
-        }
+    def _infos(self, material):
+        """Return the references to textures that the shading shows, by their glTF names."""
+        infos = _references(material)
+        if self._is_physical(material):
+            return infos
+        shown = _ALWAYS if material.extensions.unlit is None else _ALWAYS[:1]
+        return {name: infos[name] for name in shown}
 
-    def _surface(self, material):
-        """Return the textures of physically based shading by their glTF names."""
+    def _used(self, material, tiles):
+        """Return the textures that are shown by their glTF names."""
         found = {}
         where = self.coordinates(material)
         infos = self._infos(material)
-        both = _same_image(infos['metallic_roughness_texture'], infos['occlusion_texture'])
+        physical = self._is_physical(material)
+        both = _same_image(
+            *(infos.get(f'{n}_texture') for n in ('metallic_roughness', 'occlusion'))
+        )
         for name, info in infos.items():
             if info is None or not _alike(_coordinates(info), where):
                 continue  # a mesh has one set of texture coordinates
@@ -138,107 +140,52 @@ class Looks:
             channels = 'RGB' if both else _CHANNELS.get(name, 'RGB')
             if name == 'occlusion_texture' and not both and 'metallic_roughness_texture' in found:
                 continue  # VTK reads both from one image
-            texture = self._or_left_out(info, opaque, name in _SRGB, channels)
+            srgb = name in _SRGB and (physical or name == 'emissive_texture')
+            texture = self._pictures.texture(info, opaque, srgb, channels, tiles)
             if texture is not None:
                 found[name] = texture
         return found
 
-    def _texture_of(self, material):
-        info = material.pbr_metallic_roughness.base_color_texture
-        if info is None:
-            return {}
-        texture = self._or_left_out(info, material.alpha_mode == 'OPAQUE')
-        return {} if texture is None else {'texture': texture}
-
-    def _or_left_out(self, info, opaque, srgb=False, channels='RGB'):
-        try:
-            return self._texture(info, opaque, srgb, channels)
-        except MissingFileError as error:  # models often come without their images
-            self._file.leave_out('an image', str(error).rstrip('.'))
-            return None
-
-    def _texture(self, info: TextureInfo, opaque, srgb, channels):
-        document = self._file.document
-        place = f'textures[{info.index}]'
-        texture = follow(document.textures, info.index, 'texture.index', 'textures')
-        key = (info.index, opaque, srgb, channels)
-        if key in self._textures:
-            return self._textures[key]
-        sampler = Sampler()
-        if texture.sampler is not None:
-            sampler = follow(document.samplers, texture.sampler, f'{place}.sampler', 'samplers')
-        webp = texture.extensions.webp
-        source = texture.source if webp is None else webp.source
-        if source is None:
-            msg = f'{place} has no source.'
-            raise GltfError(msg)
-        follow(document.images, source, f'{place}.source', 'images')
-        pixels = self._pixels(source)
-        if channels != 'RGB':
-            pixels = pixels.copy()
-            pixels[..., [i for i, name in enumerate('RGB') if name not in channels]] = 255
-        # OPAQUE means that alpha is ignored; VTK would blend it.
-        made = pv.Texture(np.ascontiguousarray(pixels[..., :3] if opaque else pixels))
-        made.SetUseSRGBColorSpace(srgb)
-        made.interpolate = sampler.mag_filter != _NEAREST
-        made.mipmap = sampler.min_filter in _MIPMAPS
-        made.wrap = pv.Texture.WrapType[_WRAPS[sampler.wrap_s]]
-        if sampler.wrap_s != sampler.wrap_t:
-            self._file.leave_out('wrapT other than wrapS', f'samplers[{texture.sampler}]')
-        self._textures[key] = made
-        return made
-
-    def _pixels(self, index):
-        image, place = self._file.document.images[index], f'images[{index}]'
-        if image.buffer_view is not None:
-            data = bytes(self._file.view(image.buffer_view, f'{place}.bufferView'))
-        elif image.uri is not None:
-            data = self._file.resource(image.uri, f'{place}.uri')
-        else:
-            msg = f'{place} has neither uri nor bufferView.'
-            raise GltfError(msg)
-        return self._decoded(data, place)
-
-    def _decoded(self, data, place):
-        from PIL import Image  # a dependency of imageio; only textured files need it
-
-        try:
-            with Image.open(io.BytesIO(data), formats=_PICTURES) as picture:
-                width, height = picture.size
-                self._file.spend(8 * width * height, place)
-                if picture.mode.startswith('I'):  # 16-bit grey, which Pillow would clip
-                    picture = Image.fromarray((np.asarray(picture) >> 8).astype(np.uint8))
-                return np.asarray(picture.convert('RGBA'))
-        except GltfError:
-            raise
-        except Exception as error:  # decoders raise any exception at broken bytes
-            msg = f'{place} cannot be read: {error}.'
-            raise GltfError(msg) from error
-
     def _leave_out(self, material, place, used):
-        shines = any(material.emissive_factor) and material.extensions.unlit is None
-        if shines and not _only_shines(material) and 'emissive_texture' not in used:
-            self._file.leave_out('light of a surface that also reflects', f'{place}.material')
         if self._pbr and not self._is_physical(material) and material.extensions.unlit is None:
             self._file.leave_out('physically based shading of glass', f'{place}.material')
-        infos = self._infos(material) | {'normal_texture': material.normal_texture}
-        for name, info in infos.items():
+        for name, info in _references(material).items():
             if info is not None and name not in used and name != 'base_color_texture':
                 self._file.leave_out(name.replace('_', ' '), f'{place}.material')
 
 
-def _physical(material, textures):
+def _references(material):
+    """Return all references to textures by their glTF names."""
+    metallic = material.pbr_metallic_roughness
+    return {
+        'base_color_texture': metallic.base_color_texture,
+        'metallic_roughness_texture': metallic.metallic_roughness_texture,
+        'occlusion_texture': material.occlusion_texture,
+        'emissive_texture': material.emissive_texture,
+        'normal_texture': material.normal_texture,
+    }
+
+
+def _physical(material):
     """Return the keywords of physically based shading."""
     metallic = material.pbr_metallic_roughness
-    look: dict[str, Any] = {
+    return {
         'pbr': True,
         'metallic': _share(metallic.metallic_factor),
         'roughness': _share(metallic.roughness_factor),
     }
-    found = {_VTK[name]: texture for name, texture in textures.items()}
-    if found:
-        look['pbr_textures'] = found
-    if 'emissiveTex' in found:
+
+
+def _maps(material, textures, physical, shines):
+    """Return the keywords of textures and of emitted light, unless it is all that is shown."""
+    look: dict[str, Any] = {}
+    if not physical and 'base_color_texture' in textures:
+        look['texture'] = textures['base_color_texture']
+    used = textures if physical else textures.keys() - {'base_color_texture'}
+    if used:
+        look['pbr_textures'] = {_VTK[name]: textures[name] for name in used}
+    dark = not any(material.emissive_factor) or material.extensions.unlit is not None
+    if not (dark or shines):
         strength = material.extensions.emissive.emissive_strength
         look['emissive_factor'] = tuple(strength * x for x in material.emissive_factor)
     return look
@@ -293,6 +240,17 @@ def _share(value):
     return min(max(value, 0.0), 1.0)
 
 
+def _alpha(material):
+    return _share(material.pbr_metallic_roughness.base_color_factor[3])
+
+
 def _opacity(material):
-    alpha = _share(material.pbr_metallic_roughness.base_color_factor[3])
-    return {'opacity': alpha} if material.alpha_mode != 'OPAQUE' and alpha < 1 else {}
+    alpha = _alpha(material)
+    return {'opacity': alpha} if material.alpha_mode == 'BLEND' and alpha < 1 else {}
+
+
+def _mask(material, alpha):
+    """Return how a mask shows textures whose alpha is multiplied by a factor: opaque or not."""
+    if material.alpha_cutoff > alpha:
+        return {'opacity': 0.0}
+    return {'alpha_cutoff': material.alpha_cutoff / (alpha or 1.0)}

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+from itertools import chain
+
 import numpy as np
 
 from pvibr.animation.clip import Clip, Track
 from pvibr.animation.pose import Pose
-from pvibr.animation.skeleton import Skeleton
+from pvibr.animation.skeleton import Skeleton, depths
 from pvibr.formats.gltf_accessors import Accessors
 from pvibr.formats.gltf_file import GltfError, GltfFile, follow, naming
 from pvibr.maths import quaternions
-from pvibr.maths.transforms import trs
 
 INSTANCING = 'EXT_mesh_gpu_instancing'
 #: Maximum depth of the scene graph.
@@ -22,7 +23,13 @@ _FARTHEST = 1e30
 #: Tolerated shear of a node's matrix: files round to six digits.
 _SHEAR = 1e-4
 _INTERPOLATIONS = {'STEP': 'step', 'LINEAR': 'linear', 'CUBICSPLINE': 'cubic'}
-_VALUES = {'translation': 'VEC3', 'rotation': 'VEC4', 'scale': 'VEC3', 'weights': 'SCALAR'}
+_VALUES = {
+    'translation': 'VEC3',
+    'rotation': 'VEC4',
+    'scale': 'VEC3',
+    'weights': 'SCALAR',
+    'visible': 'SCALAR',
+}
 #: Rotation from y-up to z-up.
 _Z_UP = (np.sqrt(0.5), np.sqrt(0.5), 0.0, 0.0)
 
@@ -32,30 +39,42 @@ def parents_of(file: GltfFile):
     nodes = file.document.nodes
     file.spend(_NODE * len(nodes), 'nodes')
     parents = np.full(len(nodes), -1, dtype=np.int64)
-    for i, node in enumerate(nodes):
-        for j, child in enumerate(node.children):
-            place = f'nodes[{i}].children[{j}]'
-            follow(nodes, child, place, 'nodes')
-            if parents[child] >= 0:
-                msg = f'{place} is {child}, which is a child of nodes[{parents[child]}] already.'
-                raise GltfError(msg)
-            parents[child] = i
-    _check_depth(nodes, np.flatnonzero(parents < 0).tolist())
+    counts = [len(node.children) for node in nodes]
+    owners = np.repeat(np.arange(len(nodes)), counts)
+    children = _flat((node.children for node in nodes), np.int64)
+    bad = children >= len(nodes)
+    if bad.any():
+        follow(nodes, children[bad][0], _place(owners, bad.argmax()), 'nodes')
+    again = np.ones(len(children), dtype=bool)
+    again[np.unique(children, return_index=True)[1]] = False
+    if again.any():
+        which = again.argmax()
+        child = children[which]
+        first = owners[(children == child).argmax()]
+        what = f'{_place(owners, which)} is {child}'
+        msg = f'{what}, which is a child of nodes[{first}] already.'
+        raise GltfError(msg)
+    parents[children] = owners
+    _check_depth(parents)
     return parents
 
 
-def _check_depth(nodes, level):
-    seen = np.zeros(len(nodes), dtype=bool)
-    for _ in range(_DEEPEST):
-        seen[level] = True
-        level = [child for node in level for child in nodes[node].children]
-        if not level:
-            break
-    else:
-        msg = f'nodes[{level[0]}] is more than {_DEEPEST} nodes below its root.'
+def _flat(rows, dtype):
+    return np.fromiter(chain.from_iterable(rows), dtype)
+
+
+def _place(owners, which):
+    owner = owners[which]
+    return f'nodes[{owner}].children[{which - np.searchsorted(owners, owner)}]'
+
+
+def _check_depth(parents):
+    depth = depths(parents)
+    if len(parents) and depth.max() >= _DEEPEST:
+        msg = f'nodes[{depth.argmax()}] is more than {_DEEPEST} nodes below its root.'
         raise GltfError(msg)
-    if not seen.all():  # nodes have at most one parent, so the rest form cycles
-        msg = f'nodes[{np.flatnonzero(~seen)[0]}] is in or below a cycle of children.'
+    if (depth < 0).any():
+        msg = f'nodes[{(depth < 0).argmax()}] is in or below a cycle of children.'
         raise GltfError(msg)
 
 
@@ -71,6 +90,28 @@ def shown_nodes(file: GltfFile, parents, scene):
         found.append(node := stack.pop())
         stack += document.nodes[node].children[::-1]
     return found
+
+
+def drawn_nodes(file: GltfFile, parents, nodes):
+    """Return the nodes, parents first, less those that no clip makes visible."""
+    hidden, animated = _hidden(file), _blinking(file)
+    lost: set[int] = set()
+    for node in nodes:
+        if (node in hidden and node not in animated) or parents[node] in lost:
+            lost.add(node)
+    return [node for node in nodes if node not in lost]
+
+
+def _hidden(file):
+    nodes = file.document.nodes
+    return {i for i, node in enumerate(nodes) if not node.extensions.visibility.visible}
+
+
+def _blinking(file):
+    """Return the nodes whose visibility is animated."""
+    channels = (channel for clip in file.document.animations for channel in clip.channels)
+    places = [channel.target.place() for channel in channels]
+    return {node for node, path in places if path == 'visible'}
 
 
 def _scene_number(document, scene):
@@ -101,14 +142,15 @@ def _roots(document, parents, number):
 def skeleton_of(file: GltfFile, parents, up):
     """Return all nodes as joints with the same indices."""
     nodes = file.document.nodes
-    translation = np.array([node.translation for node in nodes], np.float64).reshape(-1, 3)
-    rotation = np.array([node.rotation for node in nodes], np.float64).reshape(-1, 4)
-    scale = np.array([node.scale for node in nodes], np.float64).reshape(-1, 3)
+    translation = _flat((node.translation for node in nodes), np.float64).reshape(-1, 3)
+    rotation = _flat((node.rotation for node in nodes), np.float64).reshape(-1, 4)
+    scale = _flat((node.scale for node in nodes), np.float64).reshape(-1, 3)
     rotation = rotation[:, [3, 0, 1, 2]]
     given = [i for i, node in enumerate(nodes) if node.matrix is not None]
     if given:
         parts = _apart([nodes[i].matrix for i in given], given)
         translation[given], rotation[given], scale[given] = parts
+    scale[[*(_hidden(file) & _blinking(file))]] = 0  # until a clip shows them
     names = [node.name or f'node{i}' for i, node in enumerate(nodes)]
     if up == 'z':
         parents = np.append(np.where(parents < 0, len(nodes), parents), -1)
@@ -132,8 +174,9 @@ def _apart(matrices, numbers):
     linear = matrices[:, :3, :3]
     lengths = np.linalg.norm(linear, axis=1)
     last = np.abs(matrices[:, 3] - [0, 0, 0, 1]).max(1)
-    _refuse(~lengths.all(1) | (last > _SHEAR), numbers, 'is singular or not affine')
-    left, _, right = np.linalg.svd(linear / lengths[:, None])
+    _refuse(last > _SHEAR, numbers, 'is not affine')
+    # Axes scaled to nothing get directions at right angles to the others.
+    left, _, right = np.linalg.svd(linear / np.where(lengths > 0, lengths, 1)[:, None])
     rotation = left @ right
     shear = np.abs(rotation * lengths[:, None] - linear).max((1, 2))
     _refuse(shear > _SHEAR * lengths.max(1), numbers, 'is sheared, which glTF forbids')
@@ -150,7 +193,7 @@ def _refuse(bad, numbers, fault):
 
 
 def copies_of(file: GltfFile, accessors: Accessors, nodes):
-    """Return the matrices of instances, (k, 4, 4), of the nodes that have some."""
+    """Return translations, quaternions and scales of instances, of the nodes that have some."""
     copies = {}
     for number in nodes:
         node, place = file.document.nodes[number], f'nodes[{number}].extensions.{INSTANCING}'
@@ -174,19 +217,45 @@ def _copies(file, accessors, attributes, place):
         for name, kind in (('TRANSLATION', 'VEC3'), ('ROTATION', 'VEC4'), ('SCALE', 'VEC3'))
     ]
     moves, spins, sizes = parts
-    spins = None if spins is None else spins[:, [3, 0, 1, 2]]
+    moves = np.zeros((count, 3)) if moves is None else moves
+    spins = np.tile([1.0, 0, 0, 0], (count, 1)) if spins is None else spins[:, [3, 0, 1, 2]]
     with naming(place):
-        return trs(np.zeros((count, 3)) if moves is None else moves, spins, sizes)
+        return (
+            moves,
+            quaternions.normalized(spins),
+            np.ones((count, 3)) if sizes is None else sizes,
+        )
+
+
+def with_copies(skeleton, copies):
+    """Return a skeleton with a joint for each instance, and these joints by node."""
+    joints, n = {}, len(skeleton)
+    parents, parts, names = [skeleton.parents], [], list(skeleton.names)
+    rest = skeleton.rest
+    for node, (moves, spins, sizes) in copies.items():
+        joints[node] = range(n, n + len(moves))
+        n += len(moves)
+        parents.append(np.full(len(moves), node))
+        parts.append((moves, spins, sizes))
+        names += [f'{skeleton.names[node]}.{i}' for i in range(len(moves))]
+    if not joints:
+        return skeleton, joints
+    stacks = zip((rest.translation, rest.rotation, rest.scale), *parts, strict=True)
+    pose = Pose(*(np.concatenate(stack) for stack in stacks))
+    return Skeleton(np.concatenate(parents), pose, names), joints
 
 
 def bind_of(file: GltfFile, accessors: Accessors, index):
     """Return joints and inverse bind matrices of a skin."""
     skin, place = file.document.skins[index], f'skins[{index}]'
-    for i, joint in enumerate(skin.joints):
-        follow(file.document.nodes, joint, f'{place}.joints[{i}]', 'nodes')
-    n = len(skin.joints)
+    joints = np.array(skin.joints)
+    bad = joints >= len(file.document.nodes)
+    if bad.any():
+        which = bad.argmax()
+        follow(file.document.nodes, joints[which], f'{place}.joints[{which}]', 'nodes')
+    n = len(joints)
     if skin.inverse_bind_matrices is None:
-        return skin.joints, np.broadcast_to(np.eye(4), (n, 4, 4))
+        return joints, np.broadcast_to(np.eye(4), (n, 4, 4))
     place = f'{place}.inverseBindMatrices'
     values = accessors.floats(skin.inverse_bind_matrices, place, 'MAT4')
     if len(values) < n:
@@ -198,7 +267,7 @@ def bind_of(file: GltfFile, accessors: Accessors, index):
         msg = f'{place}: matrix {wrong[0]} is not affine.'
         raise GltfError(msg)
     matrices[:, 3] = [0, 0, 0, 1]
-    return skin.joints, matrices
+    return joints, matrices
 
 
 def clips_of(file: GltfFile, accessors: Accessors, targets):
@@ -219,17 +288,21 @@ class _Tracks:
         self._animation, self._place = animation, place
 
     def read(self):
-        driven: set = set()
+        driven: dict = {}
         tracks = []
         for i, channel in enumerate(self._animation.channels):
             place = f'{self._place}.channels[{i}]'
-            node, path = channel.target.node, channel.target.path
-            if self._skips(channel, place):
+            node, path = channel.target.place()
+            if self._skips(node, path, place):
                 continue
-            if (node, path) in driven:
+            key = node, 'scale' if path == 'visible' else path  # what is hidden has no scale
+            if driven.get(key, path) != path:
+                self._file.leave_out('animation of scale and visibility of one node', place)
+                continue
+            if key in driven:
                 msg = f'{place} drives the {path} of nodes[{node}], as an earlier channel does.'
                 raise GltfError(msg)
-            driven.add((node, path))
+            driven[key] = path
             sampler = follow(
                 self._animation.samplers, channel.sampler, f'{place}.sampler', 'samplers'
             )
@@ -238,12 +311,14 @@ class _Tracks:
                 tracks.append(self._track(sampler, node, path, where))
         return tracks
 
-    def _skips(self, channel, place):
-        node, path = channel.target.node, channel.target.path
+    def _skips(self, node, path, place):
         if node is not None:
             follow(self._file.document.nodes, node, f'{place}.target.node', 'nodes')
         if path not in _VALUES:
-            self._file.leave_out(f'animation of {path[:40]!r}', f'{place}.target.path')
+            self._file.leave_out(f'animation of {path[:60]!r}', f'{place}.target.path')
+            return True
+        if path == 'visible' and self._file.document.nodes[node].skin is not None:
+            self._file.leave_out('animated visibility of a skinned mesh', place)
             return True
         # Weights of hidden meshes, or meshes without targets.
         return node is None or (path == 'weights' and node not in self._targets)
@@ -261,8 +336,14 @@ class _Tracks:
             msg = f'{output} has {values.size} numbers; {len(times)} keys need {np.prod(shape)}.'
             raise GltfError(msg)
         values = values.reshape(shape)
+        if path == 'visible':  # hidden by a scale of 0
+            values = (values != 0) * np.array(self._file.document.nodes[node].scale)
+            return Track(node, 'scale', times, values, 'step')
         if path == 'rotation':
             values = values[..., [3, 0, 1, 2]]
+        later = np.diff(times, prepend=-np.inf) > 0
+        if not later.all() and (np.diff(times) >= 0).all():  # of keys at one time the first holds
+            times, values = times[later], values[later]
         self._file.spend(8 * values.size * meshes, output)
         # Each mesh of a node has its own columns with the same weights.
         values = np.tile(values, meshes) if meshes > 1 else values

@@ -15,23 +15,41 @@ from pvibr.animation.gltf.nodes import (
     INSTANCING,
     clips_of,
     copies_of,
+    drawn_nodes,
     parents_of,
     shown_nodes,
     skeleton_of,
+    with_copies,
 )
 from pvibr.formats.gltf_accessors import Accessors
 from pvibr.formats.gltf_file import GltfError, GltfFile, follow, naming
+from pvibr.maths.transforms import trs
 
 #: Supported extensions; others are left out, with a warning.
 EXTENSIONS = (
+    INSTANCING,
     'EXT_texture_webp',
+    'KHR_animation_pointer',
+    'KHR_draco_mesh_compression',
     'KHR_lights_punctual',
     'KHR_materials_emissive_strength',
     'KHR_materials_pbrSpecularGlossiness',
     'KHR_materials_unlit',
     'KHR_mesh_quantization',
+    'KHR_node_visibility',
     'KHR_texture_transform',
 )
+#: How the names of extensions begin that change looks alone: a figure is read without them.
+_SEEN_ONLY = (
+    'KHR_materials_',
+    'KHR_texture_',
+    'EXT_texture_',
+    'MSFT_texture_',
+    'KHR_technique',
+    'KHR_xmp',
+)
+#: Most instances that become meshes of their own.
+_MOST_COPIES = 100
 #: Bytes of a FigureMesh, whose arrays are shared.
 _MESH = 4096
 
@@ -39,8 +57,8 @@ _MESH = 4096
 def read_gltf(path, *, scene=None, up='y', pbr=False):
     """Read a figure from a glTF 2.0 file, ``.glb`` or ``.gltf``.
 
-    Each node becomes a joint of the same index, each visible primitive of triangles a mesh, each
-    animation a clip. A mesh without normals is flat, as glTF defines: its triangles share no
+    Each node becomes a joint of the same index, each visible primitive a mesh, each animation a
+    clip. A mesh without normals is flat, as glTF defines: its triangles share no
     points. Unused points are dropped. Looks of alpha masks hold ``alpha_cutoff``, which
     ``add_mesh`` alone does not support.
 
@@ -56,8 +74,9 @@ def read_gltf(path, *, scene=None, up='y', pbr=False):
     pbr : bool, optional
         Use physically based looks, as the file asks. They are dark without an environment texture
         (``plotter.set_environment_texture``). Looks then hold ``pbr``, ``metallic`` and
-        ``roughness`` of ``add_mesh``, and ``pbr_textures`` and ``emissive_factor``, which
-        ``add_animated`` supports.
+        ``roughness`` of ``add_mesh``. Looks of either kind may hold ``pbr_textures`` (maps of
+        normals and of emitted light, too) and ``emissive_factor``, which ``add_animated`` and
+        ``add_instances`` draw.
 
     Returns
     -------
@@ -90,9 +109,10 @@ def read_gltf(path, *, scene=None, up='y', pbr=False):
         raise ValueError(msg)
     file = GltfFile(path)
     _check_extensions(file, EXTENSIONS)
-    nodes, skeleton = _graph(file, scene, up)
+    nodes, drawn, skeleton = _graph(file, scene, up)
     accessors = Accessors(file)
-    meshes, targets = _Meshes(file, accessors, pbr, skeleton).read(nodes)
+    skeleton, joints = with_copies(skeleton, _few(file, copies_of(file, accessors, drawn)))
+    meshes, targets = _Meshes(file, accessors, pbr).read(drawn, joints)
     clips = clips_of(file, accessors, targets)
     with naming('the figure'):
         cameras, lights = cameras_of(file, nodes), lights_of(file, nodes)
@@ -101,14 +121,23 @@ def read_gltf(path, *, scene=None, up='y', pbr=False):
     return figure
 
 
+def _few(file, copies):
+    """Return instances, or none if these are too many for actors of their own."""
+    count = sum(len(moves) for moves, _, _ in copies.values())
+    if count <= _MOST_COPIES:
+        return copies
+    file.leave_out(f'{count} instances', f'{INSTANCING}: add_instances(path) draws them')
+    return {}
+
+
 def read_scene(path, pbr=False):
     """Return a figure of the default scene without clips, and instances (k, 4, 4) by node."""
     file = GltfFile(path)
-    _check_extensions(file, (*EXTENSIONS, INSTANCING))
-    nodes, skeleton = _graph(file, None, 'y')
+    _check_extensions(file, EXTENSIONS)
+    _, nodes, skeleton = _graph(file, None, 'y')
     accessors = Accessors(file)
-    copies = copies_of(file, accessors, nodes)
-    meshes, _ = _Meshes(file, accessors, pbr, skeleton, copies).read(nodes)
+    copies = {node: trs(*parts) for node, parts in copies_of(file, accessors, nodes).items()}
+    meshes, _ = _Meshes(file, accessors, pbr, wires=False).read(nodes)
     with naming('the scene'):
         figure = Figure(meshes, skeleton)
     file.warn()
@@ -116,14 +145,16 @@ def read_scene(path, pbr=False):
 
 
 def _graph(file, scene, up):
-    """Return the visible nodes, and all nodes as a skeleton."""
+    """Return the nodes of the scene, those that are visible, and all nodes as a skeleton."""
     parents = parents_of(file)
-    return shown_nodes(file, parents, scene), skeleton_of(file, parents, up)
+    nodes = shown_nodes(file, parents, scene)
+    return nodes, drawn_nodes(file, parents, nodes), skeleton_of(file, parents, up)
 
 
 def _check_extensions(file, supported):
     document = file.document
-    unknown = [name for name in document.extensions_required if name not in supported]
+    needed = [name for name in document.extensions_required if not name.startswith(_SEEN_ONLY)]
+    unknown = [name for name in needed if name not in supported]
     if unknown:
         asked, known = ', '.join(unknown)[:200], ', '.join(supported)
         msg = f'extensionsRequired asks for {asked}; supported are {known}.'
@@ -131,48 +162,53 @@ def _check_extensions(file, supported):
     for name in document.extensions_used:
         if name not in supported:
             file.leave_out(name[:80], 'extensionsUsed')
+    for name in file.extensions():
+        if name not in supported:
+            file.leave_out(name, 'not in extensionsUsed')
 
 
 class _Meshes:
     """The meshes of the visible nodes."""
 
-    def __init__(self, file, accessors, pbr, skeleton, copies=None):
+    def __init__(self, file, accessors, pbr, wires=True):
         self._file = file
         self._looks = Looks(file, pbr)
         self._first: dict[Surface, FigureMesh] = {}
         self._known: dict[tuple, dict] = {}
-        self._primitives = Primitives(file, accessors, self._looks)
-        self._mirrored = np.linalg.det(skeleton.world(skeleton.rest)[:, :3, :3]) < 0
-        for node, matrices in (copies or {}).items():
-            flips = np.linalg.det(matrices[:, :3, :3]) < 0
-            self._mirrored[node] = (flips != self._mirrored[node]).any()
+        self._primitives = Primitives(file, accessors, self._looks, wires)
 
-    def read(self, nodes):
-        """Return the meshes, and (first column, width, meshes) of weights by node."""
+    def read(self, nodes, joints=None):
+        """Return the meshes, and (first column, width, meshes) of weights by node.
+
+        Nodes with instances have a mesh for each of their joints.
+        """
+        joints = joints or {}
         document = self._file.document
         meshes: list[FigureMesh] = []
         targets: dict[int, tuple[int, int, int]] = {}
         columns = 0
         nodes = [number for number in nodes if document.nodes[number].mesh is not None]
-        self._check(nodes)
+        self._check(nodes, joints)
         for number in nodes:
             node = document.nodes[number]
             mesh = document.meshes[node.mesh]
             weights = self._weights(node, mesh, number)
             shown = self._of_node(node, mesh, number, weights)
-            if weights and shown:
+            shown = [_on(m, joint) for joint in joints.get(number, (number,)) for m in shown]
+            if len(weights) and shown:
                 targets[number] = (columns, len(weights), len(shown))
                 columns += len(weights) * len(shown)
             meshes += shown
         return meshes, targets
 
-    def _check(self, nodes):
+    def _check(self, nodes, joints):
         """Check all references, and that the number of meshes is plausible."""
         document = self._file.document
         for number in nodes:
             node, place = document.nodes[number], f'nodes[{number}]'
             mesh = follow(document.meshes, node.mesh, f'{place}.mesh', 'meshes')
-            self._file.spend(_MESH * len(mesh.primitives), f'{place}.mesh')
+            copies = len(joints.get(number, (number,)))
+            self._file.spend(_MESH * len(mesh.primitives) * copies, f'{place}.mesh')
             if node.skin is not None:
                 follow(document.skins, node.skin, f'{place}.skin', 'skins')
 
@@ -186,7 +222,7 @@ class _Meshes:
             skin = None
             if node.skin is not None:
                 skin = self._primitives.skin(node.mesh, i, node.skin)
-            look = self._look(node.mesh, i, surface, skin is None and self._mirrored[number])
+            look = self._look(node.mesh, i, surface)
             name = node.name or mesh.name or f'node{number}'
             name = name if len(mesh.primitives) == 1 else f'{name}.{i}'
             with naming(place):
@@ -200,17 +236,16 @@ class _Meshes:
             meshes.append(figure_mesh)
         return meshes
 
-    def _look(self, mesh, number, surface, mirrored):
-        key = (mesh, number, bool(mirrored))
+    def _look(self, mesh, number, surface):
+        primitive = self._file.document.meshes[mesh].primitives[number]
+        kind = surface.coordinates, surface.colors, surface.tiles, surface.wires, surface.lit
+        key = primitive.material, *kind
         if key not in self._known:
-            primitive = self._file.document.meshes[mesh].primitives[number]
             place = f'meshes[{mesh}].primitives[{number}]'
             self._known[key] = self._looks.look(
                 self._looks.material(primitive.material, f'{place}.material'),
                 place,
-                coordinates=surface.coordinates,
-                colors=surface.colors,
-                mirrored=mirrored,
+                surface,
             )
         return dict(self._known[key])
 
@@ -227,7 +262,16 @@ class _Meshes:
             msg = f'nodes[{number}] has {len(weights)} morph weights for {n} targets.'
             raise GltfError(msg)
         self._file.spend(8 * n * len(mesh.primitives), f'nodes[{number}].mesh')
-        return tuple(weights) or (0.0,) * n
+        return np.array(weights or np.zeros(n), dtype=np.float64)
+
+
+def _on(mesh, joint):
+    """Return a mesh that shares all arrays, on a joint."""
+    if mesh.node == joint:
+        return mesh
+    mesh = copy.copy(mesh)
+    mesh.node, mesh.look = joint, dict(mesh.look)
+    return mesh
 
 
 def _resting(morphs, weights):
@@ -235,5 +279,5 @@ def _resting(morphs, weights):
     if morphs is None:
         return None
     morphs = copy.copy(morphs)
-    morphs.weights = np.array(weights, dtype=np.float64)
+    morphs.weights = weights.copy()
     return morphs

@@ -21,6 +21,7 @@ _TEXTURES = {
     'albedoTex': ('baseColorTexture',),
     'materialTex': ('metallicRoughnessTexture', 'occlusionTexture'),
     'emissiveTex': ('emissiveTexture',),
+    'normalTex': ('normalTexture',),
 }
 
 

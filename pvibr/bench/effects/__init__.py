@@ -5,7 +5,14 @@ from __future__ import annotations
 from pvibr.bench.common import plots
 from pvibr.bench.common.harness import Bench
 from pvibr.bench.common.whole_frames import real_plotter, turning
-from pvibr.bench.effects import bloom, copies, depth_of_field, outline, together
+from pvibr.bench.effects import (
+    accumulation,
+    bloom,
+    copies,
+    depth_of_field,
+    outline,
+    together,
+)
 
 
 def plot(points, figure):
@@ -44,6 +51,7 @@ BENCH = Bench(
         'outline': outline.measure,
         'depth of field': depth_of_field.measure,
         'together': together.measure,
+        'accumulation': accumulation.measure,
     },
     plot=plot,
     outside={'five effects': _five},
@@ -54,5 +62,9 @@ BENCH = Bench(
         'radii': ((0.1, 0.2), (0.1,)),
         'samples': ((16, 48, 128), (16,)),
         'lenses': (256, 16),
+        'still': ((320, 240), (48, 36)),
+        'still_samples': (1024, 8),
+        'still_texels': (1024, 64),
+        'still_seed': (7, 7),
     },
 )

@@ -109,7 +109,7 @@ def test_the_file_itself_is_sound(rich):
         ('accessors.4.count', -1, r'accessors\[4\].count'),
         ('accessors.4.count', 10**30, r'accessors\[4\].count'),
         ('accessors.4.componentType', 5124, r'accessors\[4\].componentType: Invalid enum value'),
-        ('accessors.4.type', 'VEC5', r'accessors\[4\].type'),
+        ('accessors.4.type', 'VEC5', r'attributes.POSITION is accessors\[4\] of VEC5'),
         ('accessors.4.type', 'VEC2', r'attributes.POSITION is accessors\[4\] of VEC2'),
         ('accessors.5.count', 3, r'attributes.NORMAL has 3 elements, POSITION 4'),
         ('accessors.3.count', 3, r'targets\[0\].POSITION has 3 elements of 4'),
@@ -121,12 +121,11 @@ def test_the_file_itself_is_sound(rich):
         ('nodes.3.children', [1], r'nodes\[1\] is in or below a cycle'),
         ('nodes.3.children', [3], r'nodes\[3\].children\[0\] is 3, which is a child'),
         ('scenes.0.nodes', [2], r'scenes\[0\].nodes\[0\] is 2, which is a child of nodes\[1\]'),
-        ('nodes.1.matrix', [0.0] * 16, r'nodes\[1\].matrix is singular'),
+        ('nodes.1.matrix', [0.0] * 16, r'nodes\[1\].matrix is not affine'),
         ('nodes.1.matrix', [1, 0, 0, 0, 1, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1], r'matrix is sheared'),
         ('nodes.1.matrix', [1.0] * 15, r'nodes\[1\].matrix: Expected `array` of length >?=? ?16'),
         ('nodes.1.rotation', [0, 0, 0, 0], r'nodes: '),
         ('nodes.1.scale', [1e31, 1, 1], r'nodes\[1\].scale\[0\]: Expected `float` <= 1e'),
-        ('nodes.1.scale', [0, 1, 1], r"'hip'.* is singular"),
         # Morphs and clips
         ('nodes.0.weights', [1, 2], r'nodes\[0\] has 2 morph weights for 1 targets'),
         ('animations.0.samplers.0.output', 0, r'output is accessors\[0\] of VEC2'),
@@ -140,8 +139,6 @@ def test_the_file_itself_is_sound(rich):
         ('nodes.1.translation', [0, '1', 0], r'nodes\[1\].translation\[1\]'),
         ('cameras.0.perspective', None, r'cameras\[0\] is perspective, but has no'),
         ('cameras.0.type', 'orthographic', r'cameras\[0\] is orthographic, but has no'),
-        ('images.0', {}, r'images\[0\] has neither uri nor bufferView'),
-        ('images.0.uri', 'data:image/png;base64,iVBORw0KGgo=', r'images\[0\] cannot be read'),
     ],
 )
 def test_an_error_names_the_place(rich, place, value, said):
@@ -158,7 +155,7 @@ def test_an_error_names_the_place(rich, place, value, said):
         (7, 3, 'nan', r'accessors\[7\] holds nan'),
         (8, 1, 'nan', r'accessors\[8\] holds nan'),
         (9, 0, '-inf', r'accessors\[9\] holds -inf'),
-        (2, 0, '-0.5', r'attributes with skins\[0\]: .*negative'),
+        (2, 0, 'nan', r'accessors\[2\] holds nan in element 0'),
         (7, 3, '0.5', r'skins\[0\].inverseBindMatrices: matrix 0 is not affine'),
     ],
 )
@@ -167,13 +164,6 @@ def test_numbers_that_are_none(rich, accessor, element, value, said):
     at = view['byteOffset'] + 4 * element
     rich.blob = rich.blob[:at] + struct.pack('<f', float(value)) + rich.blob[at + 4 :]
     with pytest.raises(GltfError, match=said):
-        pvibr.read_gltf(rich.write())
-
-
-def test_weights_that_sum_to_zero(rich):
-    attributes = rich.json['meshes'][0]['primitives'][0]['attributes']
-    attributes['WEIGHTS_0'] = rich.array([[1, 0, 0, 0]] * 2 + [[0, 0, 0, 0]] * 2)
-    with pytest.raises(GltfError, match=r'skins\[0\]: .*zero.*2'):
         pvibr.read_gltf(rich.write())
 
 
@@ -213,8 +203,9 @@ def test_messages_stay_short(rich):
     with pytest.warns(pvibr.PvibrWarning) as caught:
         pvibr.read_gltf(rich.write())
     assert len(str(caught[0].message)) == 1000
-    rich.json['nodes'][1] |= {'name': 'x' * 10**6, 'scale': [0, 0, 0]}
-    with pytest.raises(GltfError, match='nodes: ') as refused:
+    rich.json['nodes'][0]['camera'] = 0
+    rich.json['cameras'][0] |= {'name': 'x' * 10**6, 'type': 'y' * 10**6}
+    with pytest.raises(GltfError, match='cameras') as refused:
         pvibr.read_gltf(rich.write())
     assert len(str(refused.value)) == 1000
 
@@ -306,9 +297,12 @@ def test_a_small_picture_that_unpacks_to_a_huge_one(glb):
     glb.add('materials', pbrMetallicRoughness={'baseColorTexture': {'index': 0}})
     coordinates = {'TEXCOORD_0': glb.array(np.zeros((4, 2)))}
     glb.shown(glb.primitive(material=0, attributes=coordinates))
-    with pytest.raises(GltfError, match=r'images\[0\]'):
-        pvibr.read_gltf(glb.write())
-    refused_within(glb.write(), 8)
+    path = glb.write()
+    tracemalloc.start()
+    with pytest.warns(pvibr.PvibrWarning, match=r'images\[0\]'):
+        pvibr.read_gltf(path)
+    assert tracemalloc.get_traced_memory()[1] < 8 * 2**20
+    tracemalloc.stop()
 
 
 def test_scales_that_overflow_together(rich):
@@ -425,8 +419,7 @@ def test_uris_that_lead_elsewhere(rich, uri, kind):
         document['buffers'] = [{'uri': uri, 'byteLength': len(rich.blob)}]
     else:
         document['images'] = [{'uri': uri}]
-    gone = kind == 'images' and uri in ('circle.bin', 'a' * 5000, 'gone.bin', '.', 'pipe')
-    expected = pvibr.PvibrWarning if gone else GltfError
+    expected = pvibr.PvibrWarning if kind == 'images' else GltfError  # pictures are left out
     path = rich.write()
     with warnings.catch_warnings():
         warnings.simplefilter('error')

@@ -184,7 +184,9 @@ def test_matrices_that_mirror(glb):
     glb.shown(glb.primitive(), matrix=matrix.T.ravel().tolist())
     read = figure(glb)
     assert_allclose(read.skeleton.rest.matrices()[0], matrix, atol=1e-12)
-    assert 'culling' not in read.meshes[0].look
+    assert read.meshes[0].look['culling'] == 'back'
+    a, b, c = read.mesh().points[read.mesh().regular_faces[0]]
+    assert_allclose(np.cross(b - a, c - a), [0, 0, 2])
 
 
 def test_up_z_stands_figures_upright(glb):
@@ -391,8 +393,20 @@ def test_opaque_ignores_alpha_and_backs_are_culled(glb):
     assert body.look['culling'] == 'back'
 
 
-def test_masks(glb):
-    assert look(glb, {'alphaMode': 'MASK', 'alphaCutoff': 0.3}).look['alpha_cutoff'] == 0.3
+@pytest.mark.parametrize(
+    ('alpha', 'cutoff', 'shown'),
+    [
+        (1, 0.3, {'alpha_cutoff': 0.3}),
+        (0.8, 0.4, {'alpha_cutoff': 0.5}),
+        (0.8, 0.9, {'opacity': 0.0}),
+        (1, 1.1, {'opacity': 0.0}),
+        (0, 0, {'alpha_cutoff': 0.0}),
+    ],
+)
+def test_what_passes_a_mask_is_opaque(glb, alpha, cutoff, shown):
+    surface = {'pbrMetallicRoughness': {'baseColorFactor': [1, 1, 1, alpha]}}
+    found = look(glb, {'alphaMode': 'MASK', 'alphaCutoff': cutoff} | surface).look
+    assert {k: found[k] for k in ('alpha_cutoff', 'opacity') if k in found} == shown
 
 
 def test_physically_based_looks_when_asked_for(glb):
@@ -568,8 +582,7 @@ def test_a_picture_that_is_not_there_is_left_out(glb):
 
 def test_one_warning_names_all_that_is_left_out(glb):
     glb.add('materials', normalTexture={'index': 0}, emissiveFactor=[1, 1, 1])
-    lines = glb.primitive(corners=[0, 1], mode=1)
-    node = glb.shown(glb.primitive(material=0), lines, lines)
+    node = glb.shown(glb.primitive(material=0), {'attributes': {}}, {'attributes': {}})
     glb.animate(node, 'pointer', [0], [0])
     glb.json['extensionsUsed'] = ['KHR_materials_unlit', 'EXT_fur']
     with warnings.catch_warnings(record=True) as caught:
@@ -579,15 +592,15 @@ def test_one_warning_names_all_that_is_left_out(glb):
     assert caught[0].category is pvibr.PvibrWarning
     assert caught[0].filename == __file__
     message = str(caught[0].message)
-    for what in ('EXT_fur', 'lines', 'normal texture', 'light of a surface', "'pointer'"):
+    for what in ('EXT_fur', 'without positions', 'normal texture', "'pointer'"):
         assert message.count(what) == 1, what
     assert 'unlit' not in message
 
 
 def test_an_extension_that_is_required_and_unknown(glb):
     glb.shown(glb.primitive())
-    glb.json['extensionsRequired'] = ['KHR_draco_mesh_compression']
-    with pytest.raises(pvibr.animation.GltfError, match='extensionsRequired asks for KHR_draco'):
+    glb.json['extensionsRequired'] = ['EXT_meshopt_compression']
+    with pytest.raises(pvibr.animation.GltfError, match='extensionsRequired asks for EXT_meshopt'):
         figure(glb)
 
 

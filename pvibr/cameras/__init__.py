@@ -1,0 +1,1 @@
+"""Calibrated photographs: read from and written for photogrammetry programs."""

@@ -1,0 +1,231 @@
+"""Cameras written for photogrammetry and radiance fields: COLMAP and transforms.json."""
+
+from __future__ import annotations
+
+import json
+import os
+import struct
+from pathlib import Path
+
+import numpy as np
+
+from pvibr.cameras.colmap import EQUIRECTANGULAR, MODELS
+from pvibr.cameras.photos import Photo
+from pvibr.core.files import replacing
+from pvibr.maths.cameras import as_camera
+from pvibr.maths.lens_camera import LensCamera
+from pvibr.maths.orthographic import Orthographic
+from pvibr.maths.quaternions import from_matrices
+
+_FORMATS = ('colmap', 'colmap_binary', 'transforms')
+_SKEW = 0.01  # pixels at the border that a file without skew may be off
+
+
+def write_cameras(path, cameras, *, size=None, format=None):
+    """Write cameras for COLMAP, or as transforms.json.
+
+    Parameters
+    ----------
+    path : str or pathlib.Path
+        A folder, for COLMAP's ``cameras``, ``images`` and empty ``points3D``, or a ``.json`` file.
+    cameras : plotter, Photo, camera, or sequence of these
+        A plotter gives the camera of its active subplot; a camera may be a ``pyvista.Camera``, a
+        :class:`Pinhole` or a :class:`LensCamera`. What has no name is ``'0000.png'`` and so on.
+    size : tuple of 2 int, optional
+        Width and height in pixels of the pictures of ``pyvista.Camera``; by default those of the
+        plotter's subplot.
+    format : str, optional
+        ``'colmap'``, ``'colmap_binary'`` or ``'transforms'``; by default it follows from `path`.
+
+    Raises
+    ------
+    ValueError
+        If there is no camera, a size is unknown, or the format has no such projection.
+
+    Examples
+    --------
+    >>> import pathlib, tempfile
+    >>> import pyvista as pv
+    >>> import pvibr
+    >>> pl = pv.Plotter(off_screen=True, window_size=(200, 100))
+    >>> _ = pl.add_mesh(pv.Sphere())
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     file = pathlib.Path(folder) / 'transforms.json'
+    ...     pvibr.write_cameras(file, pl)
+    ...     '"fl_x"' in file.read_text()
+    True
+    >>> pl.close()
+    """
+    path = Path(path).expanduser()
+    if format is None:
+        format = 'transforms' if path.suffix.lower() == '.json' else 'colmap'
+    if format not in _FORMATS:
+        msg = f'format is {format!r}; it must be one of {", ".join(_FORMATS)}.'
+        raise ValueError(msg)
+    photos = _photos(cameras, size)
+    if format == 'transforms':
+        _write_transforms(path, photos)
+    else:
+        _write_colmap(path, photos, binary=format == 'colmap_binary')
+
+
+def _photos(cameras, size) -> list[Photo]:
+    if not isinstance(cameras, list | tuple) or hasattr(cameras, '_asdict'):
+        cameras = [cameras]
+    found = []
+    for k, camera in enumerate(cameras):
+        if isinstance(camera, Photo):
+            found.append(camera)
+            continue
+        view = size
+        if hasattr(camera, 'renderer'):
+            view = view or tuple(camera.renderer.GetSize())
+            view = view if all(view) else tuple(camera.window_size)
+            camera = camera.camera
+        view = view or getattr(camera, 'size', None)
+        if view is None:
+            msg = f'size is None; camera {k} ({camera!r:.60}) has none of its own.'
+            raise ValueError(msg)
+        if not isinstance(camera, LensCamera):
+            camera = as_camera(camera, view)
+        found.append(Photo(f'{k:04}.png', camera))
+    if not found:
+        msg = 'cameras is empty; at least one is needed.'
+        raise ValueError(msg)
+    return found
+
+
+def _described(photo):
+    """Return COLMAP's model and numbers; the centre of the first pixel is at (0.5, 0.5)."""
+    camera = photo.camera
+    if isinstance(camera, Orthographic):
+        msg = f'{photo.name}: an orthographic camera cannot be written; no such format has any.'
+        raise ValueError(msg)
+    model, numbers = _model(photo)
+    if model == EQUIRECTANGULAR[0]:
+        return model, [float(s) for s in camera.size]
+    K = camera.K
+    if max(abs(K[0, 1]), abs(K[1, 0])) * max(camera.size) > _SKEW * min(K[0, 0], K[1, 1]):
+        msg = f'{photo.name}: K is {K.tolist()}; its skew cannot be written.'
+        raise ValueError(msg)
+    return model, [K[0, 0], K[1, 1], K[0, 2] + 0.5, K[1, 2] + 0.5, *numbers]
+
+
+def _model(photo):
+    """Return COLMAP's model with two focal lengths, and its numbers after the centre."""
+    camera = photo.camera
+    if not isinstance(camera, LensCamera):
+        k1, k2, p1, p2, *more = (float(x) for x in camera.distortion)
+        if any(more):
+            return 'FULL_OPENCV', [k1, k2, p1, p2, *more]
+        return ('OPENCV', [k1, k2, p1, p2]) if any((k1, k2, p1, p2)) else ('PINHOLE', [])
+    lens = camera.lens
+    plain = not any((*lens.radial, *lens.tangential, *lens.prism))
+    direct = {
+        'division': 'DIVISION',
+        'fov': 'FOV',
+        'unified': 'EUCM',
+        'spherical': EQUIRECTANGULAR[0],
+    }
+    if plain and lens.kind in direct:
+        return direct[lens.kind], list(lens.values)
+    k = (*lens.radial, *[0.0] * 6)[:6]
+    p1, p2, *p34 = (*lens.tangential, *[0.0] * 4)[:4]
+    prism = (*lens.prism, *[0.0] * 4)[:4]
+    if lens.kind == 'equidistant' and not any((*p34, *lens.radial[6:])):
+        if not any((*k[4:], p1, p2, *prism)):
+            return 'OPENCV_FISHEYE', list(k[:4])
+        if lens.late:
+            return 'RAD_TAN_THIN_PRISM_FISHEYE', [*k, p2, p1, *prism]
+        if not any((*k[4:], prism[1], prism[3])):
+            return 'THIN_PRISM_FISHEYE', [*k[:2], p1, p2, *k[2:4], prism[0], prism[2]]
+    try:
+        return 'FULL_OPENCV', [float(x) for x in camera.as_pinhole().distortion]
+    except ValueError as error:
+        msg = f'{photo.name}: {error}'
+        raise ValueError(msg) from None
+
+
+def _write_colmap(folder, photos, *, binary):
+    rows = [(*_described(p), p) for p in photos]
+    intrinsics = list(dict.fromkeys((m, tuple(n), p.size) for m, n, p in rows))
+    numbers = {key: k for k, key in enumerate(intrinsics, start=1)}
+    images = []
+    for k, (model, params, photo) in enumerate(rows, start=1):
+        matrix = photo.camera_from_world
+        pose = [*from_matrices(matrix[:3, :3]), *matrix[:3, 3]]
+        images.append((k, pose, numbers[model, tuple(params), photo.size], photo.name))
+    files = _binary_files(intrinsics, images) if binary else _text_files(intrinsics, images)
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, content in files.items():
+        with replacing(folder / name) as part:
+            part.write_bytes(content)
+
+
+def _text_files(intrinsics, images):
+    cameras = ['# CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]']
+    for k, (model, params, (width, height)) in enumerate(intrinsics, start=1):
+        cameras.append(f'{k} {model} {width} {height} {_spaced(params)}')
+    rows = ['# IMAGE_ID, QW, QX, QY, QZ, TX, TY, TZ, CAMERA_ID, NAME, then a line of points']
+    for k, pose, camera, name in images:
+        rows += [f'{k} {_spaced(pose)} {camera} {name}', '']
+    texts = {'cameras.txt': cameras, 'images.txt': rows, 'points3D.txt': ['# no points']}
+    return {n: ('\n'.join(t) + '\n').encode('utf-8', 'surrogateescape') for n, t in texts.items()}
+
+
+def _spaced(numbers):
+    return ' '.join(repr(float(x)) for x in numbers)
+
+
+def _binary_files(intrinsics, images):
+    codes = {name: row[0] for name, row in MODELS.items()} | dict([EQUIRECTANGULAR])
+    cameras = struct.pack('<Q', len(intrinsics))
+    for k, (model, params, size) in enumerate(intrinsics, start=1):
+        cameras += struct.pack(f'<IiQQ{len(params)}d', k, codes[model], *size, *params)
+    rows = struct.pack('<Q', len(images))
+    for k, pose, camera, name in images:
+        rows += struct.pack('<I7dI', k, *pose, camera)
+        rows += name.encode('utf-8', 'surrogateescape') + b'\0' + struct.pack('<Q', 0)
+    return {'cameras.bin': cameras, 'images.bin': rows, 'points3D.bin': struct.pack('<Q', 0)}
+
+
+_IN_TRANSFORMS = {
+    'PINHOLE': ('PINHOLE', ()),
+    'OPENCV': ('OPENCV', ('k1', 'k2', 'p1', 'p2')),
+    'OPENCV_FISHEYE': ('OPENCV_FISHEYE', ('k1', 'k2', 'k3', 'k4')),
+    EQUIRECTANGULAR[0]: (EQUIRECTANGULAR[0], ()),
+}
+
+
+def _write_transforms(path, photos):
+    frames, models = [], set()
+    for photo in photos:
+        model, numbers = _described(photo)
+        names: tuple
+        if model == 'FULL_OPENCV' and not any(numbers[9:]):
+            model, names = 'OPENCV', ('k1', 'k2', 'p1', 'p2', 'k3')
+        elif model in _IN_TRANSFORMS:
+            model, names = _IN_TRANSFORMS[model]
+        else:
+            msg = f'{photo.name}: transforms.json has no {model}; write COLMAP, a folder, instead.'
+            raise ValueError(msg)
+        models.add('OPENCV' if model == 'PINHOLE' else model)
+        width, height = photo.size
+        frame = {'file_path': _relative(photo, path.parent), 'w': width, 'h': height}
+        if model != EQUIRECTANGULAR[0]:
+            frame |= dict(zip(('fl_x', 'fl_y', 'cx', 'cy', *names), numbers, strict=False))
+        matrix = np.linalg.inv(photo.camera.view_from_world)
+        frames.append({**frame, 'transform_matrix': matrix.tolist()})
+    if len(models) > 1:
+        msg = f'the cameras are of {", ".join(sorted(models))}; transforms.json has one model.'
+        raise ValueError(msg)
+    with replacing(path) as part:
+        part.write_text(json.dumps({'camera_model': models.pop(), 'frames': frames}, indent=1))
+
+
+def _relative(photo, folder):
+    """Return the picture's path from a folder, if it is in it, else its name."""
+    if photo.path is None:
+        return photo.name
+    found = Path(os.path.relpath(photo.path, folder)).as_posix()
+    return photo.name if found.startswith('..') else found

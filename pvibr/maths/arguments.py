@@ -1,0 +1,86 @@
+"""Checks of arguments: errors name the argument, its value and what is allowed."""
+
+from __future__ import annotations
+
+import re
+from contextlib import contextmanager
+from numbers import Real
+
+import numpy as np
+
+_LARGEST = np.finfo(float).max
+_WRONG = (TypeError, ValueError, LookupError, AttributeError, ArithmeticError, OSError)
+
+
+@contextmanager
+def naming(name, value):
+    """Have the error about an argument name it, if the error does not do so itself."""
+    try:
+        yield
+    except _WRONG as error:
+        if re.search(rf'\b{name}\b', str(error)):
+            raise
+        kind: type[Exception] = ValueError
+        if isinstance(error, (TypeError, AttributeError)):
+            kind = TypeError
+        elif isinstance(error, OSError):
+            kind = type(error)
+        msg = f'{name} = {value!r:.80}: {error}'
+        raise kind(msg) from error
+
+
+def as_array(name, values, dtype=None) -> np.ndarray:
+    """Return values as an array; they are no ragged rows and no complex numbers."""
+    with naming(name, values):
+        array = np.asarray(values)
+        if array.dtype.kind in 'cmMV' or np.ma.is_masked(values):
+            msg = 'complex numbers, dates, records and masked values are not allowed'
+            raise TypeError(msg)
+        return array if dtype is None else array.astype(dtype, copy=False)
+
+
+def checked_number(name, value, low=-np.inf, high=np.inf) -> float:
+    """Return a finite number within bounds."""
+    real = isinstance(value, Real) and not isinstance(value, (bool, np.bool_))
+    if not real or not abs(value) <= _LARGEST or not low <= value <= high:
+        bounds = '' if low == -np.inf else f' from {low:g} to {high:g}'
+        msg = f'{name} is {value!r:.80}; it must be a finite number{bounds}'
+        several = isinstance(value, (list, tuple, np.ndarray))
+        raise (ValueError if real or several else TypeError)(msg)
+    return float(value)
+
+
+def checked_positive(name, value) -> float:
+    """Return a finite number above 0."""
+    number = checked_number(name, value)
+    if number <= 0:
+        msg = f'{name} is {value!r:.80}; it must be above 0 and finite'
+        raise ValueError(msg)
+    return number
+
+
+def checked_whole(name, value, low, high) -> int:
+    """Return a whole number within bounds."""
+    number = checked_number(name, value, low, high)
+    if number != int(number):
+        msg = f'{name} is {value!r:.80}; it must be a whole number from {low} to {high}'
+        raise ValueError(msg)
+    return int(number)
+
+
+def checked_each(name, values, is_one, allowed) -> tuple:
+    """Return one or several of a kind as a tuple."""
+    if is_one(values):
+        return (values,)
+    if isinstance(values, (str, bytes, dict)) or not hasattr(values, '__iter__'):
+        msg = f'{name} = {values!r:.80}: must be {allowed}'
+        raise TypeError(msg)
+    if hasattr(values, 'GetClassName'):
+        msg = f'{name} = {type(values).__name__}: must be {allowed}'
+        raise TypeError(msg)
+    found = tuple(values)
+    for one in found:
+        if not is_one(one):
+            msg = f'{name} has {one!r:.80}: must be {allowed}'
+            raise TypeError(msg)
+    return found

@@ -1,0 +1,236 @@
+"""Calibrated cameras with any lens, and the pinholes that stand in for them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from pvibr.maths import _checks
+from pvibr.maths.camera import PosedCamera
+from pvibr.maths.lenses import Lens
+from pvibr.maths.pinhole import Pinhole, check_intrinsics, check_rotation
+
+#: Directions of the faces of a cube: rows right, down and ahead, in the camera's axes.
+_FACES = (
+    np.eye(3),
+    np.array([[0, 0, -1], [0, 1, 0], [1, 0, 0]]),  # to the right
+    np.array([[0, 0, 1], [0, 1, 0], [-1, 0, 0]]),  # to the left
+    np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0]]),  # down
+    np.array([[1, 0, 0], [0, 0, 1], [0, -1, 0]]),  # up
+    np.array([[-1, 0, 0], [0, 1, 0], [0, 0, -1]]),  # behind
+)
+_OVERLAP = 4  # pixels that neighbouring faces share
+_LARGEST = 4096  # pixels along a face
+_WIDEST = np.cos(np.radians(75))  # of rays that a single pinhole may have
+
+
+@dataclass(frozen=True, eq=False)
+class LensCamera(PosedCamera):
+    """A calibrated camera with a lens of any projection: a fisheye, a panorama.
+
+    The camera's axes are x right, y down, z ahead; ``x_camera = R @ x_world + t``.
+
+    Parameters
+    ----------
+    K : array_like, shape (3, 3)
+        From the lens's plane to pixels; whole numbers are centres of pixels.
+    R : array_like, shape (3, 3)
+        Rotation from world to camera.
+    t : array_like, shape (3,)
+        World units.
+    size : tuple of 2 int
+        Width and height in pixels.
+    lens : Lens
+        The projection.
+
+    Raises
+    ------
+    ValueError
+        If K is singular or not upper triangular, R is not a rotation, or a number is not finite.
+
+    Examples
+    --------
+    >>> from pvibr.maths.lens_camera import LensCamera
+    >>> from pvibr.maths.lenses import Lens
+    >>> K = [[100 / np.pi, 0, 49.5], [0, 100 / np.pi, 49.5], [0, 0, 1]]
+    >>> camera = LensCamera(K, np.eye(3), np.zeros(3), (100, 100), Lens('equidistant'))
+    >>> uv, depth = camera.project([[2.0, 0.0, 0.0]])
+    >>> uv.round(9).tolist(), depth.tolist()
+    ([[1.0, 0.5]], [0.0])
+    """
+
+    K: np.ndarray
+    R: np.ndarray
+    t: np.ndarray
+    size: tuple[int, int]
+    lens: Lens
+
+    def __post_init__(self):
+        lens: object = self.lens
+        if not isinstance(lens, Lens):
+            msg = f'lens = {lens!r:.80}: must be a Lens'
+            raise TypeError(msg)
+        _checks.freeze(
+            self,
+            size=_checks.size_of(self.size),
+            K=check_intrinsics(self.K),
+            R=check_rotation(self.R),
+            t=_checks.numbers('t', self.t, (3,)),
+        )
+
+    def project(self, points):
+        """Project points into the picture; NaN where the lens shows nothing."""
+        moved = _checks.points_of(points) @ self.R.T + self.t
+        pixels = self.lens.image(moved) @ self.K[:2, :2].T + self.K[:2, 2]
+        u, v = ((pixels + 0.5) / self.size).T
+        return np.c_[u, 1 - v], moved[:, 2]
+
+    def rays(self, uv):
+        """Return the rays through points of the picture; NaN where the lens sees nothing."""
+        u, v = np.asarray(uv, float).T
+        pixels = np.c_[u, 1 - v] * self.size - 0.5
+        found = self.lens.directions((pixels - self.K[:2, 2]) @ np.linalg.inv(self.K[:2, :2]).T)
+        ahead = found @ np.linalg.inv(self.R).T
+        return np.broadcast_to(self.position, ahead.shape).copy(), ahead
+
+    def toward(self, points):
+        """Return unit vectors from points to the camera."""
+        away = self.position - _checks.points_of(points)
+        with np.errstate(invalid='ignore'):
+            return away / np.linalg.norm(away, axis=1, keepdims=True)
+
+    def texel(self, points):
+        """Return the size of a pixel at points, as in the middle of the picture."""
+        distance = np.linalg.norm(_checks.points_of(points) - self.position, axis=1)
+        return distance / np.sqrt(np.linalg.det(self.K))
+
+    def as_pinhole(self, tolerance=0.01):
+        """Return the pinhole camera with rational distortion that is nearest to it.
+
+        Parameters
+        ----------
+        tolerance : float, optional
+            Pixels by which any point of the picture may be off.
+
+        Returns
+        -------
+        Pinhole
+            Of the same picture.
+
+        Raises
+        ------
+        ValueError
+            If none is as near: the lens is too wide for a single pinhole.
+
+        Examples
+        --------
+        >>> from pvibr.maths.lens_camera import LensCamera
+        >>> from pvibr.maths.lenses import Lens
+        >>> K = [[100.0, 0, 49.5], [0, 100, 49.5], [0, 0, 1]]
+        >>> camera = LensCamera(K, np.eye(3), np.zeros(3), (100, 100), Lens('equidistant'))
+        >>> seen, _ = camera.as_pinhole().project([[0.3, 0.2, 1.0]])
+        >>> bool((abs(100 * (seen - camera.project([[0.3, 0.2, 1.0]])[0])) < 0.01).all())
+        True
+        """
+        found, worst = self._nearest
+        if not worst <= tolerance:
+            msg = (
+                f'the lens {self.lens.kind!r} of a picture of {self.size[0]} x {self.size[1]} '
+                f'pixels is too wide for one pinhole camera (off by {worst:.3g} pixels): use '
+                'Photo.slides, as Projector(photo) does'
+            )
+            raise ValueError(msg)
+        return found
+
+    @cached_property
+    def _nearest(self):
+        """The nearest pinhole or None, and by how many pixels it is off."""
+        found = self._fitted()
+        if found is None:
+            return None, np.inf
+        points = (self._seen(41) - self.t) @ self.R  # one unit away
+        off = (found.project(points)[0] - self.project(points)[0]) * self.size
+        return found, float(np.abs(off).max())
+
+    def _seen(self, count):
+        """Return directions of a grid over the picture in the camera's axes; NaN outside."""
+        u, v = np.meshgrid(*[np.linspace(0, 1, count)] * 2)
+        return self.rays(np.c_[u.ravel(), v.ravel()])[1] @ self.R.T
+
+    def _fitted(self):
+        """Return a pinhole by linear least squares, reweighted by the denominator, or None."""
+        ahead = self._seen(32)
+        if self.lens.is_panorama or not (ahead[:, 2] > _WIDEST).all():
+            return None
+        focus = self.lens.focus
+        ideal, wanted = ahead[:, :2] / ahead[:, 2:], self.lens.image(ahead) / focus
+        s = (ideal**2).sum(1)
+        unit = s.max()
+        powers = (s / unit)[:, None] ** [1, 2, 3]
+        below, (x, y) = np.ones(len(s)), ideal.T
+        for _ in range(12):
+            rows = []
+            for k, twist in enumerate(([2 * x * y, s + 2 * x * x], [s + 2 * y * y, 2 * x * y])):
+                own = np.c_[ideal[:, k, None] * powers, -wanted[:, k, None] * powers]
+                rows.append(np.c_[own, np.transpose(twist) * below[:, None]] / below[:, None])
+            right = ((wanted - ideal) / below[:, None]).T.ravel()
+            found = np.linalg.lstsq(np.concatenate(rows), right, rcond=1e-14)[0]
+            below = 1 + powers @ found[3:6]
+            if not (below > 0).all():
+                return None
+        k = found[:6] / np.tile(unit ** np.arange(1, 4), 2)
+        distortion = np.array([k[0], k[1], *found[6:], *k[2:]])
+        try:
+            K = self.K * [[focus, focus, 1]]
+            return Pinhole(K, self.R, self.t, self.size, distortion)
+        except ValueError:
+            return None
+
+    def faces(self):
+        """Return pinhole cameras at the same place that together see what it sees.
+
+        Returns
+        -------
+        list of Pinhole
+            A single one up to 120 degrees, else square pictures of faces of a cube; at the
+            resolution of the middle of the picture.
+
+        Examples
+        --------
+        >>> from pvibr.maths.lens_camera import LensCamera
+        >>> from pvibr.maths.lenses import Lens
+        >>> K = [[200 / np.pi, 0, 199.5], [0, 200 / np.pi, 99.5], [0, 0, 1]]
+        >>> camera = LensCamera(K, np.eye(3), np.zeros(3), (400, 200), Lens('spherical'))
+        >>> [face.size for face in camera.faces()]
+        [(132, 132), (132, 132), (132, 132), (132, 132), (132, 132), (132, 132)]
+        """
+        focal = np.sqrt(np.linalg.det(self.K)) * self.lens.focus
+        ahead = self._seen(33)
+        if not self.lens.is_panorama and (ahead[:, 2] > 0.5).all():
+            return [self._undistorted(focal, ahead[:, :2] / ahead[:, 2:])]
+        side = int(min(2 * np.ceil(focal) + _OVERLAP, _LARGEST))
+        focal = min(focal, (side - _OVERLAP) / 2)
+        middle = (side - 1) / 2
+        K = np.array([[focal, 0, middle], [0, focal, middle], [0, 0, 1]])
+        found = [Pinhole(K, turn @ self.R, turn @ self.t, (side, side)) for turn in _FACES]
+        return [face for face in found if self._sees(face)]
+
+    def _undistorted(self, focal, plane):
+        """Return a pinhole camera whose picture holds points of the plane one unit ahead."""
+        low, high = focal * plane.min(axis=0), focal * plane.max(axis=0)
+        size = np.ceil(high - low).astype(int) + _OVERLAP
+        shrunk = min(1.0, 2 * _LARGEST / size.max())
+        size = np.ceil(size * shrunk).astype(int)
+        K = np.diag([focal * shrunk, focal * shrunk, 1.0])
+        K[:2, 2] = (size - 1) / 2 - shrunk * (low + high) / 2
+        return Pinhole(K, self.R, self.t, tuple(size))
+
+    def _sees(self, face):
+        """Return whether it shows any of a face."""
+        u, v = np.meshgrid(*[np.linspace(0, 1, 33)] * 2)
+        origins, ahead = face.rays(np.c_[u.ravel(), v.ravel()])
+        with np.errstate(invalid='ignore'):
+            uv = self.project(origins + ahead)[0]
+            return bool(((uv >= 0) & (uv <= 1)).all(axis=1).any())

@@ -1,0 +1,131 @@
+"""Sequences of points that fill a square evenly, however many of them are taken."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from hashlib import blake2b
+from math import cos, pi, sin, sqrt
+
+_MASK = 0xFFFFFFFF
+
+
+def pair(index, name) -> tuple[float, float]:
+    """Return a point of one of many sequences that have nothing to do with each other.
+
+    Each is Sobol's of two dimensions: of its first 4**k points one lies in each of 4**k squares.
+    Digits and order are scrambled by the name: Burley, "Practical hash-based Owen scrambling",
+    Journal of Computer Graphics Techniques 9, 2020.
+
+    Parameters
+    ----------
+    index : int
+        Number of the point, from 0.
+    name : str
+        Name of the sequence.
+
+    Returns
+    -------
+    tuple of 2 float
+        In [0, 1).
+
+    Examples
+    --------
+    >>> from pvibr.maths.sequences import pair
+    >>> sorted(int(4 * pair(k, 'pixel')[0]) for k in range(4))
+    [0, 1, 2, 3]
+    """
+    order, first, second = _seeds(name)
+    k = _scrambled(index, order)
+    x, y = _scrambled(_reversed(k), first), _scrambled(_second(k), second)
+    return x / 2**32, y / 2**32
+
+
+def disk(x, y) -> tuple[float, float]:
+    """Return the point of the unit disk that a point of the unit square is mapped to.
+
+    Areas keep their shares: Shirley and Chiu, "A low distortion map between disk and square",
+    Journal of Graphics Tools 2, 1997.
+
+    Parameters
+    ----------
+    x, y : float
+        In [0, 1].
+
+    Returns
+    -------
+    tuple of 2 float
+        Within the unit circle.
+
+    Examples
+    --------
+    >>> from pvibr.maths.sequences import disk
+    >>> disk(0.5, 0.5), disk(1.0, 0.5)
+    ((0.0, 0.0), (1.0, 0.0))
+    """
+    a, b = 2.0 * x - 1.0, 2.0 * y - 1.0
+    if a == b == 0:
+        return 0.0, 0.0
+    if abs(a) > abs(b):
+        r, angle = a, pi / 4 * b / a
+    else:
+        r, angle = b, pi / 2 - pi / 4 * a / b
+    return r * cos(angle), r * sin(angle)
+
+
+def ball(x, y, z) -> tuple[float, float, float]:
+    """Return a point of the unit ball that looks evenly spread over a disk from everywhere.
+
+    It is of the unit sphere in four dimensions without its last coordinate: Shoemake, "Uniform
+    random rotations", Graphics Gems III, 1992.
+
+    Parameters
+    ----------
+    x, y, z : float
+        In [0, 1].
+
+    Returns
+    -------
+    tuple of 3 float
+        Within the unit sphere.
+
+    Examples
+    --------
+    >>> from pvibr.maths.sequences import ball
+    >>> ball(0.0, 0.0, 0.0)
+    (0.0, 1.0, 0.0)
+    """
+    r, s = sqrt(1.0 - x), sqrt(x)
+    return r * sin(2 * pi * y), r * cos(2 * pi * y), s * sin(2 * pi * z)
+
+
+def _second(k) -> int:
+    """Return the second coordinate of Sobol's k-th point, 32 bits."""
+    found, column = 0, 1 << 31
+    while k:
+        if k & 1:
+            found ^= column
+        k >>= 1
+        column ^= column >> 1
+    return found
+
+
+def _reversed(k) -> int:
+    return int(f'{k:032b}'[::-1], 2)
+
+
+def _scrambled(k, seed) -> int:
+    """Return 32 bits whose digits are permuted by those before them, as Laine and Karras do."""
+    k = _reversed(k)
+    k ^= k * 0x3D20ADEA & _MASK
+    k = k + seed & _MASK
+    k = k * (seed >> 16 | 1) & _MASK
+    k ^= k * 0x05526C56 & _MASK
+    k ^= k * 0x53A22864 & _MASK
+    return _reversed(k)
+
+
+@lru_cache(maxsize=256)
+def _seeds(name) -> tuple[int, int, int]:
+    digest = blake2b(name.encode(), digest_size=12).digest()
+    first, second, third = (int.from_bytes(digest[k : k + 4], 'little') for k in (0, 4, 8))
+    return first, second, third

@@ -1,0 +1,112 @@
+"""Textures in memory, or in files that are written tile by tile."""
+
+from __future__ import annotations
+
+import warnings
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+
+import numpy as np
+import pyvista as pv
+
+from pvibr.core.errors import require
+from pvibr.core.files import replacing
+from pvibr.maths.arguments import naming
+from pvibr.projection.unwrap import checked_size, tiles_of, unwrapped
+
+#: Texels along a side of the blocks of a TIFF: tiles are of whole blocks.
+_BLOCK = 512
+#: Share of the progress that is unwrapping.
+_UNWRAPPING = 0.3
+
+
+def baked_texture(mesh, size, painter, file, advance, *, side, maps=None):
+    """Return a mesh with texture coordinates, its texture, and other images; or their paths."""
+    # painter(mesh) returns paint(tile, step), which returns images by name, '' for the texture;
+    # step takes the fraction done, maps have types and empty values.
+    size, start = checked_size(size), 0.0
+    if not isinstance(mesh, pv.PolyData) or mesh.active_texture_coordinates is None:
+        start = _UNWRAPPING
+    mesh = unwrapped(mesh, size, lambda done: advance(start * done))
+    paint, rows = painter(mesh), size[::-1]
+    count = np.prod([-(-n // side) for n in size])
+    with ExitStack() as stack:
+        images = {'': stack.enter_context(_texture(file, (*rows, 4), np.uint8))}
+        for name, kind in (maps or {}).items():
+            images[name] = stack.enter_context(_texture(_beside(file, name), rows, *kind))
+        for k, tile in enumerate(tiles_of(mesh, size, side)):
+
+            def step(done, k=k):
+                advance(start + (1 - start) * (k + done) / count)
+
+            for name, values in paint(tile, step).items():
+                images[name][tile.where] = values
+            step(1.0)
+    if file is not None:
+        images = {name: _beside(file, name) for name in images}
+    image = images.pop('')
+    return (mesh, image) if maps is None else (mesh, image, images)
+
+
+def _beside(file, name):
+    """Return the path of another image of a texture."""
+    return file and (file.with_stem(f'{file.stem}_{name}') if name else file)
+
+
+def checked_file(file) -> Path | None:
+    """Return the path of a texture that is written tile by tile."""
+    if file is None:
+        return None
+    with naming('file', file):
+        file = Path(file).expanduser()
+    if file.suffix.lower() not in ('.npy', '.tif', '.tiff'):
+        msg = f'file is {str(file)!r}; it must end in .tif (pip install "pvibr[geo]") or .npy'
+        raise ValueError(msg)
+    if file.suffix.lower() != '.npy':
+        require('rasterio', 'geo', 'TIFF files')
+    return file
+
+
+@contextmanager
+def _texture(file, shape, dtype, empty=None):
+    """Yield what tiles are assigned to, an array or a file that is renamed once it is whole."""
+    if file is None:
+        yield np.zeros(shape, dtype)
+        return
+    with replacing(file) as part:
+        if file.suffix.lower() == '.npy':
+            yield np.lib.format.open_memmap(part, 'w+', dtype, shape)
+            return
+        layers = shape[2] if len(shape) == 3 else 1
+        how = {'predictor': 3 if np.dtype(dtype).kind == 'f' else 2, 'nodata': empty}
+        how |= {'photometric': 'RGB', 'alpha': 'UNSPECIFIED'} if layers == 4 else {}
+        with warnings.catch_warnings():
+            warnings.simplefilter('ignore')  # a texture is nowhere on the earth
+            image = require('rasterio', 'geo', 'TIFF files').open(
+                part,
+                'w',
+                driver='GTiff',
+                height=shape[0],
+                width=shape[1],
+                count=layers,
+                dtype=dtype,
+                tiled=True,
+                blockxsize=_BLOCK,
+                blockysize=_BLOCK,
+                compress='deflate',
+                bigtiff='IF_SAFER',
+                **how,
+            )
+        with image:
+            yield _Tiff(image)
+
+
+class _Tiff:
+    """A TIFF whose rectangles can be assigned."""
+
+    def __init__(self, image):
+        self.image = image
+
+    def __setitem__(self, where, values):
+        bands = np.moveaxis(values, 2, 0) if values.ndim == 3 else values[None]
+        self.image.write(bands, window=tuple((part.start, part.stop) for part in where))

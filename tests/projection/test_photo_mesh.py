@@ -1,0 +1,383 @@
+"""Many photographs on one mesh: what is painted, by rays; what it looks like, by known colours."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import pyvista as pv
+from PIL import Image
+from scipy import ndimage
+
+import pvibr
+from pvibr.bench.common.rays import Rays, edge_band
+from pvibr.capture.adaptive_quality import AdaptiveQuality
+from pvibr.core.frame import Frame
+from pvibr.images.picture_sheet import Squares
+from pvibr.maths.levelling import levelled
+from pvibr.projection import photo_choice
+from pvibr.projection.photo_choice import Surface, Visibility, choose
+from pvibr.projection.photo_sources import load_small, sources_of
+
+SIZE = (200, 150)
+
+
+def colour_of(points):
+    """Smooth colours of places."""
+    x, y, z = points[..., 0], points[..., 1], points[..., 2]
+    waves = np.stack([np.sin(3 * x + z), np.sin(3 * y), np.cos(2 * x + 2 * y)], axis=-1)
+    return 120 + 60 * waves
+
+
+def ground(seed):
+    """Hills with a wall and a ball on them, which hide parts of each other."""
+    rng = np.random.default_rng(seed)
+    plane = pv.Plane(i_size=4, j_size=4, i_resolution=40, j_resolution=40).triangulate()
+    points = np.array(plane.points, float)
+    for _ in range(6):
+        x, y = rng.uniform(-2, 2, 2)
+        away = (points[:, 0] - x) ** 2 + (points[:, 1] - y) ** 2
+        points[:, 2] += rng.uniform(0.1, 0.4) * np.exp(-4 * away)
+    plane.points = points
+    wall = pv.Cube(center=(0.4, 0.3, 0.4), x_length=0.2, y_length=1.5, z_length=1.2)
+    wall = wall.triangulate().subdivide(3)
+    ball = pv.Sphere(radius=0.3, center=(-0.8, -0.5, 0.7), theta_resolution=20, phi_resolution=20)
+    return (plane + wall + ball).extract_surface(algorithm=None).triangulate().clean()
+
+
+def cameras(count, seed):
+    rng = np.random.default_rng(seed)
+    for angle in np.linspace(0, 2 * np.pi, count, endpoint=False):
+        eye = np.array([3.5 * np.cos(angle), 3.5 * np.sin(angle), 2.5]) + rng.normal(0, 0.1, 3)
+        ahead = -eye / np.linalg.norm(eye)
+        right = np.cross(ahead, [0, 0, 1])
+        right /= np.linalg.norm(right)
+        R = np.stack([right, np.cross(ahead, right), ahead])
+        K = [[175.0, 0, 99.5], [0, 175.0, 74.5], [0, 0, 1]]
+        lens = (-0.08, 0.01, 1e-3, 0)
+        yield pvibr.Pinhole(K, R, -R @ eye, SIZE, lens)
+
+
+def photographs(mesh, folder, count, seed, exposures=True):
+    """Photographs of known colours by rays, each of another exposure."""
+    rng = np.random.default_rng(seed)
+    u, v = np.meshgrid(
+        (np.arange(SIZE[0]) + 0.5) / SIZE[0], 1 - (np.arange(SIZE[1]) + 0.5) / SIZE[1]
+    )
+    found = []
+    for k, camera in enumerate(cameras(count, seed)):
+        origins, ahead = camera.rays(np.c_[u.ravel(), v.ravel()])
+        points = first_hits(mesh, origins, ahead)
+        colors = np.nan_to_num(colour_of(points), nan=30.0)
+        colors = colors * (rng.uniform(0.8, 1.2) if exposures else 1.0)
+        picture = np.rint(np.clip(colors, 0, 255)).astype(np.uint8).reshape(SIZE[1], SIZE[0], 3)
+        Image.fromarray(picture).save(folder / f'{k}.png')
+        found.append(pvibr.Photo(f'{k}.png', camera, folder / f'{k}.png'))
+    return pvibr.Photos(found)
+
+
+def first_hits(mesh, origins, ahead):
+    from embreex.mesh_construction import TriangleMesh
+    from embreex.rtcore_scene import EmbreeScene
+
+    scene = EmbreeScene(robust=True)
+    corners = np.ascontiguousarray(mesh.points[mesh.regular_faces], np.float32)
+    TriangleMesh(scene, corners)
+    ways = origins.astype(np.float32), ahead.astype(np.float32)
+    away = scene.run(*ways, query='DISTANCE')
+    return np.where((away < 1e6)[:, None], origins + away[:, None] * ahead, np.nan)
+
+
+def window(mesh, photos, place=((1.0, -4.5, 3.5), (0, 0, 0.2), (0, 0, 1)), **settings):
+    pl = pv.Plotter(off_screen=True, window_size=(200, 150), lighting='none')
+    painted = pl.ibr.add_photos(mesh, photos, color='magenta', **settings)
+    pl.camera_position = place
+    pl.show(auto_close=False)
+    return pl, painted
+
+
+@pytest.fixture(scope='module')
+def made(tmp_path_factory):
+    mesh = ground(3)
+    return mesh, photographs(mesh, tmp_path_factory.mktemp('photos'), 10, 3)
+
+
+def seen_by(mesh, photos, surface):
+    """Return whether each camera sees the place of each pixel, (photos, h, w), by rays."""
+    from pvibr.projection.rays import Rays as Occlusion
+
+    rays, found = Occlusion([mesh]), []
+    points, normals = surface.points.reshape(-1, 3), surface.normals.reshape(-1, 3)
+    for photo in photos:
+        toward = photo.camera.toward(points)
+        uv, _ = photo.camera.project(points)
+        with np.errstate(invalid='ignore'):
+            inside = ((uv >= 0) & (uv <= 1)).all(1)
+        facing = np.einsum('ij,ij->i', normals, toward)
+        out = np.where(facing[:, None] < 0, -normals, normals)
+        reach = np.linalg.norm(photo.position - points, axis=1)
+        ok = inside & (facing > np.cos(np.radians(85))) & surface.hit.ravel()
+        ok[ok] = rays.free(points[ok], out[ok], toward[ok], reach[ok])
+        found.append(ok.reshape(surface.hit.shape))
+    return np.array(found)
+
+
+def settled(shown, true, where):
+    """Return a picture with the exposure of another, which photographs alone do not tell."""
+    return shown * np.median(true[where] / np.maximum(shown[where], 1), axis=0)
+
+
+def test_one_surface_of_what_cameras_see(made):
+    """By rays: all that is seen is painted and nothing else, in one exposure, without steps."""
+    mesh, photos = made
+    pl, painted = window(mesh, photos)
+    surface = Rays([mesh]).surface(Frame.of(pl.renderer))
+    seen = seen_by(mesh, photos, surface).any(0)
+    inside = ndimage.binary_erosion(surface.hit & ~edge_band(surface.hit.astype(float), surface))
+    assert inside.mean() > 0.3
+    true = np.nan_to_num(colour_of(surface.points))
+    steps, losses = {}, {}
+    for level in ('seams', 'none'):
+        painted.level = level
+        pl.render()
+        shown = pl.screenshot(return_img=True).astype(float)
+        bare = np.abs(shown - [255, 0, 255]).max(-1) < 2
+        assert (bare & seen & inside).sum() / inside.sum() < 1e-3
+        assert (~bare & ~seen & inside).sum() / inside.sum() < 1e-3
+        where = inside & seen & ~bare
+        off = settled(shown, true, where) - true
+        step = np.abs(np.diff(off, axis=1)).max(-1)[where[:, 1:] & where[:, :-1]]
+        steps[level], losses[level] = np.percentile(step, 99), np.mean(off[where] ** 2)
+    pl.close()
+    assert steps['seams'] <= 8
+    assert losses['seams'] < 0.5 * losses['none']
+
+
+def test_what_has_moved_is_left_out(made, tmp_path):
+    mesh, photos = made
+    changed = []
+    for k, photo in enumerate(photos):
+        picture = np.asarray(Image.open(photo.path)).copy()
+        if k == 7:
+            picture[56:125, 38:162] = 255
+        Image.fromarray(picture).save(tmp_path / photo.name)
+        changed.append(pvibr.Photo(photo.name, photo.camera, tmp_path / photo.name))
+    worst = {}
+    for name, given in (('before', photos), ('after', changed)):
+        pl, _ = window(mesh, given)
+        worst[name] = pl.screenshot(return_img=True).astype(float)
+        pl.close()
+    assert (np.abs(worst['after'] - worst['before']).max(-1) > 60).mean() < 0.01
+    mask = np.full((SIZE[1], SIZE[0]), 255, np.uint8)
+    mask[56:125, 38:162] = 0
+    masked = pvibr.PhotoMesh(mesh, changed, masks=[mask if k == 7 else None for k in range(10)])
+    there = masked.choice.photos == 7
+    middles = masked.choice.points[masked.choice.faces].mean(1)
+    uv, _ = photos[7].camera.project(middles[there.any(1)])
+    x, y = uv[:, 0] * SIZE[0], (1 - uv[:, 1]) * SIZE[1]
+    assert not ((x > 39) & (x < 161) & (y > 57) & (y < 124)).any()
+
+
+def test_memory_holds_small_versions_and_what_the_view_needs(made):
+    mesh, photos = made
+    plenty = window(mesh, photos)
+    scarce = window(mesh, photos, memory=2.0)
+    reports = [painted.report() for _, painted in (plenty, scarce)]
+    assert reports[0]['small'] == '1/1'
+    assert reports[0]['bytes'] >= 10 * 4 * SIZE[0] * SIZE[1]
+    assert reports[1]['bytes'] <= 2 << 20
+    assert reports[1]['small'] == '1/2'
+    assert 1 <= reports[1]['larger'] <= 10
+    pictures = [pl.screenshot(return_img=True).astype(int) for pl, _ in (plenty, scarce)]
+    assert np.abs(pictures[0] - pictures[1]).mean() < 2
+    pl, painted = scarce
+    painted.remove()
+    assert painted not in pl.actors.values()
+    pl.ibr.add(painted)
+    pl.render()
+    assert np.abs(pl.screenshot(return_img=True).astype(int) - pictures[1]).max() <= 2
+    painted.memory = 512.0
+    pl.render()
+    assert painted.report()['small'] == '1/1'
+    painted.opacity = 0.0
+    pl.render()
+    bare = np.abs(pl.screenshot(return_img=True).astype(int) - [255, 0, 255]).max(-1) < 2
+    assert bare.mean() > 0.3
+    for pl, _ in (plenty, scarce):
+        pl.close()
+
+
+def test_moving_frames_are_near_and_still_ones_as_before(made, monkeypatch):
+    """Of small triangles the colours of corners; of large ones two photographs."""
+    mesh, photos = made
+    quality = [1.0]
+    monkeypatch.setattr(AdaptiveQuality, 'quality', lambda *_: quality[0])
+    for place in (
+        ((1.0, -25.0, 18.0), (0, 0, 0.2), (0, 0, 1)),
+        ((1.0, -4.5, 3.5), (0, 0, 0), (0, 0, 1)),
+    ):
+        pl, _ = window(mesh, photos, place)
+        pictures = []
+        for quality[0] in (1.0, 0.8, 1.0):
+            pl.render()
+            pictures.append(pl.screenshot(return_img=True).astype(int))
+        fine, moving, again = pictures
+        np.testing.assert_array_equal(fine, again)
+        assert (np.abs(moving - fine).max(-1) > 20).mean() < 0.01
+        assert (moving != fine).any()
+        pl.close()
+
+
+def test_translucent_with_peeling_as_without(made):
+    mesh, photos = made
+    pictures = []
+    for peels in (0, 4):
+        pl = pv.Plotter(off_screen=True, window_size=SIZE, lighting='none')
+        pl.disable_anti_aliasing()
+        if peels:
+            pl.enable_depth_peeling(peels)
+        painted = pl.ibr.add_photos(mesh, photos, color='magenta')
+        painted.prop.opacity = 0.5
+        pl.camera_position = [(0, 0, 9), (0, 0, 0), (0, 1, 0)]
+        pl.show(auto_close=False)
+        pictures.append(pl.screenshot(return_img=True).astype(int))
+        pl.close()
+    assert (np.abs(pictures[1] - pictures[0]).max(-1) > 8).mean() < 0.03  # the ball has two sides
+
+
+def test_others_are_in_its_shadow(made):
+    """Beside Shadows and Ground, whose shader text is in the same program."""
+    mesh, photos = made[:2]
+    pictures = []
+    for casts in (True, False):
+        pl, _ = window(mesh, photos, lit=True)
+        pl.add_light(pv.Light(position=(3, -2, 6), light_type='scene light'))
+        pl.ibr.add(pvibr.Ground(height=-0.6))
+        pl.ibr.add(pvibr.Shadows(casts=None if casts else []))
+        pl.render()
+        pictures.append(pl.screenshot(return_img=True).astype(int))
+    darker = (pictures[1] - pictures[0]).mean(2) > 10
+    assert darker.sum() > 200
+
+
+def test_choice_without_rays_is_alike(made):
+    mesh, photos = made
+    sources = load_small(sources_of(photos))
+    surface = Surface(mesh.points, mesh.regular_faces)
+    found = []
+    for method in ('rays', 'map'):
+        with Visibility([mesh], method) as visibility:
+            choice = choose(surface, sources, visibility)
+        painted = np.bincount(choice.origin, choice.photos[:, 0] >= 0) > 0
+        found.append(painted)
+    assert 0.5 < found[0].mean() < 1
+    assert (found[0] != found[1]).mean() < 0.02
+
+
+def test_baked_with_what_it_is_worth(made):
+    mesh, photos = made
+    painted = pvibr.PhotoMesh(mesh, photos)
+    cells = painted.bake('cells')
+    rows = np.flatnonzero(cells['photo'] >= 0)
+    middles = cells.cell_centers().points[rows]
+    true = colour_of(middles)
+    off = settled(cells['projected'][rows, :3].astype(float), true, slice(None)) - true
+    assert np.sqrt(np.mean(off**2)) < 8
+    for k in np.unique(cells['photo'][rows]):
+        mine = rows[cells['photo'][rows] == k]
+        places, normals = cells.cell_centers().points[mine], cells.face_normals[mine]
+        cosine = np.einsum('ij,ij->i', photos[k].camera.toward(places), normals)
+        angles = np.degrees(np.arccos(np.clip(cosine, -1, 1)))
+        assert np.abs(cells['angle'][mine] - angles).max() < 1
+        away = np.linalg.norm(photos[k].position - places, axis=1)
+        pixel = away / 175 * np.sqrt(1 / cosine)  # in the middle of a picture without a lens
+        assert np.abs(np.median(cells['resolution'][mine] / pixel) - 1) < 0.1
+    assert np.isnan(cells['angle'][cells['photo'] < 0]).all()
+    plane = pv.Plane(i_size=2, j_size=2, i_resolution=6, j_resolution=6)
+    flat = pvibr.PhotoMesh(plane, photos, level='none')
+    _, image, quality = flat.bake(size=32, quality=True)
+    assert image.shape == (32, 32, 4)
+    assert image[..., 3].all()
+    assert (quality['photo'] >= 0).all()
+    assert set(quality) == {'photo', 'resolution', 'angle'}
+
+
+def test_bad_input_is_refused(made):
+    mesh, photos = made
+    with pytest.raises(TypeError, match='must be photographs'):
+        pvibr.PhotoMesh(mesh, ['a.jpg'])
+    with pytest.raises(ValueError, match='at least one'):
+        pvibr.PhotoMesh(mesh, [])
+    with pytest.raises(ValueError, match='masks has 1 entries'):
+        pvibr.PhotoMesh(mesh, photos, masks=[None])
+    with pytest.raises(ValueError, match='has no picture'):
+        pvibr.PhotoMesh(mesh, pvibr.Photo('a.jpg', photos[0].camera))
+    with pytest.raises(ValueError, match="to is 'paper'"):
+        pvibr.PhotoMesh(pv.Plane(), photos[:1]).bake('paper')
+
+
+@pytest.mark.parametrize('seed', [1, 2])
+def test_squares_come_back_whole(seed):
+    rng, squares, taken = np.random.default_rng(seed), Squares(256, 2, 2), []
+    for _ in range(300):
+        side = int(2 ** rng.integers(4, 9))
+        place = squares.take(side)
+        if place is None or rng.random() < 0.3:
+            for old in taken[: len(taken) // 2 + 1]:
+                squares.give(*old)
+            taken = taken[len(taken) // 2 + 1 :]
+        if place is not None:
+            taken.append((side, place))
+            grid = np.zeros((512, 512), int)
+            for width, (x, y) in taken:
+                grid[y : y + width, x : x + width] += 1
+            assert grid.max() == 1
+    for old in taken:
+        squares.give(*old)
+    assert all(squares.take(256) for _ in range(4))
+
+
+def test_agreement_is_that_of_the_neighbourhood(monkeypatch):
+    """Each photograph of a vertex has the mean of those that its neighbours have of it."""
+    rng, count = np.random.default_rng(4), 30
+    numbers = np.array([rng.permutation(5)[:3] for _ in range(count)])
+    numbers[rng.random(numbers.shape) < 0.2] = -1
+    pairs = np.unique(np.sort(rng.integers(0, count, (60, 2)), 1), axis=0)
+    pairs = pairs[pairs[:, 0] < pairs[:, 1]]
+    edges = np.concatenate([pairs, pairs[:, ::-1]])
+    values = rng.random(numbers.shape).astype(np.float32)
+    monkeypatch.setattr(photo_choice, '_EVEN', 1)
+    found = photo_choice._even(values.copy(), numbers, edges)
+    for vertex, place in np.argwhere(numbers >= 0):
+        near = [vertex, *edges[edges[:, 0] == vertex, 1]]
+        alike = values[near][numbers[near] == numbers[vertex, place]]
+        assert np.isclose(found[vertex, place], alike.mean(), rtol=1e-5)
+    assert (found[numbers < 0] == values[numbers < 0]).all()
+
+
+def test_levelled_colours_are_alike():
+    rng = np.random.default_rng(5)
+    base = np.repeat(rng.uniform(50, 200, 60), 2)
+    shift = np.tile([8.0, -8.0], 60)
+    edges = np.arange(118)[:, None] + [0, 2]
+    colors = (base + shift)[:, None]
+    found = (colors + levelled(np.repeat(np.arange(60), 2), colors, edges)).ravel()
+    assert np.abs(found[::2] - found[1::2]).max() < 1
+    assert np.abs(found - base).max() < 1
+
+
+def test_masks_of_wide_lenses_cover_what_they_mask(tmp_path):
+    size = (240, 120)
+    K = [[240 / (2 * np.pi), 0, 119.5], [0, 240 / (2 * np.pi), 59.5], [0, 0, 1]]
+    camera = pvibr.LensCamera(K, np.eye(3), np.zeros(3), size, pvibr.Lens('spherical'))
+    Image.new('RGB', size, 'teal').save(tmp_path / 'round.png')
+    mask = np.zeros((120, 240), np.uint8)
+    mask[:60] = 255  # what is above the horizon
+    sources = sources_of([pvibr.Photo('round', camera, tmp_path / 'round.png')], [mask])
+    assert len(sources) == 6
+    for source in sources:
+        seen = source.load(0)[..., 3] > 0
+        grid = np.stack(np.meshgrid(*(np.arange(n) + 0.5 for n in source.size)), -1)
+        uv = (grid / source.size).reshape(-1, 2) * [1, -1] + [0, 1]
+        down = source.camera.rays(uv)[1][:, 1].reshape(seen.shape)
+        clear = np.abs(down) > 0.1 * np.abs(down).max()
+        np.testing.assert_array_equal(seen[clear], (down < 0)[clear])
