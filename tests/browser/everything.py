@@ -140,7 +140,13 @@ def base(pl):
     pl.add_mesh(pane, color='cyan', opacity=0.4, name='pane')
     pl.add_text('Text', font_size=12)
     pl.add_light(pv.Light(position=(4, -3, 8), light_type='scene light', intensity=0.7))
-    pl.camera_position = [(2, -11, 6), (0, 0, 0.5), (0, 0, 1)]
+
+
+def begin(pl):
+    """Look at each subplot from where one begins, at the time that shows everything."""
+    for renderer in pl.renderers:
+        renderer.camera_position = [(2, -11, 6), (0, 0, 0.5), (0, 0, 1)]
+    pl.ibr.time = 0.4
 
 
 def show_only(pl, name):
@@ -159,7 +165,7 @@ def plotter(shape=(1, 1), size=(480, 320), multi_samples=0):
         pl.subplot(*place)
         base(pl)
     pl.subplot(0, 0)
-    pl.ibr.time = 0.4
+    begin(pl)
     return pl
 
 
@@ -191,6 +197,12 @@ def serve():
             pl.add_on_render_callback(lambda _: view.render(), render_event=False)
         else:
             view = plotter_ui(pl, mode='server', add_menu=False)
+
+    @server.trigger('begin')
+    def again():
+        begin(pl)
+        show_only(pl, '')
+        view.update()
 
     @server.trigger('show')
     def show(name, column=0):

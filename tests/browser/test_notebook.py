@@ -139,6 +139,7 @@ def test_in_the_browser(page, start, picture_of, until, quiet, tmp_path, look):
         f'--ServerApp.root_dir={tmp_path}',
         '--LabApp.extension_manager=readonly',
         '--LabApp.news_url=None',
+        own=False,
     )
     reference = Reference()
     lab = Lab(page, f'{program.url.removesuffix("lab")}doc/tree/a.ipynb')

@@ -24,7 +24,7 @@ def served(start, tmp_path_factory):
 
 
 class Panel:
-    """A page with a panel and a picture; it has the defaults and one group open."""
+    """A page with a panel and a picture; one group is open."""
 
     def __init__(self, page, url, picture_of, until, plain=None):
         self.page, self._picture_of, self._until = page, picture_of, until
@@ -32,7 +32,6 @@ class Panel:
         page.goto(url)
         page.wait_for_selector('img')
         self.plain = self.settled() if plain is None else plain
-        self.reset()
         if not self.group('Vignette').evaluate('group => group.open'):
             self.group('Vignette').locator('summary').press('Enter')
 
@@ -82,6 +81,7 @@ def plain():
 def panel(page, served, picture_of, until, quiet, plain):
     quiet.append('405')  # wslink asks whether there is a launcher
     panel = Panel(page, served.url, picture_of, until, *plain)
+    panel.reset()
     plain[:] = [panel.plain]
     return panel
 

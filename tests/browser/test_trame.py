@@ -42,7 +42,9 @@ def beside(start):
 @pytest.fixture
 def view(page, served, picture_of, until, quiet):
     quiet.append('405')  # wslink asks whether there is a launcher
-    return View.opened(page, served, picture_of, until)
+    view = View.opened(page, served, picture_of, until)
+    view.tell('begin')
+    return view
 
 
 @pytest.fixture
