@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from pvibr.core.frame import Frame
-from pvibr.maths.arguments import as_array, checked_number, naming
+from pvibr.maths.arguments import as_array, checked_lengths, checked_number, naming
 from pvibr.maths.blocks import BLOCK, Blocks, morton_order
 from pvibr.maths.facing import FACINGS, TOWARDS, azimuths, cards, turned_azimuths
 from pvibr.maths.quaternions import from_matrices, multiply
@@ -158,7 +158,7 @@ class BillboardLayout:
         out = np.zeros((len(self), 4 if each else 3, 4), np.float32)
         out[:, 0, :3] = local
         out[:, 1, :3] = local - out[:, 0, :3].astype(float)
-        out[:, 0, 3] = self.rotation[order]
+        out[:, 0, 3] = np.fmod(self.rotation[order], 2 * np.pi)
         out[:, 1, 3] = self.index[order]
         out[:, 2, :2] = self.sizes[order]
         out[:, 2, 2] = self.yaw[order]
@@ -388,11 +388,7 @@ def _checked_size(size, count):
             '(1, 2)'
         )
         raise ValueError(msg)
-    bad = ~(np.isfinite(array) & (array >= 0))
-    if bad.any():
-        msg = f'size has the value {array[bad].flat[0]}; each must be finite and 0 or more'
-        raise ValueError(msg)
-    return array
+    return checked_lengths('size', array)
 
 
 def _full_sizes(size, images):

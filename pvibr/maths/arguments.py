@@ -9,6 +9,7 @@ from numbers import Real
 import numpy as np
 
 _LARGEST = np.finfo(float).max
+_LONGEST = 1e18  # shaders square lengths in single precision
 _WRONG = (TypeError, ValueError, LookupError, AttributeError, ArithmeticError, OSError)
 
 
@@ -66,6 +67,15 @@ def checked_whole(name, value, low, high) -> int:
         msg = f'{name} is {value!r:.80}; it must be a whole number from {low} to {high}'
         raise ValueError(msg)
     return int(number)
+
+
+def checked_lengths(name, lengths: np.ndarray) -> np.ndarray:
+    """Return lengths, of any shape; shaders can square each of them."""
+    bad = ~((lengths >= 0) & (lengths <= _LONGEST))
+    if bad.any():
+        msg = f'{name} has the value {lengths[bad].flat[0]}; each must be from 0 to {_LONGEST:g}'
+        raise ValueError(msg)
+    return lengths
 
 
 def checked_each(name, values, is_one, allowed) -> tuple:

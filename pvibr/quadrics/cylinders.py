@@ -11,7 +11,7 @@ from pvibr.maths.arguments import naming
 from pvibr.maths.quadric_rays import CAPS, meet_cylinders
 from pvibr.meshes.unit_meshes import along, balls, linear, tubes
 from pvibr.quadrics.cards import Shape, gap_rows
-from pvibr.quadrics.quadrics import Quadrics, checked_lengths
+from pvibr.quadrics.quadrics import Quadrics, lengths_of
 from pvibr.scene import looks as look
 from pvibr.scene.looks import read_only
 
@@ -68,7 +68,7 @@ class Cylinders(Quadrics):
         if not isinstance(caps, str | None) or caps not in CAPS:
             msg = f"caps is {caps!r}; it must be 'flat', 'round' or None"
             raise ValueError(msg)
-        self._own_radii = checked_lengths('radius', radius, (len(self),))
+        self._own_radii = lengths_of('radius', radius, (len(self),))
         self._place()
         self.caps, self.blend = caps, bool(checked_flag('blend', blend))
         cap = {None: 0, 'flat': 1, 'round': 2}[caps]
@@ -113,7 +113,7 @@ class Cylinders(Quadrics):
 
     @radius.setter
     def radius(self, radius):
-        self._own_radii = checked_lengths('radius', radius, (len(self),))
+        self._own_radii = lengths_of('radius', radius, (len(self),))
         self._moved()
 
     def _check_linear(self, linear):

@@ -13,7 +13,7 @@ from pvibr.maths.quadric_rays import meet_ellipsoids
 from pvibr.maths.quaternions import to_matrices
 from pvibr.meshes.unit_meshes import balls, linear
 from pvibr.quadrics.cards import Shape, gap_rows
-from pvibr.quadrics.quadrics import PointQuadrics, Quadrics, checked_lengths, with_scalars
+from pvibr.quadrics.quadrics import PointQuadrics, Quadrics, lengths_of, with_scalars
 from pvibr.scene.looks import read_only
 from pvibr.scene.placing import is_similar
 
@@ -101,7 +101,7 @@ class Ellipsoids(AxesQuadrics):
     @takes(looks=Quadrics)
     def __init__(self, points, radii=0.5, orientation=None, **looks):
         self._own_points = as_points(points)
-        self._radii = checked_lengths('radii', radii, (len(self), 3))
+        self._radii = lengths_of('radii', radii, (len(self), 3))
         self._turns = _checked_turns(orientation, len(self))
         self._place()
         super().__init__(**with_scalars(points, looks))
@@ -113,7 +113,7 @@ class Ellipsoids(AxesQuadrics):
 
     @radii.setter
     def radii(self, radii):
-        self._radii = checked_lengths('radii', radii, (len(self), 3))
+        self._radii = lengths_of('radii', radii, (len(self), 3))
         self._moved()
 
     @property  # type: ignore[override]

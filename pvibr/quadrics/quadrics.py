@@ -12,7 +12,7 @@ from pvibr.core.colors import as_rgb
 from pvibr.core.params import checked_flag
 from pvibr.core.signatures import takes
 from pvibr.gl import Texture
-from pvibr.maths.arguments import as_array
+from pvibr.maths.arguments import as_array, checked_lengths
 from pvibr.maths.blocks import BLOCK, Blocks, morton_order
 from pvibr.maths.quadric_rays import Meeting
 from pvibr.quadrics.cards import (
@@ -474,15 +474,11 @@ def with_scalars(points, looks) -> dict:
     return looks | {'scalars': scalars_of(points, scalars)} if isinstance(scalars, str) else looks
 
 
-def checked_lengths(name, lengths, shape) -> np.ndarray:
+def lengths_of(name, lengths, shape) -> np.ndarray:
     """Return lengths as a checked float64 array, copied."""
     array = as_array(name, lengths, float).copy()
     if array.shape not in ((), shape, shape[1:]):
         allowed = ', '.join(str(s) for s in dict.fromkeys((shape, shape[1:])) if s)
         msg = f'{name} has shape {array.shape}; it must be one number or {allowed}'
         raise ValueError(msg)
-    bad = ~(np.isfinite(array) & (array >= 0))
-    if bad.any():
-        msg = f'{name} has the value {array[bad].flat[0]}; each must be finite and 0 or more'
-        raise ValueError(msg)
-    return np.broadcast_to(array, shape).copy()
+    return np.broadcast_to(checked_lengths(name, array), shape).copy()

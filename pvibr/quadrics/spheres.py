@@ -10,7 +10,7 @@ from pvibr.maths.quadric_rays import meet_spheres
 from pvibr.meshes.unit_meshes import balls, linear
 from pvibr.quadrics.cards import Shape, gap_rows
 from pvibr.quadrics.ellipsoids import ELLIPSOIDS, AxesQuadrics, moved_axes
-from pvibr.quadrics.quadrics import Quadrics, checked_lengths, with_scalars
+from pvibr.quadrics.quadrics import Quadrics, lengths_of, with_scalars
 from pvibr.scene.looks import read_only
 from pvibr.scene.placing import is_similar
 
@@ -59,7 +59,7 @@ class Spheres(AxesQuadrics):
     @takes(looks=Quadrics)
     def __init__(self, points, radius=0.5, **looks):
         self._own_points = as_points(points)
-        self._own_radii = checked_lengths('radius', radius, (len(self),))
+        self._own_radii = lengths_of('radius', radius, (len(self),))
         self._place()
         super().__init__(**with_scalars(points, looks))
 
@@ -70,7 +70,7 @@ class Spheres(AxesQuadrics):
 
     @radius.setter
     def radius(self, radius):
-        self._own_radii = checked_lengths('radius', radius, (len(self),))
+        self._own_radii = lengths_of('radius', radius, (len(self),))
         self._moved()
 
     def _place(self):
