@@ -11,10 +11,14 @@ from pathlib import Path
 from pvibr.maths.arguments import naming
 
 
+def _as_path(path):
+    with naming('path', path):
+        return Path(path).expanduser()
+
+
 def existing(path, what='file') -> Path:
     """Return the path of a file that must be there."""
-    with naming('path', path):
-        path = Path(path).expanduser()
+    path = _as_path(path)
     if not path.is_file():
         msg = f'there is no {what} at the path {str(path)!r}'
         raise FileNotFoundError(msg)
@@ -30,12 +34,15 @@ def in_a_folder(name, path) -> Path:
         if not path.absolute().parent.is_dir():
             msg = f'there is no folder {str(path.parent)!r}: make it first'
             raise FileNotFoundError(msg)
+        if not path.name:
+            msg = 'it must end in the name of a file'
+            raise ValueError(msg)
     return path
 
 
 def with_suffix(path, suffix) -> Path:
     """Return a path that must end in a suffix."""
-    path = Path(path).expanduser()
+    path = _as_path(path)
     if path.suffix.lower() != suffix:
         msg = f'path is {str(path)!r}; it must end in {suffix}'
         raise ValueError(msg)

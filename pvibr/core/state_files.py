@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
 
 from pvibr.core.errors import warn
-from pvibr.core.files import replacing
+from pvibr.core.files import existing, replacing
 
 #: Version of the file layout; files of other versions are read leniently.
 VERSION = 1
@@ -140,7 +139,7 @@ def write(path, text):
 
 def read(path) -> bytes:
     """Return the content of a file of settings."""
-    with Path(path).open('rb') as file:
+    with existing(path).open('rb') as file:
         found = file.read(MOST_BYTES + 1)
     if len(found) > MOST_BYTES:
         msg = f'{path} is larger than {MOST_BYTES:,} bytes: not a file of settings'

@@ -5,7 +5,7 @@ import sys
 
 import pytest
 
-from pvibr.core.files import replacing
+from pvibr.core.files import existing, in_a_folder, replacing, with_suffix
 
 
 def test_what_fails_leaves_what_was_there(tmp_path):
@@ -55,3 +55,14 @@ def test_a_folder_that_is_a_file_is_named(tmp_path):
     (tmp_path / 'a').write_text('')
     with pytest.raises(OSError, match='there is no folder'), replacing(tmp_path / 'a' / 'b'):
         pass
+
+
+@pytest.mark.parametrize(
+    'read', [existing, lambda p: with_suffix(p, '.glb'), lambda p: in_a_folder('path', p)]
+)
+def test_what_is_no_path_is_named(read):
+    for wrong in (None, 2, ['a'], b'a'):
+        with pytest.raises(TypeError, match='path = '):
+            read(wrong)
+    with pytest.raises((ValueError, FileNotFoundError), match='path'):
+        read('')
