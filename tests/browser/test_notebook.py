@@ -13,7 +13,7 @@ import imageio.v3 as imageio
 import pytest
 
 from tests.browser import everything
-from tests.browser.accessibility import problems
+from tests.browser.accessibility import not_reached, problems
 from tests.browser.pages import JPEG, Reference, View, difference, pixels_of
 
 for _name in ('trame_pyvista', 'nbclient', 'jupyterlab', 'anywidget'):
@@ -189,6 +189,9 @@ def panel_beside_the_picture(cell, page, until):
         return False
 
     assert problems(page) == []
+    assert not_reached(page) == []
+    image.press('Tab')  # keys go from the picture to the panel
+    assert page.evaluate('document.activeElement.localName') == 'pvibr-panel'
     panel = cell.locator('pvibr-panel')
     group = panel.locator('details').filter(has=page.get_by_text('Vignette', exact=True))
     field = group.get_by_role('textbox', name='intensity', exact=True)

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.browser.accessibility import problems, reached, tree
+from tests.browser.accessibility import not_reached, problems, tree
 
 pytest.importorskip('trame_pyvista', reason="needs trame: pip install 'pvibr[jupyter]'")
 pytestmark = pytest.mark.browser
@@ -101,10 +101,6 @@ def by_keys(panel):
     panel.page.keyboard.press('Home')
     panel.changed(dark)
     assert panel.control('intensity', 'textbox').input_value() == '0'
-    # Tabs go on through the row, the group and the page: nothing holds the focus.
-    names = ' '.join(reached(panel.page))
-    for name in ('intensity', 'Reset intensity', 'Reset color', 'Remove Vignette', 'Save'):
-        assert name in names
 
 
 def by_mouse(panel):
@@ -143,6 +139,7 @@ def by_finger(panel):
 def test_what_screen_readers_are_told(panel, until):
     """Names and values of all controls, what is wrong with a text, and that a picture is drawn."""
     assert problems(panel.page) == []
+    assert not_reached(panel.page) == []
     slider = panel.control('intensity')
     assert (slider.get_attribute('aria-valuenow'), slider.get_attribute('aria-valuemax')) == (
         panel.control('intensity', 'textbox').input_value(),
