@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from contextlib import nullcontext
+from difflib import get_close_matches
 from functools import partial
 from typing import Any
 
@@ -120,7 +121,9 @@ class Pipeline:
             msg = 'the plotter is closed: make a new one and add the effect there'
             raise ClosedError(msg)
         if not isinstance(effect, Effect):
-            msg = f'effect = {effect!r}: must be a pvibr.Effect, such as pvibr.Instances(...)'
+            near = get_close_matches(getattr(effect, '__name__', str(effect)), ORDER, 1, 0.8)
+            meant = near[0] if near else 'Shadows'
+            msg = f'effect = {effect!r}: must be a pvibr.Effect, such as pvibr.{meant}()'
             raise TypeError(msg)
         if effect.before not in (None, *ORDER):
             msg = f'{effect.name}.before = {effect.before!r}: must be one of {", ".join(ORDER)}'

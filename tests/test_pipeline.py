@@ -155,6 +155,9 @@ def test_adding_twice_or_something_else(pl):
         pl.ibr.add(same)
     with pytest.raises(TypeError, match=r'must be a pvibr\.Effect'):
         pl.ibr.add(3)
+    for meant in ('bloom', 'Bloom', pvibr.Bloom):
+        with pytest.raises(TypeError, match=r'such as pvibr\.Bloom\(\)'):
+            pl.ibr.add(meant)
     other = pv.Plotter()
     with pytest.raises(ValueError, match='another subplot'):
         other.ibr.add(same)
