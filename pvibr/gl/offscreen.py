@@ -15,6 +15,8 @@ from pvibr.gl.texture import texture_limit
 
 #: Renderers within whose frames something may be drawn off screen.
 RENDERERS: WeakSet = WeakSet()
+#: What red, green and blue count in the number of a triangle.
+_DIGITS = np.array([1, 1 << 8, 1 << 16], np.int32)
 
 
 @contextmanager
@@ -61,7 +63,7 @@ def triangles_seen(mesh, views, size):
     actor.SetMapper(mapper)
     actor.GetProperty().LightingOff()
     for (picture,) in rasterize_views([actor], views, size):
-        yield picture[..., :3].astype(int) @ [1, 1 << 8, 1 << 16] - 1
+        yield np.einsum('hwc,c->hw', picture[..., :3], _DIGITS) - 1
 
 
 def rasterize_views(actors, views, size, formats=('rgba8',), *, samples=1, blend=False):

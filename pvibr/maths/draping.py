@@ -53,19 +53,22 @@ def sample(image, uv, filter='linear'):
         raise ValueError(msg)
     uv = np.asarray(uv, dtype=np.float64)
     inside = ((uv >= 0) & (uv <= 1)).all(axis=1)
-    high, wide = image.shape[:2]
-    place = np.column_stack([uv[inside, 0] * wide, (1 - uv[inside, 1]) * high]) - 0.5
-    colors = np.full((len(uv), image.shape[2]), np.nan)
+    high, wide, channels = image.shape
+    x, y = uv[inside, 0] * wide - 0.5, (1 - uv[inside, 1]) * high - 0.5
+    texels, colors = image.reshape(-1, channels), np.full((len(uv), channels), np.nan)
+
+    def texel(column, row):
+        column, row = (np.clip(v, 0, n - 1).astype(int) for v, n in ((column, wide), (row, high)))
+        return texels.take(row * wide + column, axis=0)
+
     if filter == 'nearest':
-        column, row = _columns_and_rows(np.floor(place + 0.5), wide, high)
-        colors[inside] = image[row, column]
+        colors[inside] = texel(np.floor(x + 0.5), np.floor(y + 0.5))
         return colors
-    base = np.floor(place)
-    across, down = (place - base).T[..., None]
-    left, top = _columns_and_rows(base, wide, high)
-    right, bottom = _columns_and_rows(base + 1, wide, high)
-    above = (1 - across) * image[top, left] + across * image[top, right]
-    below = (1 - across) * image[bottom, left] + across * image[bottom, right]
+    left, top = np.floor(x), np.floor(y)
+    across, down = (x - left)[:, None], (y - top)[:, None]
+    above, below = (
+        (1 - across) * texel(left, row) + across * texel(left + 1, row) for row in (top, top + 1)
+    )
     colors[inside] = (1 - down) * above + down * below
     return colors
 
@@ -301,8 +304,3 @@ def _like(shape_of, name, values):
         msg = f'{name} have the shape {values.shape}; it must be {shape_of.shape}: views, points.'
         raise ValueError(msg)
     return values
-
-
-def _columns_and_rows(place, wide, high):
-    column, row = np.clip(place, 0, (wide - 1, high - 1)).astype(int).T
-    return column, row

@@ -11,6 +11,7 @@ from pvibr.maths import _checks
 from pvibr.maths.camera import PosedCamera
 from pvibr.maths.lenses import Lens
 from pvibr.maths.pinhole import Pinhole, check_intrinsics, check_rotation
+from pvibr.maths.vectors import products
 
 #: Directions of the faces of a cube: rows right, down and ahead, in the camera's axes.
 _FACES = (
@@ -82,8 +83,8 @@ class LensCamera(PosedCamera):
 
     def project(self, points):
         """Project points into the picture; NaN where the lens shows nothing."""
-        moved = _checks.points_of(points) @ self.R.T + self.t
-        pixels = self.lens.image(moved) @ self.K[:2, :2].T + self.K[:2, 2]
+        moved = products(self.R, _checks.points_of(points)) + self.t
+        pixels = products(self.K[:2, :2], self.lens.image(moved)) + self.K[:2, 2]
         u, v = ((pixels + 0.5) / self.size).T
         return np.c_[u, 1 - v], moved[:, 2]
 

@@ -9,6 +9,7 @@ import numpy as np
 from pvibr.maths import _checks
 from pvibr.maths.arguments import checked_positive, naming
 from pvibr.maths.camera import Camera
+from pvibr.maths.vectors import products
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,7 +133,7 @@ class Orthographic(Camera):
 
     def project(self, points):
         """Project points into the picture; NaN before near or beyond far."""
-        moved = (_checks.points_of(points) - self.origin) @ self._axes.T
+        moved = products(self._axes, _checks.points_of(points) - self.origin)
         depth = -moved[:, 2] + 0.0
         uv = moved[:, :2] / (self.width, self.height)
         uv[~((depth >= self.near) & (depth <= self.far))] = np.nan

@@ -10,6 +10,7 @@ import numpy as np
 from pvibr.maths import _checks
 from pvibr.maths.camera import CV_FROM_GL, PosedCamera
 from pvibr.maths.distortion import coefficients, distort, undistort, valid_radius
+from pvibr.maths.vectors import products
 
 #: Allowed principal points as fractions of the size, if the size that K is for was stated, and if
 #: it has to be guessed: a picture twice or half as large must be noticed.
@@ -91,7 +92,7 @@ class Pinhole(PosedCamera):
 
     def project(self, points):
         """Project points into the picture; NaN behind the camera and where the lens folds."""
-        moved = _checks.points_of(points) @ self.R.T + self.t
+        moved = products(self.R, _checks.points_of(points)) + self.t
         depth = moved[:, 2]
         ahead = (depth > self._rounding(points))[:, None]
         plane = np.full((len(moved), 2), np.nan)
@@ -103,7 +104,8 @@ class Pinhole(PosedCamera):
         """Return the depth that rounding alone may give a point in the plane of the camera."""
         kind = getattr(points, 'dtype', np.dtype(np.float64))
         eps = np.finfo(kind if kind.kind == 'f' else np.float64).eps
-        return 4 * eps * (np.abs(_checks.points_of(points)) @ np.abs(self.R[2]) + abs(self.t[2]))
+        reach = products(np.abs(self.R[2:]), np.abs(_checks.points_of(points)))[:, 0]
+        return 4 * eps * (reach + abs(self.t[2]))
 
     def rays(self, uv):
         """Return the rays through points of the picture; NaN where the lens sees nothing."""
@@ -264,4 +266,4 @@ def _unit(vectors):
 
 
 def _affine(matrix, xy):
-    return xy @ matrix[:, :2].T + matrix[:, 2]
+    return products(matrix[:, :2], xy) + matrix[:, 2]

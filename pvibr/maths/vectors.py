@@ -1,4 +1,4 @@
-"""Vectors of length one."""
+"""Vectors of length one, and products of many with a small matrix."""
 
 from __future__ import annotations
 
@@ -34,6 +34,34 @@ def unit_vectors(vectors):
         vectors = vectors / np.where(out & (largest > 0), largest, 1.0)
         squares = np.einsum('...i,...i->...', vectors, vectors)[..., None]
     return np.divide(vectors, np.sqrt(squares), out=np.zeros_like(vectors), where=squares > 0)
+
+
+def products(matrix, vectors):
+    """Return the products of a small matrix and each of many vectors.
+
+    Unlike ``vectors @ matrix.T`` it leaves out BLAS, whose threads wait for each other: called
+    from several threads it took ten times the processor time.
+
+    Parameters
+    ----------
+    matrix : numpy.ndarray, shape (m, d)
+        Any matrix.
+    vectors : numpy.ndarray, shape (n, d)
+        Any vectors.
+
+    Returns
+    -------
+    numpy.ndarray, shape (n, m)
+        The products.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pvibr.maths.vectors import products
+    >>> products(np.array([[0.0, 2.0]]), np.array([[1.0, 3.0], [4.0, 5.0]])).tolist()
+    [[6.0], [10.0]]
+    """
+    return np.einsum('md,nd->nm', matrix, vectors)
 
 
 def as_units(name, vectors) -> np.ndarray:

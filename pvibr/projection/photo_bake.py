@@ -22,7 +22,7 @@ QUALITY = {
     'angle': (np.float32, np.nan),
 }
 #: Places that are painted at once.
-_MANY = 1 << 18
+_MANY = 1 << 16
 #: Texels along a side of what is painted before it is written.
 _TILE = 2048
 
@@ -47,6 +47,7 @@ class Painter:
     def __init__(self, painted, spacing):
         self.painted, self.choice = painted, painted.choice
         self.memory = painted.memory * 2**20
+        self._pieces = Pieces(self.choice)
         self.normals, _ = normals_and_areas(self.choice.points[self.choice.faces])
         self._times = {
             int(number): self._halvings(number, spacing)
@@ -76,40 +77,48 @@ class Painter:
 
     def at(self, cell, share, advance, quality=True) -> Paint:
         """Return what is shown at barycentric places of the triangles of the mesh."""
-        face, share = faces_at(self.choice, cell, share)
-        numbers, count = self.choice.photos[face], len(face)
+        count, share = len(cell), np.array(share, np.float32)
+        face, best = np.empty(count, np.int32), np.full(count, -1, np.int32)
         sums, most = np.zeros((count, 4), np.float32), np.zeros(count, np.float32)
-        best, parts = np.full(count, -1, np.int32), range(0, count, _MANY)
-        used = np.unique(numbers[numbers >= 0]).tolist()
+        colors = np.empty((count, 4), np.uint8)
+        found: Any = {n: np.full(count * quality, *k[::-1]) for n, k in QUALITY.items()}
+        parts = [slice(start, start + _MANY) for start in range(0, count, _MANY)]
+
+        def find(part):
+            face[part], share[part] = self._pieces.at(cell[part], share[part])
+
+        def finish(part):
+            colors[part] = _mean(sums[part])
+            if quality:
+                values = {name: v[part] for name, v in found.items()}
+                self._rate(face[part], share[part], best[part], **values)
+
         with threads() as pool:
+            list(pool.map(find, parts))
+            used = self._used(face)
             for done, number in enumerate(used):
                 picture = self._picture(number)
 
-                def add(start, number=number, picture=picture):
-                    whole = face, share, numbers, sums, most, best
-                    self._add(number, picture, *(v[start : start + _MANY] for v in whole))
+                def add(part, number=number, picture=picture):
+                    whole = face, share, sums, most, best
+                    self._add(number, picture, *(v[part] for v in whole))
 
                 list(pool.map(add, parts))
                 advance((done + 1) / len(used))
-            covered = sums[:, 3] > 0
-            colors = np.zeros((count, 4), np.uint8)
-            colors[covered, :3] = np.rint(sums[covered, :3] / sums[covered, 3:])
-            colors[covered, 3] = 255
-            found: Any = {n: np.full(count * quality, *k[::-1]) for n, k in QUALITY.items()}
-
-            def rate(start):
-                rows = slice(start, start + _MANY)
-                values = {name: v[rows] for name, v in found.items()}
-                self._rate(face[rows], share[rows], best[rows], **values)
-
-            if quality:
-                list(pool.map(rate, parts))
+            list(pool.map(finish, parts))
         return Paint(colors, **found)
 
-    def _add(self, number, picture, face, share, numbers, sums, most, best):
+    def _used(self, face):
+        """Return the photographs that are shown on some of the triangles."""
+        shown = np.zeros(len(self.choice.photos), bool)
+        shown[face] = True
+        numbers = np.unique(self.choice.photos[shown])
+        return numbers[numbers >= 0].tolist()
+
+    def _add(self, number, picture, face, share, sums, most, best):
         """Add what one picture shows."""
         choice, painted = self.choice, self.painted
-        rows, place = np.nonzero(numbers == number)
+        rows, place = np.nonzero(choice.photos[face] == number)
         if not len(rows):
             return
         face, share = face[rows], share[rows]
@@ -192,18 +201,30 @@ def data_of(painted, mesh, to, advance):
     return mesh
 
 
-def faces_at(choice, cell, share):
-    """Return triangles of a choice, and places in them, of places in the mesh's own."""
-    order = np.argsort(choice.origin, kind='stable')
-    count = np.bincount(choice.origin)
-    first = np.cumsum(count) - count
-    face, share = order[first[cell]], share.copy()
-    rows = np.flatnonzero(count[cell] > 1)
-    parts = order[first[cell[rows], None] + np.arange(16)]
-    if len(rows):
-        part, share[rows] = _part(share[rows])
-        face[rows] = parts[np.arange(len(rows)), part]
-    return face, share
+class Pieces:
+    """The triangles of a choice, of which some are pieces of a triangle of the mesh."""
+
+    def __init__(self, choice):
+        self.order = np.argsort(choice.origin, kind='stable')
+        self.count = np.bincount(choice.origin)
+        self.first = np.cumsum(self.count) - self.count
+
+    def at(self, cell, share):
+        """Return triangles of the choice, and places in them, of places in the mesh's own."""
+        face, share = self.order[self.first[cell]], share.copy()
+        rows = np.flatnonzero(self.count[cell] > 1)
+        if len(rows):
+            part, share[rows] = _part(share[rows])
+            face[rows] = self.order[self.first[cell[rows]] + part]
+        return face, share
+
+
+def _mean(sums):
+    """Return colours, RGBA, of their weighted sums and those of weights; clear where none is."""
+    colors, covered = np.zeros(sums.shape, np.uint8), sums[:, 3] > 0
+    colors[covered, :3] = np.rint(sums[covered, :3] / sums[covered, 3:])
+    colors[covered, 3] = 255
+    return colors
 
 
 def _part(share):

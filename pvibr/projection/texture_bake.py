@@ -75,7 +75,8 @@ def _texture(file, shape, dtype, empty=None):
         return
     with replacing(file) as part:
         if file.suffix.lower() == '.npy':
-            yield np.lib.format.open_memmap(part, 'w+', dtype, shape)
+            with Path(part).open('wb') as array:
+                yield _Npy(array, shape, np.dtype(dtype))
             return
         layers = shape[2] if len(shape) == 3 else 1
         how = {'predictor': 3 if np.dtype(dtype).kind == 'f' else 2, 'nodata': empty}
@@ -99,6 +100,27 @@ def _texture(file, shape, dtype, empty=None):
             )
         with image:
             yield _Tiff(image)
+
+
+class _Npy:
+    """An .npy file whose rectangles can be assigned."""
+
+    # Not a memory map: its pages count as the process's, and on a full disk they are bus errors.
+
+    def __init__(self, file, shape, dtype):
+        self.file, self.dtype = file, dtype
+        head = {'descr': dtype.str, 'fortran_order': False, 'shape': tuple(map(int, shape))}
+        np.lib.format.write_array_header_1_0(file, head)
+        self.start = file.tell()
+        self.texel = dtype.itemsize * int(np.prod(shape[2:]))
+        self.row = self.texel * shape[1]
+        file.truncate(self.start + self.row * shape[0])
+
+    def __setitem__(self, where, values):
+        rows, columns = where
+        for number, row in enumerate(np.ascontiguousarray(values, self.dtype), rows.start):
+            self.file.seek(self.start + number * self.row + columns.start * self.texel)
+            self.file.write(row)
 
 
 class _Tiff:

@@ -18,7 +18,7 @@ _PAD = 8
 #: Triangles that xatlas unwraps at once: its time grows faster than their number.
 _PART = 5000
 #: Texels that are looked up at once.
-_MANY = 1 << 18
+_MANY = 1 << 16
 
 
 def unwrapped(mesh, size=2048, advance=None) -> pv.PolyData:
@@ -160,15 +160,19 @@ def tiles_of(mesh, size, side=2048) -> Iterator[TexelTile]:
     seen = triangles_seen(flat, views, tuple(room.tolist()))
     for (x, y), low, number in zip(starts, corners, seen, strict=True):
         where = slice(y, min(y + high, height)), slice(x, min(x + wide, width))
-        inside = number >= 0
-        cell = number[inside].astype(np.int32)
-        share = np.empty((len(cell), 3), np.float32)
-        row, column = np.nonzero(inside)
-        for start in range(0, len(cell), _MANY):
-            part = slice(start, start + _MANY)
-            at = (np.column_stack([column[part], row[part]]) + 0.5 + low) / scale
-            share[part] = _barycentric(uv[faces[cell[part]]], at)
-        yield TexelTile(where, inside, cell, share)
+        yield TexelTile(where, number >= 0, *_places(uv, faces, number, low, scale))
+
+
+def _places(uv, faces, number, low, scale):
+    """Return the triangles of a tile's texels that have one, and barycentric coordinates there."""
+    row, column = np.nonzero(number >= 0)
+    cell = number[row, column]
+    share = np.empty((len(cell), 3), np.float32)
+    for start in range(0, len(cell), _MANY):
+        part = slice(start, start + _MANY)
+        at = (np.column_stack([column[part], row[part]]) + 0.5 + low) / scale
+        share[part] = _barycentric(uv[faces[cell[part]]], at)
+    return cell, share
 
 
 def texel_spacing(mesh, size) -> float:

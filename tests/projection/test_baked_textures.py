@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import tracemalloc
 from contextlib import contextmanager
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -66,6 +68,26 @@ def test_a_file_of_tiles_is_the_texture(painted, tmp_path, monkeypatch, suffix):
         other = read(paths[name])
         assert other.dtype == values.dtype
         assert (~np.isclose(other, values, rtol=1e-3, equal_nan=True)).mean() < 1e-3
+
+
+def test_memory_is_of_a_tile_not_of_the_texture(painted, tmp_path, monkeypatch):
+    """Four times the texels take no more of it; the file is not mapped into it either."""
+    monkeypatch.setattr(photo_bake, '_TILE', 32)
+    file, maps, peaks = tmp_path / 'site.npy', Path('/proc/self/maps'), {}
+    paint = photo_bake.Painter.at
+
+    def at(*args):
+        assert not maps.exists() or str(tmp_path) not in maps.read_text()
+        return paint(*args)
+
+    monkeypatch.setattr(photo_bake.Painter, 'at', at)
+    for size in (32, 96, 192):  # the first has imports and caches
+        tracemalloc.start()
+        painted.bake(size=size, file=file)
+        peaks[size] = tracemalloc.get_traced_memory()[1]
+        tracemalloc.stop()
+    assert peaks[192] - peaks[96] < 0.5 * (192**2 - 96**2) * 4
+    assert (np.load(file)[..., 3] == 255).mean() > 0.9
 
 
 def test_what_is_interrupted_leaves_the_file_before(painted, tmp_path, monkeypatch):
