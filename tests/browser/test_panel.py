@@ -223,17 +223,17 @@ def test_two_pages_agree(panel, served, picture_of, until):
     until(lambda: other.control('intensity', 'textbox').input_value() == '1')
     other.page.set_viewport_size({'width': 420, 'height': 620})
     sides = 'i => [i.naturalWidth, i.naturalHeight, i.clientWidth, i.clientHeight]'
-    asking = 'view => view.style.paddingRight'
+    both = panel, other
 
-    def fits(view):
-        *picture, width, height = view.page.locator('img').evaluate(sides)
-        return picture == [width, height] and not view.page.locator('.pvibr-view').evaluate(asking)
+    def fit():
+        found = [view.page.locator('img').evaluate(sides) for view in both]
+        return all(sizes[:2] == sizes[2:] for sizes in found)
 
-    # The picture is that of the page used last; in the other it is undistorted.
-    until(lambda: fits(other) and not fits(panel))
-    assert panel.page.locator('img').evaluate('i => i.style.objectFit') == 'contain'
-    panel.page.mouse.move(100, 100)
-    until(lambda: fits(panel) and not fits(other))
-    other.page.evaluate("dispatchEvent(new Event('focus'))")  # as of who comes by keys
-    until(lambda: fits(other))
+    # Each has a picture of its own size, also of a view that was turned in one of them.
+    until(fit)
+    before = [view.settled() for view in both]
+    other.page.locator('img').press('ArrowLeft')
+    for view, seen in zip(both, before, strict=True):
+        view.changed(seen)
+    until(fit)
     other.page.close()

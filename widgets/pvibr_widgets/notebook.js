@@ -37,74 +37,20 @@ export default {
   },
 };
 
-// Show the picture; mouse, wheel and arrow keys turn the view, one move per frame.
+// Show the picture, in the ratio of the plotter's window.
 function showPicture(model, place, send) {
-  const image = document.createElement('img');
-  Object.assign(image, {
-    alt: 'Scene: arrow keys turn it, + and - zoom',
-    tabIndex: 0,
-    draggable: false,
-  });
-  image.setAttribute('role', 'application');
-  image.setAttribute('aria-label', image.alt);
-  image.setAttribute('data-lm-suppress-shortcuts', 'true');
+  const picture = document.createElement('pvibr-picture');
   const [width, height] = model.get('size');
-  image.style.cssText =
-    `flex: 3 1 300px; min-width: 0; max-width: ${width}px; touch-action: none;` +
-    `aspect-ratio: ${width} / ${height}; align-self: flex-start; user-select: none;`;
-  place.append(image);
-  let [url, moving, next] = ['', false, null];
-  const show = () => {
-    URL.revokeObjectURL(url);
-    url = URL.createObjectURL(new Blob([model.get('picture')]));
-    image.src = url;
+  picture.style.cssText =
+    `flex: 3 1 300px; min-width: 0; max-width: ${width}px; align-self: flex-start;` +
+    `aspect-ratio: ${width} / ${height};`;
+  picture.send = async ([action, x, y, button, keys]) => {
+    if (action && action !== 'enter') await send(['point', action, x, y, button, keys]);
+    return {}; // the picture comes by itself
   };
-  const placeOf = (event) => {
-    const box = image.getBoundingClientRect();
-    return [(event.clientX - box.left) / box.width, 1 - (event.clientY - box.top) / box.height];
-  };
-  const move = async (event) => {
-    next = placeOf(event);
-    if (moving) return;
-    moving = true;
-    while (next) {
-      const at = next;
-      next = null;
-      await send(['point', 'move', ...at]);
-    }
-    moving = false;
-  };
-  image.onpointerdown = (event) => {
-    image.setPointerCapture(event.pointerId);
-    image.onpointermove = move;
-    send(['point', 'press', ...placeOf(event)]);
-  };
-  image.onpointerup = image.onpointercancel = (event) => {
-    image.onpointermove = null;
-    next = null;
-    send(['point', 'release', ...placeOf(event)]);
-  };
-  image.onwheel = (event) => {
-    event.preventDefault();
-    send(['point', event.deltaY < 0 ? 'in' : 'out', ...placeOf(event)]);
-  };
-  const keys = {
-    ArrowLeft: 'left',
-    ArrowRight: 'right',
-    ArrowUp: 'up',
-    ArrowDown: 'down',
-    '+': 'in',
-    '-': 'out',
-  };
-  image.onkeydown = (event) => {
-    if (!(event.key in keys)) return;
-    event.preventDefault();
-    send(['point', keys[event.key], 0.5, 0.5]);
-  };
+  place.append(picture);
+  const show = () => picture.show(model.get('picture'));
   model.on('change:frame', show);
   show();
-  return () => {
-    model.off('change:frame', show);
-    URL.revokeObjectURL(url);
-  };
+  return () => model.off('change:frame', show);
 }

@@ -8,23 +8,11 @@ import threading
 from collections import deque
 from typing import Any
 
-import imageio.v3 as imageio
-
 from pvibr.core.errors import require
 from pvibr.core.plotters import is_closed
 from pvibr_widgets.model import Model
+from pvibr_widgets.picture import Picture
 from pvibr_widgets.remote import RemotePanel, current_loop, element_script, text_of
-
-#: What mouse, wheel and keys do to the view: events of the interactor.
-_POINTS = {
-    'press': ['MouseMoveEvent', 'LeftButtonPressEvent'],
-    'move': ['MouseMoveEvent'],
-    'release': ['MouseMoveEvent', 'LeftButtonReleaseEvent'],
-    'in': ['MouseWheelForwardEvent'],
-    'out': ['MouseWheelBackwardEvent'],
-}
-#: Degrees of azimuth and elevation of the arrow keys.
-_TURNS = {'left': (10, 0), 'right': (-10, 0), 'up': (0, -10), 'down': (0, 10)}
 
 
 def notebook_panel(plotter, *, picture=True, presets=None):
@@ -73,7 +61,7 @@ def _widget_class():
     import traitlets
 
     class Widget(base):
-        _esm = element_script() + text_of('notebook.js')
+        _esm = element_script() + text_of('picture.js') + text_of('notebook.js')
         shown = traitlets.Dict().tag(sync=True)
         picture = traitlets.Bytes().tag(sync=True)
         size: object = traitlets.List().tag(sync=True)
@@ -88,7 +76,7 @@ class NotebookPanel(RemotePanel):
 
     def __init__(self, model, *, picture=True):
         super().__init__(model)
-        self._shows = picture
+        self._shows, self._picture = picture, Picture(model.plotter)
         self._shell = None
         self._thread = threading.get_ident()
         self._waiting: deque = deque()
@@ -96,10 +84,11 @@ class NotebookPanel(RemotePanel):
         self.widget = _widget_class()()
         self._next = None
         if picture:
-            self.widget.size = list(model.plotter.window_size)
+            self.widget.size = list(self._picture.size)
+            self.model.each_frame(self._ended)
+            self._picture.resize(self._picture.size)
             self.model.show()
             self._picture_drawn()
-            self.model.each_frame(self._ended)
         self.widget.on_msg(self._heard)
         model.listen(self._changed)
         self._follow_cells()
@@ -133,32 +122,12 @@ class NotebookPanel(RemotePanel):
             content = self._waiting.popleft()
             action, *values = content.get('args') or ['']
             if action == 'point':
-                self.model.act(self.point, *values)
+                self.model.act(self._picture.point, *values)
                 self._picture_drawn()
                 answer = {'text': '', 'turn': self._done}
             else:
                 answer = self.act(action, *values)
             self.widget.send({'id': content.get('id')} | answer)
-
-    def point(self, action, x, y):
-        """Do what mouse, wheel or an arrow key does at a place of the picture, in shares of it."""
-        plotter = self.model.plotter
-        if action in _TURNS:
-            azimuth, elevation = _TURNS[action]
-            plotter.camera.Azimuth(azimuth)
-            plotter.camera.Elevation(elevation)
-            plotter.camera.OrthogonalizeViewUp()
-            plotter.renderer.ResetCameraClippingRange()
-            plotter.render()
-        elif action in _POINTS and plotter.iren is not None:
-            place = [
-                round(share * side)
-                for share, side in zip((x, y), plotter.window_size, strict=True)
-            ]
-            interactor = plotter.iren.interactor
-            interactor.SetEventInformation(*place, 0, 0, '\0', 0, '')
-            for event in _POINTS[action]:
-                getattr(interactor, event)()
 
     def _tell(self):
         self.widget.shown = self.shown
@@ -167,15 +136,13 @@ class NotebookPanel(RemotePanel):
         plotter, self._next = self.model.plotter, None
         if not self._shows or is_closed(plotter):
             return
-        pixels = plotter.screenshot(return_img=True)
         with self.widget.hold_sync():
-            self.widget.picture = imageio.imwrite(
-                '<bytes>', pixels, extension='.jpg', quality=95, subsampling=0
-            )
-            self.widget.frame += 1
+            self.widget.picture = self._picture.jpeg()
+            self.widget.frame = self._picture.frame
 
     def _ended(self, *_):
         """Send the picture of a frame that was not asked for here, as of an animation."""
+        self._picture.count()
         loop = current_loop()
         if self._next is None and loop is not None:
             self._next = loop.call_soon(self._picture_drawn)

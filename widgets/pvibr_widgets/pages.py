@@ -2,13 +2,20 @@
 
 from __future__ import annotations
 
+import asyncio
 import itertools
 
 from pvibr.core.errors import require
+from pvibr.core.plotters import is_closed, is_dragged
 from pvibr_widgets.model import Model
-from pvibr_widgets.remote import RemotePanel, element_script
+from pvibr_widgets.picture import Picture
+from pvibr_widgets.remote import RemotePanel, current_loop, element_script, text_of
 
 _numbers = itertools.count()
+#: Seconds without a frame after which the view is at rest.
+_REST = 0.3
+#: Sides of pictures, in pixels.
+_LEAST, _MOST = 16, 4096
 _BUTTON = (
     'font: 14px/1.4 sans-serif; min-height: 28px; margin: 4px 8px; padding: 0 8px; '
     'color: #1b1b1b; background: #fff; border: 1px solid #767676; border-radius: 4px'
@@ -32,7 +39,8 @@ def trame_panel(plotter, server=None, *, picture=False, update=None, presets=Non
     server : trame.Server, str or None
         The page's, or its name.
     picture : bool, optional
-        Put PyVista's view of the plotter beside the panel, to fill the page.
+        Put the plotter's picture beside the panel, to fill the page. Each tab has one of its own
+        size; while the view moves in one, the others show that.
     update : callable, optional
         Sends a picture to the page, after each change: where the page's view is none of PyVista's,
         its ``update``.
@@ -72,11 +80,11 @@ def trame_panel(plotter, server=None, *, picture=False, update=None, presets=Non
     if not picture:
         return PagePanel(model, server, update)
     html = require('trame.widgets.html', 'jupyter', 'Panels in pages')
-    ui = require('trame_pyvista.ui', 'jupyter', 'Panels in pages')
+    client = require('trame.widgets.client', 'jupyter', 'Panels in pages')
     # One above the other where a window is narrow.
     with html.Div(style=_BESIDE, trame_server=server):
-        with html.Main(style=_VIEW, classes='pvibr-view'):
-            ui.plotter_ui(plotter, mode='server', server=server, add_menu=False)
+        with html.Main(PagePicture(model, server).element, style=_VIEW):
+            client.Script(text_of('picture.js'), trame_server=server)
         with html.Div(style=_SIDE):
             return PagePanel(model, server, update)
 
@@ -130,6 +138,75 @@ def menu_item(plotter, *, presets=None):
             trame_panel(plotter, server, presets=presets)
 
     return add
+
+
+class PagePicture:
+    """The picture of a plotter in a page, of the size that each tab has.
+
+    The window has the size of the tab used last. Others show its frames while the view moves, and
+    a still of their own at rest.
+    """
+
+    def __init__(self, model, server):
+        self._model, self._server = model, server
+        self._picture = Picture(model.plotter)
+        self._is_still = True
+        self._next: asyncio.TimerHandle | None = None
+        self.name = f'pvibr_picture_{next(_numbers)}'
+        server.controller.trigger(f'{self.name}_ask')(self.ask)
+        asked = f"(asked) => trigger('{self.name}_ask', asked)"
+        self.element = (
+            f'<pvibr-picture :send.prop="{asked}" :frame.prop="{self.name}" '
+            'style="position: absolute; inset: 0"></pvibr-picture>'
+        )
+        server.state[self.name] = 0
+        model.each_frame(self._ended)
+        # What waits for rest, and time that goes on, look for a loop where there are callbacks.
+        model.plotter.add_on_render_callback(lambda *_: None, render_event=False)
+
+    def ask(self, action, x, y, button, keys, width, height, has) -> dict:
+        """Do what a tab asks for; return the picture for it, unless it has that."""
+        if is_closed(self._model.plotter):
+            return {'has': has, 'picture': None}
+        picture = self._picture
+        size = tuple(min(max(int(side), _LEAST), _MOST) for side in (width, height))
+        if action or not picture.frame:
+            picture.resize(size)
+        if action:
+            self._model.act(picture.point, action, x, y, button, keys)
+        if not self._is_still:
+            size = picture.size
+        now = [picture.frame, *size]
+        return {'has': now, 'picture': None if now == has else picture.jpeg(size)}
+
+    def _ended(self, *_):
+        if self._picture.count():
+            self._is_still = False
+            self._call(0, self._tell)
+
+    def _call(self, seconds, function):
+        loop = current_loop()
+        if self._next is not None:
+            self._next.cancel()
+        self._next = None if loop is None else loop.call_later(seconds, function)
+
+    def _tell(self):
+        """Have tabs ask for the frame."""
+        with self._server.state as state:
+            state[self.name] += 1
+        if not self._is_still:
+            self._call(_REST, self._rest)
+
+    def _rest(self):
+        """Have tabs ask for pictures of their own sizes, unless the view still moves."""
+        plotter = self._model.plotter
+        if is_closed(plotter):
+            return
+        self._is_still = not (plotter.ibr.playing or is_dragged(plotter.render_window))
+        if self._is_still:
+            self._tell()
+        else:
+            self._call(_REST, self._rest)
 
 
 class PagePanel(RemotePanel):

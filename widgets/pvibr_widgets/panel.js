@@ -214,31 +214,6 @@
     ];
   };
 
-  // A view of trame: name its pictures, and ask for its own size again where another tab asked for
-  // another one; until then that tab's picture is seen, undistorted.
-  const adopt = (view) => {
-    view.addEventListener(
-      'load',
-      ({ target }) => {
-        target.alt = 'Scene';
-        target.style.objectFit = 'contain';
-      },
-      true,
-    );
-    const fit = () => {
-      const image = view.querySelector('img');
-      if (!image?.naturalWidth) return;
-      const ratio = (image.naturalWidth / image.naturalHeight) * image.clientHeight;
-      if (Math.abs(ratio - image.clientWidth) < 3) return;
-      view.style.paddingRight = '1px'; // it asks when its size changes
-      setTimeout(() => {
-        view.style.paddingRight = '';
-      }, 200);
-    };
-    view.addEventListener('pointerenter', fit);
-    window.addEventListener('focus', fit); // of who comes by keys
-  };
-
   class PvibrPanel extends HTMLElement {
     connectedCallback() {
       if (this.root) return;
@@ -302,7 +277,6 @@
         this.list,
       );
       this.root.append(make('style', {}, STYLE), this.body);
-      document.querySelectorAll('.pvibr-view').forEach(adopt);
     }
 
     async ask(...asked) {
