@@ -119,15 +119,20 @@ def _material(glb, surface):
         'metallicFactor': 0.0,
         'roughnessFactor': float(shine),
     }
-    blends = surface.texture is not None and bool((surface.texture[..., 3] < 255).any())
+    alpha = np.array([255]) if surface.texture is None else surface.texture[..., 3]
+    # Viewers do not sort what blends: what is there or not is cut out.
+    clear, partly = bool((alpha == 0).any()), bool(((alpha > 0) & (alpha < 255)).any())
+    cutoff = surface.cutout
+    if cutoff is None and clear and not partly and prop.GetOpacity() >= 1:
+        cutoff = 0.5
     if surface.texture is not None and surface.coordinates is not None:
-        image = surface.texture if blends else surface.texture[..., :3]
+        image = surface.texture if clear or partly else surface.texture[..., :3]
         sampler = ({} if surface.repeat else CLAMPED) | (LINEAR if surface.smooth else NEAREST)
         reflection['baseColorTexture'] = {'index': glb.texture(image, sampler)}
     return glb.material(
         reflection,
-        cutoff=surface.cutout,
-        blends=not surface.opaque or blends,
+        cutoff=cutoff,
+        blends=not surface.opaque or clear or partly,
         two_sided=not prop.GetBackfaceCulling(),
         lit=prop.GetLighting(),
     )

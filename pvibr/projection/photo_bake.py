@@ -31,7 +31,7 @@ _TILE = 2048
 class Paint:
     """What is shown at places of triangles."""
 
-    #: Red, green, blue and alpha, uint8; alpha is 0 where no photograph sees the place.
+    #: RGBA, uint8; where no photograph sees the place alpha is 0, and the rest the mesh's colour.
     colors: np.ndarray
     #: The photograph that has most of it, -1 for none.
     photo: np.ndarray
@@ -88,7 +88,7 @@ class Painter:
             face[part], share[part] = self._pieces.at(cell[part], share[part])
 
         def finish(part):
-            colors[part] = _mean(sums[part])
+            colors[part] = self._mean(sums[part])
             if quality:
                 values = {name: v[part] for name, v in found.items()}
                 self._rate(face[part], share[part], best[part], **values)
@@ -107,6 +107,14 @@ class Painter:
                 advance((done + 1) / len(used))
             list(pool.map(finish, parts))
         return Paint(colors, **found)
+
+    def _mean(self, sums):
+        """Return colours of their weighted sums and those of weights; clear where none is."""
+        colors, covered = np.empty(sums.shape, np.uint8), sums[:, 3] > 0
+        colors[:] = (*self.painted.prop.color.int_rgb, 0)
+        colors[covered, :3] = np.rint(sums[covered, :3] / sums[covered, 3:])
+        colors[covered, 3] = 255
+        return colors
 
     def _used(self, face):
         """Return the photographs that are shown on some of the triangles."""
@@ -217,14 +225,6 @@ class Pieces:
             part, share[rows] = _part(share[rows])
             face[rows] = self.order[self.first[cell[rows]] + part]
         return face, share
-
-
-def _mean(sums):
-    """Return colours, RGBA, of their weighted sums and those of weights; clear where none is."""
-    colors, covered = np.zeros(sums.shape, np.uint8), sums[:, 3] > 0
-    colors[covered, :3] = np.rint(sums[covered, :3] / sums[covered, 3:])
-    colors[covered, 3] = 255
-    return colors
 
 
 def _part(share):

@@ -220,13 +220,11 @@ class PhotoMesh(Placed):
         """Hand the mesh to a scene without pvibr."""
         if self._mesh.active_texture_coordinates is None:
             mesh = self.bake('points')
-            bare = mesh['projected'][:, 3] == 0
-            mesh['projected'][bare] = self.prop.color.int_rgba
+            mesh['projected'][:, 3] = 255
             look = {'scalars': 'projected', 'rgb': True}
         else:
             mesh, image = self.bake(size=min(scene.texels, 4096))
-            image[image[..., 3] == 0] = self.prop.color.int_rgba
-            look = {'texture': pv.Texture(image)}
+            look = {'texture': pv.Texture(np.ascontiguousarray(image[..., :3]))}
         mesh = mesh.transform(self.matrix, inplace=False)
         scene.part(self, as_parts(mesh, lighting=self.lit, **look)[0])
 
@@ -367,8 +365,9 @@ class PhotoMesh(Placed):
             ``'resolution'``, world units per pixel of it on the surface, and ``'angle'`` in
             degrees; these are NaN where no photograph sees the surface.
         numpy.ndarray, shape (h, w, 4), uint8
-            The texture, row 0 at the top; texels around its parts have their colours. The path if
-            it was written to a file.
+            The texture, row 0 at the top; texels around its parts have their colours. Where no
+            photograph sees the surface alpha is 0, and the others are its own colour: drop alpha
+            to show it as this does. The path if it was written to a file.
         dict
             If `quality`: the images (h, w) ``'photo'``, ``'resolution'`` and ``'angle'``, or
             their paths.

@@ -113,11 +113,11 @@ class TexelTile:
         known[self.inside] = covered
         if known.any():
             away, near = ndimage.distance_transform_edt(~known, return_indices=True)
-            beside = (away <= _PAD) & ~known
-            around = image[near[0][beside], near[1][beside]]
-            outside = ~self.inside[beside]
-            around[~outside, 3] = image[beside][~outside, 3]  # what filters reach, under no alpha
-            image[beside] = around
+            margin = away <= _PAD
+            rest = ~known & (margin | ~self.inside)  # mip levels reach over all that is outside
+            outside = ~self.inside[rest]
+            image[rest, :3] = image[near[0][rest], near[1][rest], :3]
+            image[rest, 3] = np.where(outside & margin[rest], 255, 0)
         return self._own(image)
 
     def samples(self, mesh) -> Samples:

@@ -192,6 +192,30 @@ def test_gltf_has_the_baked_colours(painted, tmp_path, exporter):
     assert np.sqrt(np.mean((settled(shown, true, slice(None)) - true) ** 2)) < 8
 
 
+def test_what_no_photograph_sees(terrain, painted, tmp_path):
+    """It has the mesh's colour under alpha 0, nothing is black, and glTF cuts out or is opaque."""
+    mesh = terrain.copy()
+    mesh.active_texture_coordinates = 0.25 + 0.5 * np.asarray(mesh.active_texture_coordinates)
+    one = pvibr.PhotoMesh(mesh, painted.photos[:1], color='magenta')
+    made, image = one.bake(size=256)
+    (tile,) = tiles_of(made, 256)
+    inside, seen = tile.values(np.ones(len(tile.cell)), 0) > 0, image[..., 3] == 255
+    away = ndimage.distance_transform_edt(~(inside & seen))
+    bare = inside & ~seen & (away > 8)
+    assert bare.sum() > 20
+    assert (image[bare, :3] == [255, 0, 255]).all()
+    assert (seen[~inside] == (away[~inside] <= 8)).all()
+    rim = image[inside & seen, :3].min(0)
+    assert (image[~inside, :3] >= rim).all()  # mip levels darken no border
+    for picture, mode in ((image, 'MASK'), (image[..., :3], None)):
+        pl = pv.Plotter(off_screen=True, window_size=(64, 64))
+        pl.add_mesh(made, texture=pv.Texture(np.ascontiguousarray(picture)))
+        pl.ibr.export_glb(str(tmp_path / 'a.glb'))
+        pl.close()
+        (found,) = trimesh.load(str(tmp_path / 'a.glb'), process=False).geometry.values()
+        assert found.visual.material.alphaMode == mode
+
+
 # -- atlases ------------------------------------------------------------------------------------
 
 
