@@ -163,8 +163,10 @@ def forced_limits(ranges, mesh_levels) -> Limits:
     cards = {p.name: everywhere.get(p.name, np.zeros((2, PATCHES))) for p in CARD_SHADERS}
     level = {name: span for name, span in everywhere.items() if name in SIDES}
     lighter = [ranges.get(f'mesh{k}', (0.0, 0.0))[1] for k in range(1, mesh_levels)]
+    # The lightest that serves is drawn: those before it must serve as far.
+    meshes = np.maximum.accumulate([0.0, *lighter[::-1], np.inf])[:0:-1]
     least = min((low for n, (low, _) in ranges.items() if n.startswith('mesh')), default=_LARGEST)
-    return Limits(cards, np.full(PATCHES, least), _everywhere([np.inf, *lighter]), level)
+    return Limits(cards, np.full(PATCHES, least), _everywhere(meshes), level)
 
 
 def _spans(errors, shaders, max_error, samples) -> dict:

@@ -285,3 +285,20 @@ def test_vtk_knows_where_meshes_are(scenes, see, bean, beside, offset):
     # Bounding spheres are somewhat larger than what they hold.
     bound = 0.15 if beside == 'EDL' else 2 / 255
     assert np.abs(pictures[0] - pictures[1]).max() < bound
+
+
+@pytest.mark.parametrize('number', [0, 1, 2])
+def test_the_mesh_level_that_is_asked_for_is_drawn(scenes, see, number):
+    ball = pv.Sphere(theta_resolution=40, phi_resolution=40)
+    look = {'color': 'tan', 'lighting': False}  # outlines alone
+    how = {'size': SIZE, 'camera': CAMERA, **look}
+    pl, balls = scenes.instances(ball, poses(stretch=0.0), level=f'mesh{number or ""}', **how)
+    drawn, levels = see.grab(pl), balls.groups[0].model.levels
+    assert len(levels) == 3
+    pl.close()
+    found = []
+    for level in levels:
+        pl = scenes.actors(level.parts[0].mesh, poses(stretch=0.0), **how)
+        found.append(np.abs(see.grab(pl) - drawn).max())
+        pl.close()
+    assert [difference == 0 for difference in found] == [k == number for k in range(3)]
