@@ -185,8 +185,8 @@ def as_rgba(image, name='image') -> np.ndarray:
 
 def _as_rgba(image):
     if isinstance(image, str | Path):
-        image = _read(_file('image', image))
-    elif hasattr(image, 'to_array'):
+        return _read(_file('image', image))
+    if hasattr(image, 'to_array'):
         image = image.to_array() if image.GetInput() is not None else ()
     image, given = np.asarray(image), image
     if image.dtype == object:
@@ -225,7 +225,8 @@ def _read(path):
     from imageio import v3
 
     try:
-        return v3.imread(path)
+        image = v3.imread(path)
+        return _as_rgba(image[0] if image.ndim == 4 else image)  # of a GIF the first
     except Exception as error:
         msg = f'image = {path}: imageio cannot read it as a picture: {error}'
         raise ValueError(msg) from error

@@ -220,3 +220,17 @@ def test_arguments_are_checked(tmp_path):
         pvibr.read_cameras(tmp_path, format='x')
     with pytest.raises(FileNotFoundError, match='images is'):
         pvibr.read_cameras(tmp_path, tmp_path / 'no')
+
+
+def test_pictures_that_are_not_what_they_seem(tmp_path):
+    """Of a GIF the first picture is read; errors about pixels name the file."""
+    path, made = FORMATS['transforms'](tmp_path, 3)
+    write_pictures(tmp_path, made)
+    first, second = (tmp_path / 'images' / f'{k}.png' for k in (0, 1))
+    red, blue = (Image.new('RGB', (640, 480), color) for color in ('red', 'blue'))
+    red.save(first, 'GIF', save_all=True, append_images=[blue])
+    Image.new('I', (640, 480)).save(second, 'TIFF')
+    photos = pvibr.read_cameras(path)
+    assert (photos[0].read() == [255, 0, 0, 255]).all()
+    with pytest.raises(ValueError, match=rf'{re.escape(str(second))}.*int32'):
+        photos[1].read()
