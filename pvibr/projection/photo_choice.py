@@ -56,6 +56,8 @@ class Choice:
     weights: np.ndarray
     #: Factors of red, green and blue of each photograph that make overlaps alike, (n, 3).
     gains: np.ndarray
+    #: Of each photograph: points around which it sees everything, and 0 to 255 by how far around.
+    seen: tuple
 
 
 def distinct(keys):
@@ -92,6 +94,13 @@ class Surface:
         """Return the least of the neighbours' values of each vertex."""
         found = values.copy()
         found[self.used] = np.minimum.reduceat(values[self.edges[:, 1]], self._starts)
+        return found
+
+    def mean_around(self, values):
+        """Return the mean of the values of each vertex and its neighbours."""
+        found, counts = values.copy(), np.diff(self._starts, append=len(self.edges))
+        found[self.used] += np.add.reduceat(values[self.edges[:, 1]], self._starts)
+        found[self.used] /= counts + 1
         return found
 
 
@@ -144,16 +153,19 @@ def choose(surface, pictures, visibility, max_angle=85.0, sharp=4.0) -> Choice:
     best = _Best(len(surface.points), _ASKED)
     whole = _Best(len(surface.faces), 1)
     anywhere = np.zeros(len(surface.faces), bool)
+    seen = []
     looks = visibility.each(lambda p: _Look(surface, p, visibility, least), pictures)
     for number, look in enumerate(looks):
         best.take(number, look.rows, look.scores)
         whole.take(number, *look.whole)
         anywhere |= look.touched
+        seen.append((look.rows.astype(np.int32), look.share))
     gains = _agreed(best, surface, pictures)
     photos, weights = _mixed(surface.faces, best, whole, sharp)
     _drop_hidden(surface, pictures, visibility, photos, weights)
     count = len(surface.faces)
-    choice = Choice(surface.points, surface.faces, np.arange(count), photos, weights, gains)
+    origin = np.arange(count)
+    choice = Choice(surface.points, surface.faces, origin, photos, weights, gains, tuple(seen))
     bare = np.flatnonzero(anywhere & (photos[:, 0] < 0))
     return _cut(choice, bare, pictures, visibility, least) if len(bare) else choice
 
@@ -188,6 +200,7 @@ class _Look:
         scores = np.maximum(angle, least) * density[rows] * fade * near_edge
         keep = scores > 0
         self.rows, self.scores = rows[keep], scores[keep]
+        self.share = np.rint(255 * np.minimum(fade * near_edge, 1)[keep]).astype(np.uint8)
 
 
 def _fade(surface, seen, covered):

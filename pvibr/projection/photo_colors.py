@@ -13,6 +13,7 @@ class Pairs:
     """The vertices of a choice, each with each of its photographs."""
 
     def __init__(self, choice):
+        self._count = len(choice.points)
         face, place = np.nonzero(choice.photos >= 0)
         photo = choice.photos[face, place].astype(np.int64)
         count = int(photo.max(initial=0)) + 1
@@ -39,3 +40,20 @@ class Pairs:
     def corrections(self, colors) -> np.ndarray:
         """Return what is added to colours so that those of each vertex are alike, (n, 3)."""
         return levelled(self.vertices, np.nan_to_num(colors), self.edges)
+
+    def means(self, colors) -> np.ndarray:
+        """Return the mean of the colours of each vertex, NaN where there are none, (points, 3)."""
+        count = np.bincount(self.vertices, minlength=self._count)
+        sums = [np.bincount(self.vertices, c, self._count) for c in colors[: len(self.keys)].T]
+        with np.errstate(invalid='ignore'):
+            return np.stack(sums, 1) / count[:, None]
+
+
+def alike_corners(vertices, numbers, weights):
+    """Return one row of each group of equal corners, and the group of each corner."""
+    rng = np.random.default_rng(0)
+    keys = vertices.astype(np.int64) * int(rng.integers(1 << 62) | 1)
+    for values in (numbers, np.rint(weights * 4096).astype(np.int64)):
+        for column in values.T:
+            keys = (keys ^ (keys >> 29)) * int(rng.integers(1 << 62) | 1) + column
+    return np.unique(keys, return_index=True, return_inverse=True)[1:]

@@ -7,6 +7,9 @@
 //
 // What is coarse has the colours of its corners.
 //
+// PHOTOS_VIEWS is 1 if photographs that were taken from near the eye are shown before those of the
+// triangles; their numbers are uniform, their shares of points in a texture.
+//
 // PHOTOS_LENS is 1 if triangles are so large that what the lens does between corners would be seen.
 
 //@lens
@@ -47,6 +50,20 @@ flat out vec4 ibr_photos_of;
 out vec4 ibr_photos_share;
 out vec3 ibr_photos_change[4];
 out vec3 ibr_photos_plane[4];
+#if PHOTOS_VIEWS
+in float ibr_photos_point;
+out vec4 ibr_photos_near;
+out vec3 ibr_photos_spot[4];
+flat out vec4 ibr_photos_views;
+#endif
+
+vec3 ibr_photos_place(int row, vec4 clip)
+{
+  vec3 q;
+  for (int axis = 0; axis < 3; ++axis)
+    q[axis] = dot(texelFetch(ibr_photos_table, ivec2(axis, row), 0), clip);
+  return PHOTOS_LENS == 1 ? q : ibr_photos_at(ibr_photos_table, row, q);
+}
 
 //@vertex.place
   ibr_photos_of = ibr_photos_number;
@@ -55,22 +72,34 @@ out vec3 ibr_photos_plane[4];
   ibr_photos_change[1] = ibr_photos_change1;
   ibr_photos_change[2] = ibr_photos_change2;
   ibr_photos_change[3] = ibr_photos_change3;
+  vec4 ibr_photos_clip =
+    vec4(gl_Position.xy, ibr_photos_parallel == 1 ? gl_Position.z : gl_Position.w, 1.0);
   for (int k = 0; k < 4; ++k)
   {
     if (ibr_photos_number[k] < 0.0) break;
-    int row = int(ibr_photos_number[k]);
-    vec4 clip = vec4(gl_Position.xy, ibr_photos_parallel == 1 ? gl_Position.z : gl_Position.w, 1.0);
-    vec3 q;
-    for (int axis = 0; axis < 3; ++axis)
-      q[axis] = dot(texelFetch(ibr_photos_table, ivec2(axis, row), 0), clip);
-    ibr_photos_plane[k] = PHOTOS_LENS == 1 ? q : ibr_photos_at(ibr_photos_table, row, q);
+    ibr_photos_plane[k] = ibr_photos_place(int(ibr_photos_number[k]), ibr_photos_clip);
   }
+#if PHOTOS_VIEWS
+  ivec2 ibr_photos_texel = ivec2(int(ibr_photos_point) % 2048, int(ibr_photos_point) / 2048);
+  ibr_photos_near = texelFetch(ibr_photos_shares, ibr_photos_texel, 0);
+  ibr_photos_views = ibr_photos_shown;
+  for (int k = 0; k < 4; ++k)
+  {
+    if (ibr_photos_shown[k] < 0.0) break;
+    ibr_photos_spot[k] = ibr_photos_place(int(ibr_photos_shown[k]), ibr_photos_clip);
+  }
+#endif
 
 //@fragment.declare
 flat in vec4 ibr_photos_of;
 in vec4 ibr_photos_share;
 in vec3 ibr_photos_change[4];
 in vec3 ibr_photos_plane[4];
+#if PHOTOS_VIEWS
+in vec4 ibr_photos_near;
+in vec3 ibr_photos_spot[4];
+flat in vec4 ibr_photos_views;
+#endif
 
 // The mean of the sheet over the area of a fragment: looks of half the width of its shorter side,
 // or a single one while the view moves.
@@ -91,32 +120,46 @@ vec4 ibr_photos_area(vec2 at, vec2 across, vec2 along)
   return sum / (rows * looks);
 }
 
-vec4 ibr_photos_one(int k)
+// What a photograph shows at a place of its plane, times its share.
+vec4 ibr_photos_one(int row, vec3 q, float share, vec3 change)
 {
-  int row = int(ibr_photos_of[k]);
-  vec3 q = ibr_photos_plane[k];
 #if PHOTOS_LENS
   q = ibr_photos_at(ibr_photos_looks, row, q);
 #endif
   vec2 at = q.xy / q.z;
   vec2 across = dFdx(at), along = dFdy(at);
+  if (share <= 0.0) return vec4(0.0);
   vec4 rect = texelFetch(ibr_photos_looks, ivec2(7, row), 0);
   float inset = 0.5 * max(max(length(across), length(along)), 1.0);
   vec2 middle = 0.5 * (rect.xy + rect.zw);
   at = clamp(at, min(rect.xy + inset, middle), max(rect.zw - inset, middle));
   vec4 color = ibr_photos_area(at, across, along);
-  color.rgb = color.rgb * texelFetch(ibr_photos_looks, ivec2(8, row), 0).rgb + ibr_photos_change[k];
-  color.a *= ibr_photos_share[k];
+  color.rgb = color.rgb * texelFetch(ibr_photos_looks, ivec2(8, row), 0).rgb + change;
+  color.a *= share;
   return vec4(clamp(color.rgb, 0.0, 1.0) * color.a, color.a);
 }
 
 //@fragment.find
   vec4 ibr_photos_sum = vec4(0.0);
+  float ibr_photos_rest = 1.0;
+#if PHOTOS_VIEWS
+  ibr_photos_rest -= dot(ibr_photos_near, vec4(1.0));
+  ibr_photos_rest = ibr_photos_rest > 1e-4 ? ibr_photos_rest : 0.0;
+#endif
   for (int k = 0; k < (ibr_photos_fine == 1 ? 4 : 2); ++k)
   {
     if (ibr_photos_of[k] < 0.0) break;
-    ibr_photos_sum += ibr_photos_one(k);
+    ibr_photos_sum += ibr_photos_one(int(ibr_photos_of[k]), ibr_photos_plane[k],
+      ibr_photos_rest * ibr_photos_share[k], ibr_photos_change[k]);
   }
+#if PHOTOS_VIEWS
+  for (int k = 0; k < 4; ++k)
+  {
+    if (ibr_photos_views[k] < 0.0 || ibr_photos_of[0] < 0.0) break;
+    ibr_photos_sum += ibr_photos_one(int(ibr_photos_views[k]), ibr_photos_spot[k],
+      ibr_photos_near[k], vec3(0.0));
+  }
+#endif
   float ibr_photos_cover = ibr_photos_sum.a > 1e-4 ? ibr_photos_opacity : 0.0;
   vec3 ibr_photos_color = ibr_photos_sum.rgb / max(ibr_photos_sum.a, 1e-6) * ibr_photos_gain;
 

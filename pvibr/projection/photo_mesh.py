@@ -20,20 +20,23 @@ from pvibr.maths.arguments import checked_each, naming
 from pvibr.meshes.parts import as_parts
 from pvibr.projection.photo_bake import data_of, texture_of
 from pvibr.projection.photo_choice import SHOWN, Choice, Surface, Visibility, choose
-from pvibr.projection.photo_colors import Pairs
+from pvibr.projection.photo_colors import Pairs, alike_corners
 from pvibr.projection.photo_pages import Needs, PhotoPages
 from pvibr.projection.photo_sources import load_small, sources_of
+from pvibr.projection.photo_views import VIEWS, PhotoViews
 from pvibr.projection.samples import surface_of, surfaces_of
 from pvibr.projection.slide import lens_numbers, plane_from_world
 from pvibr.projection.texture_bake import checked_file
 from pvibr.scene.picking import nearest_actor
 from pvibr.scene.placing import Placed
 
-_SHARP = {'feather': 1.0, 'best': 12.0}
+_SHARP = {'view': 1.0, 'feather': 1.0, 'best': 12.0}
 _MIB = 1 << 20
 #: Pixels along a triangle below which moving frames have the colours of corners, at quality 1.
 _COARSE = 4.0
-_NAMES = ('number', 'weight', 'mean', *(f'change{k}' for k in range(SHOWN)))
+#: Texels along a row of the shares that photographs of a view have of points.
+_ROW = 2048
+_NAMES = ('number', 'weight', 'mean', 'point', *(f'change{k}' for k in range(SHOWN)))
 
 
 class PhotoMesh(Placed):
@@ -88,9 +91,10 @@ class PhotoMesh(Placed):
     lit = Param(False, 'Whether the scene lights the photographs.')
     gain = Param((1.0, 1.0, 1.0), 'Factors of red, green and blue.', range='[0, inf)')
     blend = Param(
-        'feather',
-        'Overlaps: a weighted mean, or the best photograph, with borders a triangle wide.',
-        choices=('feather', 'best'),
+        'view',
+        'Overlaps: a weighted mean, mostly of those taken from near the eye; one that is the same '
+        'from everywhere; or the best photograph, with borders a triangle wide.',
+        choices=('view', 'feather', 'best'),
     )
     level = Param(
         'seams',
@@ -116,6 +120,8 @@ class PhotoMesh(Placed):
         self._attached = FeatureSet()
         self._pages: Any = None
         self._table: Any = None
+        self._shares: Any = None
+        self._shown: dict = {}
         self._known: tuple = ()
         self._wanted: dict = {}
         self._later = False
@@ -126,7 +132,7 @@ class PhotoMesh(Placed):
 
     def _make(self):
         """Choose the photographs of all triangles, and level their colours."""
-        key = self.blend, self.level, self.max_angle
+        key = _SHARP[self.blend], self.level, self.max_angle
         if self._known == key:
             return
         surface = Surface(self._mesh.points, self._mesh.regular_faces)
@@ -142,7 +148,12 @@ class PhotoMesh(Placed):
         self.pairs = pairs
         # The last is of none.
         self.changes, colors = (np.pad(v / 255, ((0, 1), (0, 0))) for v in (changes, colors))
-        self._show(np.clip(colors + self.changes, 0, 1))
+        colors = np.clip(colors + self.changes, 0, 1)
+        self._show(colors)
+        self._views = PhotoViews(
+            surface, self.choice, self.sources, self.found_gains, pairs.means(255 * colors)
+        )
+        self._viewed = None
         self._known = key
 
     def _show(self, colors):
@@ -153,14 +164,13 @@ class PhotoMesh(Placed):
             choice.weights.reshape(-1, SHOWN),
             self.pairs.of_corners.reshape(-1, SHOWN),
         )
-        rows, faces = _alike(choice.faces.ravel(), numbers, weights)
-        found = pv.PolyData.from_regular_faces(
-            choice.points[choice.faces.ravel()[rows]], faces.reshape(-1, 3)
-        )
+        rows, faces = alike_corners(choice.faces.ravel(), numbers, weights)
+        points = choice.faces.ravel()[rows]
+        found = pv.PolyData.from_regular_faces(choice.points[points], faces.reshape(-1, 3))
         mean = np.einsum('nk,nkd->nd', weights[rows], colors[change[rows]])
         mean = np.column_stack([mean, weights[rows].sum(1)])
         corrections = (changes[change[rows, k]] for k in range(SHOWN))
-        arrays = [numbers[rows], weights[rows], mean, *corrections]
+        arrays = [numbers[rows], weights[rows], mean, points, *corrections]
         for name, array in zip(_NAMES, arrays, strict=True):
             data = _vtk.numpy_to_vtk(np.ascontiguousarray(array, np.float32), deep=True)
             data.SetName(f'pvibr {name}')
@@ -260,22 +270,26 @@ class PhotoMesh(Placed):
             frame.quality < 1 and self._needs.size(frame, self.matrix) < _COARSE / frame.quality
         )
         whole = self._covered and self.opacity == 1
-        feature = _feature(self.lit, self._needs.bent, coarse, whole)
+        views = self.blend == 'view' and frame.quality >= 1 and bool(self._shown)
+        feature = _feature(self.lit, self._needs.bent, coarse, whole, views)
         self._attached.match([self], lambda _: (feature,))
         uniforms = {'ibr_photos_opacity': float(self.opacity), 'ibr_photos_gain': tuple(self.gain)}
         if not coarse:
-            uniforms |= self._bind(frame)
+            uniforms |= self._bind(frame, views)
         set_fragment_uniforms([self], uniforms)
 
-    def _bind(self, frame) -> dict:
+    def _bind(self, frame, views) -> dict:
         """Bind the photographs; return what the fragment shader is told."""
         if self._table is None:
             self._table = Texture(frame.window)
         self._table.upload(self._rows(frame).astype(np.float32))
-        self._bound = self._table, self._pages.sheet.texture
-        table, sheet = (texture.activate() for texture in self._bound)
-        parallel = {'ibr_photos_parallel': int(frame.parallel)}
-        set_vertex_uniforms([self], parallel | {'ibr_photos_table': table})
+        self._bound = self._table, self._pages.sheet.texture, *views * [self._shares]
+        table, sheet, *shares = (texture.activate() for texture in self._bound)
+        vertex: dict = {'ibr_photos_parallel': int(frame.parallel), 'ibr_photos_table': table}
+        if views:
+            numbers = (list(self._shown) + VIEWS * [-1])[:VIEWS]
+            vertex |= {'ibr_photos_shares': shares[0], 'ibr_photos_shown': numbers}
+        set_vertex_uniforms([self], vertex)
         found = {'ibr_photos_looks': table, 'ibr_photos_sheet': sheet}
         return found | {'ibr_photos_fine': int(frame.quality >= 1)}
 
@@ -293,8 +307,9 @@ class PhotoMesh(Placed):
     def release(self):
         """Free what it holds on the GPU; the context is current."""
         self.deactivate()
-        release(self._pages, self._table)
-        self._pages = self._table = None
+        release(self._pages, self._table, self._shares)
+        self._pages = self._table = self._shares = self._viewed = None
+        self._shown = {}
 
     def report(self) -> dict:
         """Return bytes, and how many photographs are held in which size."""
@@ -314,12 +329,27 @@ class PhotoMesh(Placed):
             self._later = True
             return
         wanted = self._needs.of(frame, self.matrix)
+        if self.blend == 'view':
+            self._see(frame)
+            wanted = self._shown | {k: min(v, self._shown.get(k, v)) for k, v in wanted.items()}
         stale = self._pages.stale(wanted)
         moving = wanted != self._wanted and not frame.window.GetOffScreenRendering()
         self._wanted = wanted
         self._later = bool(stale) and moving
         if stale and not self._later:
             self._pages.refine(stale, wanted)
+
+    def _see(self, frame):
+        """Find the photographs that were taken from near the eye, and what they show."""
+        view = frame.clip_from_view @ frame.view_from_world @ self.matrix
+        if self._viewed is not None and np.array_equal(self._viewed, view):
+            return
+        self._viewed = view
+        self._shown, shares = self._views.of(frame, self.matrix)
+        more = -len(shares) % _ROW
+        shares = np.pad(shares, ((0, more), (0, 0))).reshape(-1, _ROW, VIEWS)
+        self._shares = self._shares or Texture(frame.window)
+        self._shares.upload(shares.astype(np.float32))
 
     def _rows(self, frame) -> np.ndarray:
         """Return the numbers of TABLE in photo_mesh.glsl, (n, 9, 4)."""
@@ -438,23 +468,14 @@ def _checked_masks(masks, count):
     return masks
 
 
-def _alike(vertices, numbers, weights):
-    """Return one row of each group of equal corners, and the group of each corner."""
-    rng = np.random.default_rng(0)
-    keys = vertices.astype(np.int64) * int(rng.integers(1 << 62) | 1)
-    for values in (numbers, np.rint(weights * 4096).astype(np.int64)):
-        for column in values.T:
-            keys = (keys ^ (keys >> 29)) * int(rng.integers(1 << 62) | 1) + column
-    return np.unique(keys, return_index=True, return_inverse=True)[1:]
-
-
 @lru_cache(maxsize=8)
-def _feature(lit, bent, coarse, whole) -> Feature:
+def _feature(lit, bent, coarse, whole, views) -> Feature:
     """Return the shader text."""
     text = sections(shader_source(__file__))
     start = 'coarse.' if coarse else ''
     samplers = f'#define PHOTOS_WHOLE {int(whole)}\n'
-    lens = '' if coarse else f'#define PHOTOS_LENS {int(bent)}\n' + text['lens']
+    defines = f'#define PHOTOS_LENS {int(bent)}\n#define PHOTOS_VIEWS {int(views)}\n'
+    lens = '' if coarse else defines + text['lens']
     names = () if coarse else ('ibr_photos_looks', 'ibr_photos_sheet')
     samplers += declared_samplers(dict.fromkeys(names, 'sampler2D'))
     light = text['fragment.lit'] + '//VTK::Light::Impl\n' if lit else text['fragment.over']
@@ -464,7 +485,8 @@ def _feature(lit, bent, coarse, whole) -> Feature:
         'VTK::UniformFlow::Impl': '//VTK::UniformFlow::Impl\n' + text[f'{start}fragment.find'],
         'VTK::Light::Impl': light,
     }
-    sampler = declared_samplers({} if coarse else {'ibr_photos_table': 'sampler2D'})
+    tables = [] if coarse else ['ibr_photos_table'] + views * ['ibr_photos_shares']
+    sampler = declared_samplers(dict.fromkeys(tables, 'sampler2D'))
     vertex = {
         'VTK::CustomUniforms::Dec': sampler + lens + text[f'{start}vertex.declare'],
         'VTK::PositionVC::Impl': '//VTK::PositionVC::Impl\n' + text[f'{start}vertex.place'],

@@ -127,34 +127,40 @@ class Needs:
 
     def of(self, frame, matrix) -> dict:
         """Return photographs, those that show most first, and how small they may be."""
-        rows, pixel = self._seen(frame, matrix, self._places, self._normals)
-        times = np.log2(np.maximum(pixel[:, None] / self._texels[rows], 1e-30))
-        numbers, area = self._of[rows], (1 / pixel[:, None] ** 2 + np.zeros((1, SHOWN)))
+        rows, pixel = in_view(frame, matrix, self._places, self._normals)
+        pixels = np.broadcast_to(pixel[:, None], (len(rows), SHOWN))
+        numbers, area = self._of[rows], 1 / pixels**2
         shares = np.bincount(numbers[numbers >= 0], area[numbers >= 0])
         found = {}
         for number in np.argsort(-shares, kind='stable'):
             if shares[number] > 0:
-                near = np.percentile(times[numbers == number], 25)
-                found[int(number)] = max(int(np.floor(near + 0.25)), 0)
+                mine = numbers == number
+                found[int(number)] = halvings(pixels[mine], self._texels[rows][mine])
         return found
 
     def size(self, frame, matrix) -> float:
         """Return how long the larger ones of the triangles in a view are in pixels."""
         few = self._places[::_FEWER], self._normals[::_FEWER]
-        rows, pixel = self._seen(frame, matrix, *few)
+        rows, pixel = in_view(frame, matrix, *few)
         return float(np.percentile(self._sides[rows] / pixel, 90)) if len(rows) else 0.0
 
-    @staticmethod
-    def _seen(frame, matrix, places, normals):
-        """Return the rows of what faces the eye in a view, and pixels in the mesh's units."""
-        view, clip = frame.view_from_world @ matrix, frame.clip_from_view
-        places = np.column_stack([places, np.ones(len(places))])
-        clipped = places @ (clip @ view).T
-        within = (np.abs(clipped[:, :3]) <= clipped[:, 3:]).all(1)
-        toward = -view[:3, :3].T @ (view @ places.T)[:3]
-        if frame.parallel:
-            toward = np.broadcast_to(view[2, :3, None], toward.shape)
-        within &= np.einsum('ij,ji->i', normals, toward) > 0
-        rows = np.flatnonzero(within)
-        scale = clip[1, 1] * frame.size[1] * scale_of(matrix)
-        return rows, 2 * clipped[rows, 3] / scale
+
+def in_view(frame, matrix, places, normals):
+    """Return the rows of what faces the eye in a view, and pixels in the mesh's units."""
+    view, clip = frame.view_from_world @ matrix, frame.clip_from_view
+    places = np.column_stack([places, np.ones(len(places))])
+    clipped = places @ (clip @ view).T
+    within = (np.abs(clipped[:, :3]) <= clipped[:, 3:]).all(1)
+    toward = -view[:3, :3].T @ (view @ places.T)[:3]
+    if frame.parallel:
+        toward = np.broadcast_to(view[2, :3, None], toward.shape)
+    within &= np.einsum('ij,ji->i', normals, toward) > 0
+    rows = np.flatnonzero(within)
+    scale = clip[1, 1] * frame.size[1] * scale_of(matrix)
+    return rows, 2 * clipped[rows, 3] / scale
+
+
+def halvings(pixels, texels) -> int:
+    """Return how often a picture of such texels may be halved for such pixels."""
+    times = np.log2(np.maximum(pixels / texels, 1e-30))
+    return max(int(np.floor(np.percentile(times, 25) + 0.25)), 0)

@@ -57,7 +57,7 @@ def cameras(count, seed):
         yield pvibr.Pinhole(K, R, -R @ eye, SIZE, lens)
 
 
-def photographs(mesh, folder, count, seed, exposures=True):
+def photographs(mesh, folder, count, seed, exposures=True, colors_at=None):
     """Photographs of known colours by rays, each of another exposure."""
     rng = np.random.default_rng(seed)
     u, v = np.meshgrid(
@@ -67,7 +67,8 @@ def photographs(mesh, folder, count, seed, exposures=True):
     for k, camera in enumerate(cameras(count, seed)):
         origins, ahead = camera.rays(np.c_[u.ravel(), v.ravel()])
         points = first_hits(mesh, origins, ahead)
-        colors = np.nan_to_num(colour_of(points), nan=30.0)
+        colors = colors_at(points, camera.position) if colors_at else colour_of(points)
+        colors = np.nan_to_num(colors, nan=30.0)
         colors = colors * (rng.uniform(0.8, 1.2) if exposures else 1.0)
         picture = np.rint(np.clip(colors, 0, 255)).astype(np.uint8).reshape(SIZE[1], SIZE[0], 3)
         Image.fromarray(picture).save(folder / f'{k}.png')
@@ -175,6 +176,75 @@ def test_what_has_moved_is_left_out(made, tmp_path):
     uv, _ = photos[7].camera.project(middles[there.any(1)])
     x, y = uv[:, 0] * SIZE[0], (1 - uv[:, 1]) * SIZE[1]
     assert not ((x > 39) & (x < 161) & (y > 57) & (y < 124)).any()
+
+
+def glossy(points, eye):
+    """Colours of places with a light's reflection, which is elsewhere for another eye."""
+    away = eye - points
+    away /= np.linalg.norm(away, axis=-1, keepdims=True)
+    shine = np.clip(away @ [0.0, -0.86, 0.51], 0, 1) ** 24
+    return colour_of(points) + 60 * shine[..., None]
+
+
+@pytest.fixture(scope='module')
+def gloss(tmp_path_factory):
+    mesh = ground(4)
+    return mesh, photographs(mesh, tmp_path_factory.mktemp('gloss'), 24, 4, False, glossy)
+
+
+def test_an_eye_near_photographs_sees_what_they_do(gloss):
+    """Where a photograph that is left out was taken, from those beside it: the truth by rays."""
+    mesh, photos = gloss
+    for number in (16, 19):
+        others = [photo for k, photo in enumerate(photos) if k != number]
+        pl, painted = window(mesh, others)
+        pl.camera = photos[number].to_pyvista()
+        losses = {}
+        for painted.blend in ('view', 'feather'):
+            pl.render()
+            shown = pl.screenshot(return_img=True).astype(float)
+            surface = Rays([mesh]).surface(Frame.of(pl.renderer))
+            true = np.nan_to_num(glossy(surface.points, photos[number].position))
+            inside = ndimage.binary_erosion(surface.hit, iterations=2)
+            inside &= np.abs(shown - [255, 0, 255]).max(-1) > 2
+            losses[painted.blend] = np.mean((settled(shown, true, inside) - true)[inside] ** 2)
+        pl.close()
+        assert losses['view'] < 0.7 * losses['feather']
+
+
+def test_photographs_of_a_view_show_what_they_see_and_never_jump(gloss):
+    """By rays: no share where something hides the point; an eye that moves changes little."""
+    from pvibr.projection.rays import Rays as Occlusion
+
+    mesh, photos = gloss
+    pl, painted = window(mesh, photos)
+    views, before, steps = painted._views, None, []
+    for angle in np.radians(np.arange(270.0, 286.0, 0.1)):
+        pl.camera_position = [
+            (3.5 * np.cos(angle), 3.5 * np.sin(angle), 2.5),
+            (0, 0, 0),
+            (0, 0, 1),
+        ]
+        needs, shares = views.of(Frame.of(pl.renderer), painted.matrix)
+        assert (shares >= 0).all()
+        assert (shares.sum(1) < 1).all()
+        now = np.zeros((len(shares), len(photos)))
+        now[:, list(needs)] = shares[:, : len(needs)]
+        assert now.max() > 0.5
+        if before is not None:
+            steps.append(np.abs(now - before).mean(0).max())
+        before = now
+    assert max(steps) < 0.01
+    points, normals = painted.choice.points, Surface(mesh.points, mesh.regular_faces).outward
+    for number in needs:
+        rows, part = views._part(number)
+        rows = rows[part > 0]
+        assert len(rows) > 100
+        toward = photos[number].camera.toward(points[rows])
+        reach = np.linalg.norm(photos[number].position - points[rows], axis=1)
+        free = Occlusion([mesh]).free(points[rows], normals[rows], toward, reach)
+        assert free.mean() > 0.999
+    pl.close()
 
 
 def test_memory_holds_small_versions_and_what_the_view_needs(made):
