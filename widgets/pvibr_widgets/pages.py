@@ -141,12 +141,10 @@ def menu_item(plotter, *, presets=None):
 
 
 class PagePicture:
-    """The picture of a plotter in a page, of the size that each tab has.
+    """The picture of a plotter in a page, in the size of each tab."""
 
-    The window has the size of the tab used last. Others show its frames while the view moves, and
-    a still of their own at rest.
-    """
-
+    # The window has the size of the tab used last. Others show its frames while the view moves,
+    # and a still of their own at rest.
     def __init__(self, model, server):
         self._model, self._server = model, server
         self._picture = Picture(model.plotter)
