@@ -2,7 +2,7 @@
 A forest
 ========
 
-Thousands of trees of 50 000 triangles each, in one call: near trees are drawn as meshes, far ones
+Thousands of trees of 30 000 triangles each, in one call: near trees are drawn as meshes, far ones
 as images, and no outline is further than ``max_error`` pixels from that of the mesh.
 """
 
@@ -13,7 +13,7 @@ from pvibr.scenes.landscape import landscape
 
 SIZE = 900
 COUNT = 5_000
-TRIANGLES = 50_000
+TRIANGLES = 30_000
 
 # %%
 # 1. A landscape: ground, a mesh for each kind of tree, which kind each tree is, and where it
@@ -26,7 +26,7 @@ scene = landscape(COUNT, size=640, triangles=TRIANGLES)
 pl = pv.Plotter(window_size=(16 * SIZE // 9, SIZE))
 pl.add_mesh(scene.terrain, scalars='color_rgb', rgb=True).prop.interpolation = 'Phong'
 trees = pl.ibr.add_instances(
-    scene.parts(), scene.matrices, index=scene.index, max_error=1.0, views='half', name='trees'
+    scene.parts(), scene.matrices, index=scene.index, max_error=2.0, views='half', name='trees'
 )
 
 # %%
@@ -34,11 +34,12 @@ trees = pl.ibr.add_instances(
 pl.camera_position = scene.path(5)[1]
 pl.camera.view_angle = scene.view_angle
 look = pl.ibr.look('daylight', ground=False)
-look.effects['AmbientOcclusion'].radius = 3.0
+look.lights[0].position, look.lights[0].intensity = (-0.9, 0.25, 0.55), 2.2
+look.effects['AmbientOcclusion'].radius = 1.5
 sky = look.effects['Sky']
 sky.top, sky.horizon, sky.bottom = '#7fa6cf', '#f4e3c4', '#f4e3c4'
 pl.ibr.add(pvibr.Fog(260.0, height=60.0, begin=15.0))
-pl.ibr.add(pvibr.Accumulation(8))
+pl.ibr.add(pvibr.Accumulation(4))
 pl.show(auto_close=False)
 
 # %%

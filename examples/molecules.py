@@ -45,15 +45,15 @@ pl.ibr.add_ellipsoids(right[heavy], np.sqrt(values), axes, colors=colors[heavy],
 pl.ibr.add_spheres(right, 1.3 * size, colors=colors, opacity=0.2)
 
 # %%
-# 3. A crystal of them behind, atom beside atom, and how long a nanometre is.
+# 3. A crystal of them behind, atom beside atom, and a ruler.
 deep, wide, high = np.unravel_index(np.arange(COUNT), (COUNT // 45 + 1, 15, 3))
-cells = np.column_stack([7.2 * wide - 50 + 3.6 * (deep % 2), 15 + 4.9 * deep, 0.5 + 4.8 * high])
+cells = np.column_stack([7.2 * wide - 50 + 3.6 * (deep % 2), 20 + 4.9 * deep, 0.5 + 4.8 * high])
 packed = (atoms + cells[:, None]).reshape(-1, 3)
 pl.ibr.add_spheres(packed, np.tile(1.3 * size, COUNT), colors=np.tile(colors, (COUNT, 1)))
-ruler = np.array([[-0.5, -5.0, -2.2], [9.5, -5.0, -2.2]])
-pl.ibr.add_cylinders(ruler[:1], ruler[1:], 0.06, color='#33373d')
-pl.add_point_labels(ruler.mean(axis=0), ['1 nm'], font_size=24, shape=None, show_points=False)
-pl.camera_position, pl.camera.view_angle = [(2, -34, 14), (4.5, 4, 0.6), (0, 0, 1)], 25
+pl.ibr.add_cylinders([[-0.5, -5.0, -2.2]], [[9.5, -5.0, -2.2]], 0.06, color='#33373d')
+below = [[4.5, -6.5, -2.2]]
+pl.add_point_labels(below, ['1 nm'], font_size=24, shape=None, show_points=False)
+pl.camera_position, pl.camera.view_angle = [(4.5, -36, 16), (4.5, 4, 0.4), (0, 0, 1)], 25
 pl.ibr.look('studio').effects['AmbientOcclusion'].radius = 2.5
 pl.ibr.add(pvibr.Fog(90.0, begin=40.0))
 pl.ibr.add(pvibr.Accumulation(16))
