@@ -188,7 +188,24 @@ void main()
 //@apply
 uniform sampler2D color;
 uniform sampler2D found;
+uniform sampler2D unlit;  // depth of what keeps its colour
 uniform float strength;
+uniform int exempts;
+uniform int edges;        // of several samples
+
+bool kept(ivec2 p, float d, float near)
+{
+  float own = texelFetch(unlit, clamp(p, ivec2(0), last), 0).r;
+  return exempts == 1 && own < 1.0 && own <= d + near + 1e-6;
+}
+
+bool inside(ivec2 p, float near)
+{
+  for (int j = -1; j <= 1; ++j)
+    for (int i = -1; i <= 1; ++i)
+      if (!kept(p + ivec2(i, j), depth_at(p + ivec2(i, j)), 2.0 * near)) return false;
+  return true;
+}
 
 void main()
 {
@@ -199,6 +216,9 @@ void main()
   float d = depth_at(p);
   if (d >= 1.0) return;
   vec2 g = slopes(p, d);
+  // Of several samples the depths differ by half a pixel, and the colours of edges are mixed.
+  float near = edges == 1 ? abs(g.x) + abs(g.y) : 0.0;
+  if (kept(p, d, near) && (edges == 0 || inside(p, near))) return;
   float z = away(d), sum = 0.0, weight = 0.0;
   float tolerance = 3.0 * lens.y * ndc_step.y * (parallel == 1 ? 1.0 : z);
   // Squares of 4 by 4 in every place: the rims of 5 by 5 count half.

@@ -6,8 +6,9 @@ import numpy as np
 
 from pvibr.core.effect import Effect
 from pvibr.core.params import Param
-from pvibr.gl import Quad, Target, release, shader_source
+from pvibr.gl import Quad, Target, Texture, release, shader_source
 from pvibr.gl.feature import sections
+from pvibr.scene.buffers import Drawn
 
 _STEPS = 16  # on either side of a pixel along a slice
 _RADIUS = 0.05  # default, over the diagonal of the scene
@@ -64,11 +65,13 @@ class AmbientOcclusion(Effect):
         kind=float,
     )
     samples = Param(64, 'Samples per pixel.', range='[32, 512]')
+    unlit = Param(True, 'Darken surfaces without lighting as well.')
 
     def __init__(self, radius=None, **settings):
         super().__init__(radius=radius, **settings)
         self._quads: dict[str, Quad] = {}
         self._found: Target | None = None
+        self._unlit: Drawn | None = None
 
     @classmethod
     def sample(cls, actors):
@@ -102,8 +105,25 @@ class AmbientOcclusion(Effect):
         depth = {'depth': picture.depth}
         found.draw(self._quads['search'], view | search, depth)
         scene = {'color': picture.color, 'found': found.colors[0]} | depth
+        shown = self._shown(frame)
+        scene['unlit'] = shown or picture.depth
+        uniforms = view | {
+            'strength': self.strength,
+            'exempts': int(shown is not None),
+            'edges': int(frame.window.GetMultiSamples() > 1),
+        }
         with picture.drawing():
-            self._quads['apply'].draw(view | {'strength': self.strength}, scene)
+            self._quads['apply'].draw(uniforms, scene)
+
+    def _shown(self, frame) -> Texture | None:
+        """Draw the depth of what keeps its colour, if there is any."""
+        actors = [] if self.unlit else [a for a in frame.renderer.GetActors() if _keeps(a)]
+        if not actors:
+            release(self._unlit)
+            self._unlit = None
+            return None
+        self._unlit = self._unlit or Drawn(frame.renderer)
+        return self._unlit.draw(frame, self.pipeline.things, actors).depth
 
     def _radius(self, frame) -> float:
         return _RADIUS * frame.scene_size if self.radius is None else self.radius
@@ -123,9 +143,14 @@ class AmbientOcclusion(Effect):
 
     def release(self):
         """Free GPU memory; the context is current."""
-        release(self._found, *self._quads.values())
-        self._found, self._quads = None, {}
+        release(self._found, self._unlit, *self._quads.values())
+        self._found, self._unlit, self._quads = None, None, {}
 
     def report(self) -> dict:
         """Return the bytes of GPU memory."""
-        return {'bytes': 0 if self._found is None else self._found.nbytes}
+        return {'bytes': sum(owner.nbytes for owner in (self._found, self._unlit) if owner)}
+
+
+def _keeps(actor) -> bool:
+    """Return True if an actor is seen in its own colours."""
+    return bool(actor.GetVisibility() and not actor.GetProperty().GetLighting())

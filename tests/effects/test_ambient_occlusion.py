@@ -226,3 +226,33 @@ def test_by_default_it_is_the_same_at_any_scale():
 def test_bad_settings(settings):
     with pytest.raises(ValueError, match=f'{next(iter(settings))} = '):
         pvibr.AmbientOcclusion(**settings)
+
+
+@pytest.mark.parametrize('samples', [0, 4])
+def test_what_has_no_lighting_may_keep_its_colour(samples):
+    """Meshes and things; what is lit beside them is darkened as ever."""
+    pl = scene([pv.Plane(i_size=8, j_size=8)])
+    pl.renderer.actors[next(iter(pl.renderer.actors))].prop.lighting = True
+    pl.remove_all_lights()
+    pl.add_light(pv.Light(light_type='headlight'))
+    pl.render_window.SetMultiSamples(samples)
+    pl.add_mesh(pv.Sphere(center=(-0.5, 0, 0.3)), color='red', lighting=False)
+    pl.ibr.add_spheres([(0.5, 0, 0.3)], 0.4, color='lime', lighting=False)
+    pl.show(auto_close=False)
+    plain = shot(pl)
+    effect = pl.ibr.add(pvibr.AmbientOcclusion(1.0, strength=2.0))
+    pl.render()
+    dark = shot(pl)
+    effect.unlit = False
+    pl.render()
+    kept = shot(pl)
+    white = (plain.min(2) > 60) & (plain.max(2) - plain.min(2) < 30)
+    for color in (0, 1):
+        pure = plain[..., color] - np.delete(plain, color, 2).max(2) > 250
+        assert pure.sum() > 200
+        assert (np.abs(dark - plain).max(2)[pure] > 20).sum() > 50
+        same = (kept == plain).all(2)[pure]
+        assert same.mean() > (0.8 if samples else 0.99)  # with samples, not at edges
+    spared = (kept != dark).any(2)[white]
+    assert spared.mean() < 1e-3
+    assert (np.abs(dark - plain).max(2)[white] > 20).sum() > 200
