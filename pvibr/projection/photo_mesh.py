@@ -153,7 +153,7 @@ class PhotoMesh(Placed):
         self._views = PhotoViews(
             surface, self.choice, self.sources, self.found_gains, pairs.means(255 * colors)
         )
-        self._viewed = None
+        self._viewed, self._shown = None, {}
         self._known = key
 
     def _show(self, colors):

@@ -212,6 +212,22 @@ def test_an_eye_near_photographs_sees_what_they_do(gloss):
         assert losses['view'] < 0.7 * losses['feather']
 
 
+def test_a_choice_made_anew_forgets_the_view(gloss):
+    """Its points are others: the next frame at rest finds their shares."""
+    mesh, photos = gloss
+    pl, painted = window(mesh, photos, max_angle=40.0)
+    assert painted._shown
+    painted.max_angle = 85.0
+    painted._make()
+    assert not painted._shown
+    pl.render()
+    shown = pl.screenshot(return_img=True).astype(int)
+    pl.close()
+    pl, _ = window(mesh, photos)
+    np.testing.assert_array_equal(shown, pl.screenshot(return_img=True))
+    pl.close()
+
+
 def test_photographs_of_a_view_show_what_they_see_and_never_jump(gloss):
     """By rays: no share where something hides the point; an eye that moves changes little."""
     from pvibr.projection.rays import Rays as Occlusion
