@@ -176,3 +176,20 @@ def test_each_tab_has_its_size_at_rest(pl, page):
     assert page.ask('', 0, 0, 0, '', *OTHER, None)['picture']
     pl.close()
     assert page.ask('move', 0, 0, 0, '', *OTHER, None)['picture'] is None
+
+
+def test_time_goes_on_in_all_tabs_and_stops(pl, page):
+    """In the size of the tab used last; each has its own again once it stops."""
+    tabs = page._server.state.tabs = [Tab(page, SIZE), Tab(page, OTHER)]
+
+    async def play():
+        pl.ibr.play()
+        while pl.ibr.time < 0.2 or tabs[1].fits:
+            await asyncio.sleep(0.02)
+        assert tabs[0].fits
+        assert np.array_equal(tabs[0].shown, tabs[1].shown)
+        pl.ibr.stop()
+        while not tabs[1].fits:
+            await asyncio.sleep(0.02)
+
+    asyncio.run(asyncio.wait_for(play(), 30))

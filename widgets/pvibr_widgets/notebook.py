@@ -86,8 +86,7 @@ class NotebookPanel(RemotePanel):
         if picture:
             self.widget.size = list(self._picture.size)
             self.model.each_frame(self._ended)
-            self._picture.resize(self._picture.size)
-            self.model.show()
+            self.model.act(self._picture.resize, self._picture.size)
             self._picture_drawn()
         self.widget.on_msg(self._heard)
         model.listen(self._changed)

@@ -38,10 +38,9 @@ class Picture:
 
     def resize(self, size):
         """Draw the window in another size, and the first time in any."""
-        is_new = is_never_shown(self._plotter)
-        if is_new or size != self.size:
+        if not self.frame or size != self.size:
             self._plotter.window_size = size
-            if is_new:
+            if is_never_shown(self._plotter):
                 self._plotter.screenshot(return_img=False)  # sets up the camera, too
             self._plotter.render()
 
