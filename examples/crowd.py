@@ -2,8 +2,8 @@
 A crowd
 =======
 
-Thousands of figures on a square in the evening, each at its own time, drawn in one go: near as
-posed meshes, far as images of the phases of their clip.
+Thousands of figures on a square, each at its own time, drawn in one go: near ones as posed meshes,
+far ones as images of the phases of their clip.
 """
 
 import numpy as np
@@ -33,8 +33,8 @@ poses[:, 1, 0], poses[:, 1, 1] = np.sin(heading), np.cos(heading)
 poses[:, :3, :3] *= rng.uniform(0.9, 1.05, (COUNT, 1, 1))
 
 # %%
-# 3. The crowd: each has its time, speed, clip and the colour of its clothes.
-cloth = ('#2f3e55', '#a8443a', '#d8cdb8', '#6f7d5c', '#c58f3d', '#5b4a63', '#8fa3ad', '#efe9dc')
+# 3. The crowd: each has its time, speed, clip and a pale colour, which tints clothes and skin.
+cloth = ('#ffffff', '#f0e6c8', '#c9d6e6', '#e6cdb8', '#b8a596', '#8f7f76', '#d8dcd8', '#c4b4be')
 palette = np.array([pv.Color(name).float_rgb for name in cloth])
 pl = pv.Plotter(window_size=(16 * SIZE // 9, SIZE))
 crowd = pl.ibr.add_animated(
@@ -54,7 +54,7 @@ pl.camera_position = [(0, -64, 6.0), (0, -34, 0.2), (0, 0, 1)]
 pl.camera.view_angle = 32
 pl.ibr.look('daylight').effects['AmbientOcclusion'].radius = 0.6
 pl.ibr.add(pvibr.Fog(160.0))
-pl.ibr.add(pvibr.Accumulation(16))
+pl.ibr.add(pvibr.Accumulation(8))
 pl.ibr.time = 0.5
 pl.show(auto_close=False)
 pl.close()
