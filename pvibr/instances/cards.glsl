@@ -520,8 +520,9 @@ void ibr_tap(vec2 off, inout vec4 geometry, inout vec4 albedo)
   {
     // The surface's own depth, so that things which touch or pierce one another meet where they do.
     float z = ibr_g.r;
-    // While a finer level takes over, the coarser one stays behind it.
-    if (ibr_fades == 1 && ibr_card.z > 0.0 && ibr_part_of.y < 0.5) { z -= 0.2 * ibr_stretch; }
+    // While a finer level takes over, the coarser one stays behind it, by some steps of the depth
+    // in the pictures: what is hidden farther behind must not show through.
+    if (ibr_fades == 1 && ibr_card.z > 0.0 && ibr_part_of.y < 0.5) { z -= 0.02 * ibr_stretch; }
     vec2 zw = vec2(ibr_clip_depth.x * z + ibr_clip_depth.y, ibr_clip_depth.z * z + ibr_clip_depth.w);
     gl_FragDepth = clamp(zw.x / zw.y * 0.5 + 0.5, 0.0, 1.0);
   }

@@ -348,6 +348,21 @@ def test_between_a_card_and_the_mesh_the_ground_hides_no_feet(scenes, see, bean)
     assert amid > 0.97 * min(below, above) > 100
 
 
+def test_between_two_cards_nothing_shows_that_they_hide(scenes, see):
+    ball = pv.Sphere(theta_resolution=40, phi_resolution=40)
+    where = {'eye': (0.8, -1.9, 1.1), 'focus': (0, 0, 0)}
+    looks = {'color': 'red', 'lighting': False}
+    pl, things = scenes.instances(ball, [[0, 0, 0]], level='mesh', size=(120, 120), **looks)
+    pl.add_mesh(ball.scale(0.9), color='blue', lighting=False)
+    see.place(pl, **where)
+
+    def hidden():
+        _, green, blue = np.moveaxis(see.grab(pl), -1, 0)
+        return (blue > green + 0.02).sum()
+
+    assert counts_amid(pl, things, 'parallax', 'blended', hidden) == [0, 0, 0]
+
+
 def test_between_two_levels_buffers_still_know_what_is_there(scenes, bean):
     where = {'eye': (0, -8, 0), 'focus': (0.3, -0.2, 0.1)}
     size = (120, 120)
