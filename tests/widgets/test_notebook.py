@@ -160,3 +160,23 @@ def test_messages_in_other_threads_are_answered_where_the_window_is(pl):
 
     asyncio.run(cell())
     assert drawn == [threading.get_ident()] * 2
+
+
+def test_time_goes_on_in_the_picture(pl):
+    """Where no other view of the plotter is."""
+    from pvibr_widgets.notebook import notebook_panel
+
+    pl.add_mesh(pv.Cube(), color='tomato')
+    begin = pl.ibr.time
+
+    async def cell():
+        panel = notebook_panel(pl)
+        before = panel.widget.frame
+        pl.ibr.play()
+        while panel.widget.frame < before + 3:
+            await asyncio.sleep(0.02)
+        pl.ibr.stop()
+        panel.close()
+
+    asyncio.run(asyncio.wait_for(cell(), 60))
+    assert pl.ibr.time > begin

@@ -159,8 +159,6 @@ class PagePicture:
         )
         server.state[self.name] = 0
         model.each_frame(self._ended)
-        # What waits for rest, and time that goes on, look for a loop where there are callbacks.
-        model.plotter.add_on_render_callback(lambda *_: None, render_event=False)
 
     def ask(self, action, x, y, button, keys, width, height, has) -> dict:
         """Do what a tab asks for; return the picture for it, unless it has that."""

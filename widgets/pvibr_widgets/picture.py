@@ -24,6 +24,8 @@ class Picture:
         self._stills: dict[tuple, bytes] = {}
         self._stills_of = b''
         self._draws_still = False
+        # What waits for rest, and time that goes on, look for a loop where there are callbacks.
+        plotter.add_on_render_callback(lambda *_: None, render_event=False)
 
     def count(self) -> bool:
         """Count a frame of the window; return False if it is only of a still."""
