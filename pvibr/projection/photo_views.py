@@ -111,11 +111,9 @@ class PhotoViews:
 
 
 def drawn(weights, parts):
-    """Return how often each photograph is drawn by its weight, (k, n), and shows a point.
-
-    Draws end with one that does, with probabilities `parts`, or with the surface's choice, of
-    weight 1: however large weights are, shares are as smooth as parts.
-    """
+    """Return how often each photograph is drawn by its weight, (k, n), and shows a point."""
+    # Draws end with one that does, with probabilities `parts`, or with the surface's choice, of
+    # weight 1: however large weights are, shares are as smooth as parts.
     shares, count = np.zeros_like(weights), len(weights)
     reached: dict = {0: np.ones_like(weights[0])}
     for tried in range(1 << count):

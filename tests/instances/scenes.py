@@ -49,6 +49,11 @@ def keep(things):
             _KEPT.append(atlas)
 
 
+def forget():
+    """Let go of what is kept."""
+    _KEPT.clear()
+
+
 @pytest.fixture(scope='module')
 def atlases(shared_folder, is_quick):
     """A folder of atlases: what one test baked, the next ones read."""

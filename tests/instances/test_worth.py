@@ -14,6 +14,7 @@ from pvibr.instances.card_layers import PATCHES
 from pvibr.instances.instances import Instances
 from pvibr.instances.limits import Limits, by_cost
 from pvibr.instances.worth import saved_by_meshes, why_not
+from tests.instances.scenes import forget
 
 
 def test_more_triangles_and_more_instances_pay_more():
@@ -152,6 +153,7 @@ def limited(monkeypatch):
     """A function that leaves so much GPU memory for images, in MiB."""
 
     def limit(mib):
+        forget()  # else the oldest goes, and leaves room, when a new one is kept
         gc.collect()
         held = memory.limit() - memory.room()
         monkeypatch.setattr('pvibr.instances.memory.limit', lambda: held + mib * 2**20)

@@ -52,4 +52,5 @@ def test_what_panels_read_beside_python_is_in_the_package():
         'panel.js',
         'notebook.js',
         'panel.css',
+        'picture.js',
     }
