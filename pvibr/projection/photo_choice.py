@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from scipy import sparse
 
+from pvibr.core.errors import warn
 from pvibr.maths.depth_test import seen as seen_in_depth
 from pvibr.maths.draping import border, exposure_gains, sample
 from pvibr.maths.orthographic import Orthographic
@@ -24,6 +25,10 @@ from pvibr.projection.photo_sources import threads
 from pvibr.projection.rays import Rays, ray_method
 from pvibr.projection.samples import bounds_of, normals_and_areas
 
+_UNSEEN = (
+    'no photograph sees the front of a triangle, so that the mesh stays bare: check the cameras; '
+    'triangles that face away from them are turned around by mesh.flip_faces()'
+)
 #: Photographs that a vertex takes, and that a triangle shows.
 KEPT, SHOWN = 4, 4
 #: Photographs of a vertex whose colours are compared: what is not there in most has moved.
@@ -167,7 +172,10 @@ def choose(surface, pictures, visibility, max_angle=85.0, sharp=4.0) -> Choice:
     origin = np.arange(count)
     choice = Choice(surface.points, surface.faces, origin, photos, weights, gains, tuple(seen))
     bare = np.flatnonzero(anywhere & (photos[:, 0] < 0))
-    return _cut(choice, bare, pictures, visibility, least) if len(bare) else choice
+    choice = _cut(choice, bare, pictures, visibility, least) if len(bare) else choice
+    if (choice.photos < 0).all():
+        warn(_UNSEEN)
+    return choice
 
 
 class _Look:

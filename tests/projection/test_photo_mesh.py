@@ -401,6 +401,13 @@ def test_bad_input_is_refused(made):
         pvibr.PhotoMesh(pv.Plane(), photos[:1]).bake('paper')
 
 
+def test_that_a_mesh_is_inside_out_is_said(made):
+    plane = pv.Plane(i_size=2, j_size=2).triangulate()
+    with pytest.warns(pvibr.PvibrWarning, match='flip_faces'):
+        pvibr.PhotoMesh(plane.flip_faces(), made[1][:1])
+    assert (pvibr.PhotoMesh(plane, made[1][:1]).choice.photos >= 0).any()
+
+
 @pytest.mark.parametrize('seed', [1, 2])
 def test_squares_come_back_whole(seed):
     rng, squares, taken = np.random.default_rng(seed), Squares(256, 2, 2), []
