@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import contextlib
 import io
+import time
 
 import imageio.v3 as imageio
 import numpy as np
@@ -36,7 +37,12 @@ _TRIGGER = """([name, args]) => Promise.race([
 
 def pixels_of(image):
     """Return the pixels of an image of a page, whatever its size there."""
-    return imageio.imread(io.BytesIO(base64.b64decode(image.evaluate(_AS_PNG))))[..., :3]
+    end = time.monotonic() + 60
+    # While an image is loading it has no pixels, and a canvas of none is no file.
+    while not (data := image.evaluate(_AS_PNG)):
+        assert time.monotonic() < end, 'an image that is not loaded'
+        time.sleep(0.05)
+    return imageio.imread(io.BytesIO(base64.b64decode(data)), extension='.png')[..., :3]
 
 
 class View:
@@ -74,6 +80,11 @@ class View:
             return size if size == [width, height] else None
 
         return self._until(fits)
+
+    def resize(self, width, height):
+        """Give the page another size, and wait until the plotter has it."""
+        self.page.set_viewport_size({'width': width, 'height': height})
+        self._until(lambda: self.tell('look')['size'] == [width, height])
 
     def shows(self, expected, bound=JPEG):
         """Wait until a picture is seen; return how far it is from it."""
