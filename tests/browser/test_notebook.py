@@ -112,7 +112,8 @@ def test_in_the_browser(page, start, picture_of, until, quiet, tmp_path, look):
     """Cells are run; their pictures are right, follow cells and the mouse, play, and end."""
     import nbformat
 
-    quiet += ['405', 'connection not open', '^Object$']  # of the server that is stopped
+    # Of the server that is stopped, to which pages connect again.
+    quiet += ['405', 'connection not open', '^Object$', '^WebSocket .*ERR_CONNECTION_REFUSED']
     made = notebook(
         BEGIN + "options = {'add_menu': False}",
         "show_only(pl, 'DepthOfField')\npl.show(jupyter_backend='server', jupyter_kwargs=options)",
