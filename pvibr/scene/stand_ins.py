@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import weakref
 from collections import deque
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
@@ -27,6 +28,9 @@ _TOLERANCE = 0.025
 class StandIns:
     """Actors of items: some that pickers by rays ask for meshes, and some that others draw."""
 
+    #: Whether any thing asks a renderer for a ray: no picker does then.
+    _looking = False
+
     def __init__(self, thing):
         self._thing: Any = weakref.ref(thing)
         self._renderer: Any = None
@@ -42,7 +46,7 @@ class StandIns:
         self._within: list[int] = []
         self._clicked: list = []
         self._drawn: list = []
-        self._warned = self._looking = self._is_empty = False
+        self._warned = self._is_empty = False
 
     def put_in(self, renderer):
         """Be in a scene."""
@@ -153,15 +157,10 @@ class StandIns:
         return self._asked[0] if at_end else self._asked[-1]
 
     def _near(self, thing, x, y) -> list[int]:
-        renderer = self._renderer
-        world, display = renderer.GetWorldPoint(), renderer.GetDisplayPoint()
-        self._looking = True
-        start, direction = pixel_ray(renderer, x, y)
-        hit = thing.pick(x, y)
-        renderer.SetDisplayPoint(*display)
-        renderer.SetWorldPoint(*world)
-        self._looking = False
-        frame = Frame.of(renderer)
+        with self._looks():
+            start, direction = pixel_ray(self._renderer, x, y)
+            hit = thing.pick(x, y)
+        frame = Frame.of(self._renderer)
         centers, radii = thing.item_spheres()
         away = centers - start
         along = away @ direction
@@ -172,6 +171,19 @@ class StandIns:
         near = near[np.argsort((along - radii)[near], kind='stable')].tolist()
         first = [] if hit is None else [hit.index]
         return list(dict.fromkeys([*first, *near[:_CLICKED]]))[:_CLICKED]
+
+    @contextmanager
+    def _looks(self):
+        """Ask the renderer for rays, and leave it as the picker has it."""
+        renderer = self._renderer
+        world, display = renderer.GetWorldPoint(), renderer.GetDisplayPoint()
+        StandIns._looking = True
+        try:
+            yield
+        finally:
+            renderer.SetDisplayPoint(*display)
+            renderer.SetWorldPoint(*world)
+            StandIns._looking = False
 
     # -- pickers that draw --------------------------------------------------------------------
 
@@ -267,7 +279,9 @@ def _clip(actor, planes):
 def _lazy_actor(owner, k):
     """Return an actor whose mesh is made when it is asked for, and what makes it."""
     source = _vtk.vtkProgrammableSource()
-    output, owner = source.GetPolyDataOutput(), weakref.ref(owner)
+    # PyVista's pickers return it as it is: as PyVista's own mesh, which `fill` keeps.
+    output, owner = pv.PolyData(), weakref.ref(owner)
+    source.GetExecutive().SetOutputData(0, output)
 
     def fill():
         # VTK keeps the function, which must not keep the thing: a cycle through C++ leaks.

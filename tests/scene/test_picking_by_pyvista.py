@@ -82,7 +82,7 @@ def test_meshes_by_a_click(both):
             scene.iren.interactor.SetEventInformation(*pixel)
             scene.iren.picker.Pick(*pixel, 0, scene.renderer)
         scene.disable_picking()
-    hits = [[isinstance(hit, pv.PolyData) for hit in found[key]] for key in (True, False)]
+    hits = [[isinstance(hit, _vtk.vtkPolyData) for hit in found[key]] for key in (True, False)]
     assert sum(hits[0]) > 3
     assert np.mean(np.equal(*hits)) > 0.9
 
@@ -147,6 +147,25 @@ def test_what_is_hidden_or_not_pickable_is_not_found():
     assert index() == 1
     balls.remove()
     assert index() is None
+
+
+def test_each_of_several_sets_is_found_as_a_mesh_of_pyvistas():
+    """What one set asks the renderer for is no request of the picker to the others."""
+    pl = plotter(SIZE)
+    points = np.array([[-3.0, 0, 0], [3.0, 0, 0]])
+    sets = [
+        pl.ibr.add_instances(pv.Cube(), points),
+        pl.ibr.add_spheres(points + np.array((0, 0, 2)), 0.6),
+        pl.ibr.add_cylinders(points - np.array((0, 0, 2)), points + np.array((0, 1, -2)), 0.4),
+    ]
+    pl.camera_position = [(0, -14, 0), (0, 0, 0), (0, 0, 1)]
+    shot(pl)
+    for _ in range(2):
+        for thing, height in zip(sets, (0, 2, -2), strict=True):
+            for index, point in enumerate(points + np.array((0, -0.3, height))):
+                actor, _, _ = picked(pl, _pixel(pl, point), picker := _vtk.vtkCellPicker())
+                assert thing.instance_of(actor) == index
+                assert isinstance(picker.GetDataSet(), pv.PolyData)
 
 
 @pytest.mark.slow
