@@ -197,7 +197,9 @@ class _Shared:
         for number, thing in enumerate(things, len(actors) + 1):
             soft = {address(actor) for key, actor in thing.order if key[0] == Stage.FRINGE}
             numbers += [
-                (actor, -1 if address(actor) in soft else number) for actor in thing.drawn()
+                (actor, -1 if address(actor) in soft else number)
+                for actor in thing.drawn()
+                if not actor.HasTranslucentPolygonalGeometry()  # nor those: peeling has colours
             ]
         self._numbers.put(numbers)
         self._numbered = [*actors.values(), *things]

@@ -187,3 +187,26 @@ def test_written_with_the_scene_and_drawn_again_are_the_same(change, columns, mo
     assert np.abs(with_the_scene[1] - again[1])[same].max() < 1e-4
     pl.render()
     np.testing.assert_array_equal(pl.screenshot(), plain)
+
+
+@pytest.mark.parametrize('kind', ['spheres', 'cylinders', 'billboards'])
+def test_peeled_things_keep_their_colours_beside_what_reads_surfaces(kind):
+    """Depth peeling has second colours of its own, which ids are not written to."""
+    points = np.random.default_rng(3).uniform(-3, 3, (20, 3))
+    add = {
+        'spheres': lambda ibr: ibr.add_spheres(points, 0.8, color='orange', opacity=0.5),
+        'cylinders': lambda ibr: ibr.add_cylinders(points, points + 1, 0.4, opacity=0.5),
+        'billboards': lambda ibr: ibr.add_billboards(
+            points, np.full((4, 4, 4), 120, np.uint8), cutout=None
+        ),
+    }
+    pl = pv.Plotter(window_size=(120, 90), off_screen=True)
+    pl.disable_anti_aliasing()
+    pl.enable_depth_peeling()
+    add[kind](pl.ibr)
+    pl.camera_position = [(0, -20, 2), (0, 0, 0), (0, 0, 1)]
+    plain = pl.screenshot()
+    assert plain.std() > 5
+    pl.ibr.add(pvibr.Outline())  # of opaque surfaces, of which there are none
+    pl.render()
+    np.testing.assert_array_equal(pl.screenshot(), plain)
