@@ -8,7 +8,7 @@ from pvibr.core import _vtk
 from pvibr.core._vtk import address
 from pvibr.core.effect import Effect
 from pvibr.core.params import Param
-from pvibr.gl import release
+from pvibr.gl import release, texture_limit
 from pvibr.gl.blur import CHAINS, Blur, Light, variances
 from pvibr.gl.scene_pass import is_marker
 
@@ -110,7 +110,9 @@ class LightSpread(Effect):
     def _spread_light(self, frame, picture):
         """Return the light of a picture, None if there is none."""
         # A tile of a picture that was not drawn whole has only its own light.
-        side, width = frame.whole[1] / self._rows, 1.0
+        # A picture of a few rows has wider texels: no driver has textures of so many.
+        width = 1.0
+        side = max(frame.whole[1] / self._rows, max(frame.whole) / texture_limit(frame.window))
         if frame.scale == 1:
             side, width = self._fitted(side, picture.size)
         blur = self._ready(frame, picture.size, side, width)

@@ -409,7 +409,7 @@ def test_text_and_other_subplots_stay():
 
 
 @pytest.mark.parametrize('high', [False, True])
-@pytest.mark.parametrize('size', [(1, 1), (200, 20), (33, 190)])
+@pytest.mark.parametrize('size', [(1, 1), (200, 20), (33, 190), (900, 2)])
 def test_any_window_and_again(size, high):
     pl = bright(size)
     bloom = pl.ibr.add(pvibr.Bloom(needs_hdr=high, threshold=0.5))
