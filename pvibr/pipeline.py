@@ -9,7 +9,7 @@ from difflib import get_close_matches
 from functools import partial
 from typing import Any
 
-from pvibr.core.effect import Effect
+from pvibr.core.effect import Effect, put_into
 from pvibr.core.errors import ClosedError, warn
 from pvibr.core.frame import Frame
 from pvibr.core.passes import is_llvmpipe, loses_depth, peels_samples
@@ -104,7 +104,7 @@ class Pipeline:
         """Put an effect or a thing in; it is in the next frame."""
         self.check_addable(effect)
         effect.attach(self)
-        effect.pipeline = self
+        put_into(effect, self)
         self._enter(sorted([*self._entries, _Entry(effect, Row(effect.name))], key=_place))
         self._observe()
         return effect
@@ -141,14 +141,14 @@ class Pipeline:
             name = effect.name if isinstance(effect, Effect) else f'thing = {effect!r:.80}'
             msg = f'{name} is not in this subplot; here are: {self._names() or "none"}'
             raise ValueError(msg)
-        effect.pipeline = self  # Python's collector may have cleared it, a weak reference
+        put_into(effect, self)  # Python's collector may have cleared it, a weak reference
         self._enter([e for e in self._entries if e.effect is not effect])
         self.make_current()
         try:
             effect.release()
         finally:
             effect.detach()
-            effect.pipeline = None
+            put_into(effect, None)
             self._observe()
 
     def clear(self):

@@ -15,6 +15,13 @@ def _nowhere():
     return None
 
 
+def put_into(effect, pipeline):
+    """Have an effect in a pipeline, or in none."""
+    # Weak: a thing is held by the scene, from where Python's collector sees no cycles.
+    found = _nowhere if pipeline is None else weakref.ref(pipeline)
+    effect._pipeline = found  # noqa: SLF001
+
+
 class Effect(Spelled):
     """Settings, and the hooks that a pipeline calls in every frame.
 
@@ -92,11 +99,6 @@ class Effect(Spelled):
         """The pipeline that it is in; None in none."""
         return self._pipeline()
 
-    @pipeline.setter
-    def pipeline(self, pipeline):
-        # Weak: a thing is held by the scene, from where Python's collector sees no cycles.
-        self._pipeline = _nowhere if pipeline is None else weakref.ref(pipeline)
-
     @classmethod
     def sample(cls, actors) -> Effect:
         """Return an instance that shows in any picture of some actors, for tests and trials."""
@@ -113,7 +115,7 @@ class Effect(Spelled):
 
     def attach(self, pipeline):
         """Enter a pipeline: add props to ``pipeline.renderer``."""
-        self.pipeline = pipeline
+        put_into(self, pipeline)
 
     def as_sampled(self, frame):
         """Return a frame that begins as it is drawn: itself, or a sample of it."""
@@ -144,7 +146,7 @@ class Effect(Spelled):
 
     def detach(self):
         """Leave the pipeline: remove props from the scene."""
-        self.pipeline = None
+        put_into(self, None)
 
     # -- questions that a pipeline asks ------------------------------------------------------
 
@@ -262,7 +264,7 @@ class Effect(Spelled):
         kept = {name: getattr(self, name) for name in params_of(type(self))}
         members = {n: v for cls in reversed(type(self).__mro__) for n, v in vars(cls).items()}
         for name, value in members.items():
-            if isinstance(value, property) and value.fset and name != 'pipeline':
+            if isinstance(value, property) and value.fset:
                 kept[name] = getattr(self, name)
         own = {n: v for n, v in vars(self).items() if not n.startswith('_')}
         kept |= {name: own[name] for name in ('enabled', 'before') if name in own}

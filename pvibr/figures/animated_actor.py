@@ -7,6 +7,7 @@ from contextlib import suppress
 import numpy as np
 import pyvista as pv
 
+from pvibr.core.effect import put_into
 from pvibr.core.signatures import takes
 from pvibr.figures.mesh_actors import (
     PosedMeshActor,
@@ -264,7 +265,7 @@ class AnimatedActor(FigurePlayer, Placed):
 
     def attach(self, pipeline):
         """Put its props into the scene."""
-        self.pipeline = pipeline
+        put_into(self, pipeline)
         self._now_shown()
         self._framed = self._changes, self.GetBounds()
         super().attach(pipeline)

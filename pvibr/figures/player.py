@@ -161,8 +161,8 @@ class FigurePlayer(Thing):
         TypeError
             If ``on_finished`` is not callable.
         ValueError
-            If there is no such clip, joint or loop, the speed is not finite, the fade is negative
-            or the count is not above 0, or ``on_finished`` is given without an end.
+            If there is no such clip, joint or loop, the speed or the start is not finite, the fade
+            is negative or the count is not above 0, or ``on_finished`` is given without an end.
         """
         speed, fade = float(speed), float(fade)
         if not np.isfinite(speed):
@@ -176,6 +176,9 @@ class FigurePlayer(Thing):
             raise TypeError(msg)
         now = self._now()
         start = now if start is None else float(start)
+        if not np.isfinite(start):
+            msg = f'start = {start}: must be a finite number of seconds'
+            raise ValueError(msg)
         played = ClipSource(self.figure, clip, speed, -start * speed, loop, root, count)
         if speed < 0 and np.isfinite(played.length):
             played.offset += played.length  # backwards from its end

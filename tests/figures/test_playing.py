@@ -122,6 +122,8 @@ def test_bad_ends(walker, plotter):
     actor = plotter.ibr.add_animated(walker)
     with pytest.raises(ValueError, match='on_finished needs an end'):
         actor.play('step', on_finished=print)
+    with pytest.raises(ValueError, match='start = nan: must be a finite'):
+        actor.play('step', start=np.nan)
     with pytest.raises(TypeError, match='on_finished = 3'):
         actor.play('step', loop=False, on_finished=3)
     with pytest.raises(ValueError, match="loop is 'x'"):

@@ -286,3 +286,11 @@ def test_a_style_set_later_keeps_the_colour(kind):
     thing.prop.style = 'wireframe'
     assert thing.prop.color == 'tomato'
     pl.close()
+
+
+def test_the_pipeline_is_set_by_adding_alone():
+    spheres = pv.Plotter().ibr.add_spheres([[0.0, 0, 0]], 1.0)
+    with pytest.raises(AttributeError):
+        spheres.pipeline = None
+    with pytest.raises(AttributeError):
+        pvibr.Bloom().pipeline = None
