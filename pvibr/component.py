@@ -13,7 +13,7 @@ from pvibr.cameras.facade import CameraFacade
 from pvibr.capture.facade import CaptureFacade
 from pvibr.core.facade import StateFacade
 from pvibr.core.params import checked_flag
-from pvibr.core.plotters import renderers_of
+from pvibr.core.plotters import next_theme, renderers_of
 from pvibr.core.report import Report
 from pvibr.core.signatures import accepts
 from pvibr.export.facade import ExportFacade
@@ -194,7 +194,9 @@ class IBRComponent(
             msg = f'label = {label!r}: must be a str or None'
             raise TypeError(msg)
         if accepts(make, 'theme'):
-            kwargs.setdefault('theme', getattr(self._plotter, 'theme', None))
+            if kwargs.get('color') is True:  # PyVista's word for the next one
+                kwargs['color'] = None
+            kwargs.setdefault('theme', next_theme(self._plotter, kwargs.get('color')))
         thing = make(*args, **kwargs)
         thing.bar, thing.label = bar, label
         bar.check(self._plotter, thing)

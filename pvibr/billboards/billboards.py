@@ -197,12 +197,15 @@ class Billboards(CardSet):
         # Blended draws, and for lights those of texels that are at least half opaque.
         self._draws = self._made(draws + PARTS * self.blends, self.blends)
         self._dense = self._made(draws, False) if self.blends else None
-        self._dressed = tuple(self.actors())
+        self._lead_materials()
         self._fit()
 
     def _made(self, draws, blends) -> ShaderDraws:
         look = {'prop': self.prop, 'feature': _feature(False), 'translucent': blends}
         return ShaderDraws(draws=draws, chunk=self._chunk, binder=self.binder, **look)
+
+    def _materials_of_all(self):
+        return [draws.material for draws in self._both()]
 
     def _switch_clipping(self):
         for draws in self._both():

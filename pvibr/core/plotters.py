@@ -180,6 +180,20 @@ class _Trial(pv.BasePlotter):
     """A plotter without a window."""
 
 
+def next_theme(plotter, color):
+    """Return the theme of what is added; without a colour it has the next of the cycle."""
+    theme = getattr(plotter, 'theme', None)
+    if theme is None or color is not None:
+        return theme
+    color = plotter.renderer.next_color
+    if color == theme.color:
+        return theme
+    cycled = pv.themes.Theme()
+    cycled.load_theme(theme)
+    cycled.color, cycled.color_cycler = color, None
+    return cycled
+
+
 def check_bar(plotter, mapper, options):
     """Raise what adding a scalar bar would raise; nothing is added."""
     places = set(bar_places(plotter)) | (

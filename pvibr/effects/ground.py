@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pyvista as pv
 
+from pvibr.core import _vtk
 from pvibr.core.colors import Color
 from pvibr.core.effect import Effect
 from pvibr.core.params import Param
@@ -97,7 +98,8 @@ class Ground(Effect):
         self._actor = pv.Actor(pv.DataSetMapper(disc))
         self._actor.SetUseBounds(False)
         self._actor.SetPickable(False)
-        self._actor.prop.culling = 'back'
+        self._actor.SetProperty(_vtk.vtkProperty())  # PyVista's has edges if its theme has
+        self._actor.GetProperty().BackfaceCullingOn()
         self._actor.SetVisibility(False)  # until a frame needs it
         _FADES.attach(self._actor)
         self._fitted = ()
@@ -159,7 +161,7 @@ class Ground(Effect):
         axes = np.column_stack([right, np.cross(up, right), up])
         matrix[:3, :3], matrix[:3, 3] = self._reach * axes, self._center
         self._actor.user_matrix = matrix
-        self._actor.prop.color = self.color
+        self._actor.GetProperty().SetColor(*self.color)
         return True
 
     @property

@@ -132,8 +132,11 @@ class Quadrics(CardSet):
 
     def _make_layers(self):
         self._layers = [Layer(self, mode) for mode in (*DRAW_MODES, BLENDED)]
-        self._dressed = tuple(self.actors())
+        self._lead_materials()
         self._occlusion = Occlusion()
+
+    def _materials_of_all(self):
+        return [layer.material for layer in self._layers]
 
     # -- what a shape says --------------------------------------------------------------------
 

@@ -13,6 +13,7 @@ from pvibr.gl import Texture, set_uniforms
 from pvibr.gl import enums as gl
 from pvibr.gl.binder import Binder
 from pvibr.gl.feature import Feature
+from pvibr.scene.shared_material import CardMaterial
 
 ROW = 1024  # texels of a row of a table
 PBR = 3  # VTKPBR
@@ -34,7 +35,8 @@ class ShaderDraws:
         self._observe()
         #: Most items of a draw.
         self.chunk = chunk
-        self.actors = [_draw_actor(self.mapper, prop, translucent) for _ in range(draws)]
+        self.material = CardMaterial(prop)
+        self.actors = [_draw_actor(self.mapper, self.material, translucent) for _ in range(draws)]
         self.textures: dict[str, Texture] = {}
         self.uniforms: dict = {}
         self.entries: Texture | None = None
@@ -180,12 +182,11 @@ class ShaderDraws:
             self.entries = None
 
 
-def _draw_actor(mapper, prop, translucent):
+def _draw_actor(mapper, material, translucent):
     """Return an actor without bounds that is not picked."""
     actor = pv.Actor()
     actor.SetMapper(mapper)
-    if prop is not None:
-        actor.SetProperty(prop)
+    actor.SetProperty(material)
     if translucent is not None:
         (actor.ForceTranslucentOn if translucent else actor.ForceOpaqueOn)()
     actor.VisibilityOff()

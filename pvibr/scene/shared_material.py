@@ -4,14 +4,35 @@ from __future__ import annotations
 
 import weakref
 
-from pvibr.meshes.materials import copy_property
+from pvibr.core import _vtk
 
-_VALUES = (
-    *('Ambient', 'Diffuse', 'Specular', 'SpecularPower', 'Opacity', 'Interpolation'),
-    *('Representation', 'EdgeVisibility', 'LineWidth', 'PointSize', 'Lighting', 'Metallic'),
-    *('Roughness', 'BackfaceCulling', 'FrontfaceCulling', 'AmbientColor', 'DiffuseColor'),
-    *('SpecularColor', 'EdgeColor', 'RenderPointsAsSpheres', 'RenderLinesAsTubes'),
+_LOOKS = (
+    *('Ambient', 'Diffuse', 'Specular', 'SpecularPower', 'Opacity', 'Interpolation', 'Lighting'),
+    *('Metallic', 'Roughness', 'Anisotropy', 'AnisotropyRotation', 'BaseIOR'),
+    *('AmbientColor', 'DiffuseColor', 'SpecularColor'),
 )
+# Faces culled, and what is drawn in place of faces or beside them.
+_STYLES = (
+    *('BackfaceCulling', 'FrontfaceCulling', 'Representation', 'EdgeVisibility', 'EdgeColor'),
+    *('EdgeOpacity', 'LineWidth', 'PointSize', 'RenderPointsAsSpheres', 'RenderLinesAsTubes'),
+)
+_VALUES = (*_LOOKS, *_STYLES)
+
+
+class CardMaterial(_vtk.vtkProperty):
+    """The material of cards: that of a property, but always of filled faces, without edges."""
+
+    def __init__(self, prop=None):
+        for name in _LOOKS if prop is not None else ():
+            getattr(self, f'Set{name}')(getattr(prop, f'Get{name}')())
+
+
+def _ignored(_material, *_values):
+    """Leave the faces of cards as they are."""
+
+
+for _name in _STYLES:
+    setattr(CardMaterial, f'Set{_name}', _ignored)
 
 
 class SharedMaterial:
@@ -21,8 +42,6 @@ class SharedMaterial:
         self._others = weakref.WeakMethod(others)
         #: How many times others were changed.
         self.changes = 0
-        for first in others()[:1]:
-            copy_property(prop, first)
         self._was = _values(prop)
         self._watch(prop)
 

@@ -14,6 +14,7 @@ from pvibr.core.effect import Effect
 from pvibr.core.params import Param, checked_flag, checked_name
 from pvibr.core.plotters import put_inner, set_legend_label
 from pvibr.maths.arguments import naming
+from pvibr.meshes.materials import copy_property
 from pvibr.scene.looks import read_only
 from pvibr.scene.scalar_bars import Bar, ThingMapper, share_range
 from pvibr.scene.shared_material import SharedMaterial
@@ -299,6 +300,12 @@ class Thing(Effect, pv.Actor):
 
     def _share_material(self):
         """Have the first of the materials, and have what changes in it change in all."""
+        for first in self._materials_of_all()[:1]:
+            copy_property(self.prop, first)
+        self._lead_materials()
+
+    def _lead_materials(self):
+        """Have what changes in the material change in those of all."""
         if self._material is not None:
             self._material.stop()
         self._material = SharedMaterial(self.prop, self._materials_of_all)

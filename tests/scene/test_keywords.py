@@ -227,6 +227,43 @@ def test_scalars_of_items_are_coloured_as_those_of_a_mesh(kind, themed, monkeypa
         pl.close()
 
 
+@pytest.mark.parametrize('kind', ['Instances', 'Spheres', 'Cylinders', 'Ellipsoids'])
+def test_colours_come_from_the_cycle_of_the_plotter(kind):
+    pl = pv.Plotter(off_screen=True)
+    pl.set_color_cycler(['red', 'lime', 'blue'])
+    found = [OF_ITEMS[kind](pl.ibr, **({'color': c} if c else {})) for c in ('', '', 'k', True)]
+    assert [thing.prop.color.name for thing in found] == ['red', 'lime', 'black', 'blue']
+    assert pl.add_mesh(pv.Cone()).prop.color == 'red'
+
+
+@pytest.mark.parametrize('name', ['Spheres', 'Cylinders', 'Ellipsoids', 'Billboards', 'Ground'])
+@pytest.mark.parametrize('whose', ['global', 'plotter', 'handle'])
+def test_edges_lines_and_points_of_a_theme_are_those_of_meshes(name, whose, monkeypatch):
+    """Cards and the ground have none: themes for meshes leave them as they are."""
+    looks = {'show_edges': True, 'line_width': 5.0, 'point_size': 9.0}
+    looks |= {'render_points_as_spheres': True, 'render_lines_as_tubes': True}
+
+    def picture(theme=None, **own):
+        pl = pv.Plotter(off_screen=True, window_size=(120, 90), theme=theme)
+        far = OF_ITEMS['Spheres'](pl.ibr, color='r') if name == 'Ground' else None
+        thing = pl.ibr.add(pvibr.Ground('w')) if far else OF_ITEMS[name](pl.ibr)
+        for key, value in own.items():
+            setattr(thing.prop, key, value)
+        pl.view_isometric()
+        return pl.screenshot()
+
+    plain = picture()
+    own = looks if whose == 'handle' and name != 'Ground' else {}
+    if whose == 'global':
+        for key, value in looks.items():
+            monkeypatch.setattr(pv.global_theme, f'_{key}', value)
+    theme = pv.themes.Theme()
+    theme.load_theme(pv.global_theme)
+    for key, value in looks.items() if whose == 'plotter' else ():
+        setattr(theme, key, value)
+    np.testing.assert_array_equal(picture(theme if whose == 'plotter' else None, **own), plain)
+
+
 @pytest.mark.parametrize('kind', ['Spheres', 'Cylinders', 'Ellipsoids'])
 def test_themes_are_followed(kind, monkeypatch):
     theme = pv.themes.DarkTheme()
