@@ -11,6 +11,7 @@ from pvibr.gl import shader_source
 from pvibr.gl.doubles import is_cut_out
 from pvibr.gl.feature import Feature, sections
 from pvibr.instances.mesh_pool import cutoff, with_looks
+from pvibr.instances.one_sided import OneSided
 from pvibr.meshes.decimate import take_arrays
 from pvibr.meshes.parts import draws_more
 from pvibr.scene.shader_draws import ShaderDraws
@@ -62,9 +63,12 @@ class MeshDraws:
         for draws in self._parts:
             draws.tint = {} if color is None else {'ibr_tint': (*color, 1.0), 'ibr_multiply': 0}
 
-    def show(self, first, end) -> list:
-        """Draw the entries from the first to the end; return new actors."""
-        return [actor for draws in self._parts for actor in draws.show(first, end)]
+    def show(self, first, end, outside) -> list:
+        """Draw the entries from the first to the end; return new actors.
+
+        Those that are wholly seen from outside may lack the other side.
+        """
+        return [actor for draws in self._parts for actor in draws.show(first, end, outside)]
 
     def hide(self):
         """Draw nothing."""
@@ -109,15 +113,24 @@ class PartDraws(ShaderDraws):
         self._translucent = translucent
         self.set_feature(_feature(part.mesh))
         self.tint: dict = {}
+        self._material, self._worn = OneSided(part), part.actor.GetProperty()
         self._half = np.zeros(3)
         self._depths: _DepthDraws | None = None
 
-    def show(self, first, end) -> list:
+    def show(self, first, end, outside) -> list:
         """Draw the entries from the first to the end; return new actors."""
         spans = [(i, min(i + self.chunk, end)) for i in range(first, end, self.chunk)]
         new = self.grow(len(spans), self._made)
+        if spans:
+            self._wear(self._material.material(outside and not self._translucent))
         self.show_spans(spans)
         return new
+
+    def _wear(self, prop):
+        if prop is not self._worn:
+            self._worn = prop
+            for actor in self.actors:
+                actor.SetProperty(prop)
 
     def bound(self, half):
         """Have VTK know about how far it reaches from the place of the actors, along each axis."""
@@ -163,6 +176,7 @@ class PartDraws(ShaderDraws):
         if not self.actors:
             self._fill()
         actor = with_looks(self.part, self.mapper)
+        actor.SetProperty(self._worn)
         actor.SetUserMatrix(self._matrix)
         actor.PickableOff()
         actor.UseBoundsOff()

@@ -10,6 +10,7 @@ from pvibr.instances.card_layers import at_patches
 from pvibr.instances.cards import FADE
 from pvibr.instances.mesh_draws import MeshDraws, suits
 from pvibr.instances.mesh_pool import MeshPool
+from pvibr.instances.one_sided import faces_outward
 from pvibr.maths.blocks import ascending, frustum_planes
 from pvibr.scene.looks import is_clear
 from pvibr.scene.shader_draws import ROW, pack
@@ -155,10 +156,13 @@ class NearMeshes:
         textures = {name: cards.textures[name] for name in ('ibr_poses', 'ibr_looks')}
         uniforms = {name: cards.uniforms[name] for name in (*_SHARED, *_OF_FRAME)}
         uniforms['ibr_tint'] = (0.0, 0.0, 0.0, 0.0)
-        new = []
-        for draws, first, end in zip(self.draws, ends, ends[1:], strict=False):
+        new, upright = [], faces_outward(frame)
+        beyond = -centers[2] - group.radii[slots] > frame.near
+        for draws, first, end in zip(self.draws, ends.tolist(), ends[1:].tolist(), strict=False):
             draws.set_inputs(self._entries, textures, uniforms)
-            new += draws.show(int(first), int(end))
+            some = order[first:end]
+            outside = upright and beyond[some].all() and not group.placement.mirrors(slots[some])
+            new += draws.show(first, end, bool(outside))
         return new
 
     def depths(self) -> list:

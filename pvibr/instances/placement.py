@@ -126,8 +126,7 @@ class Placement:
         """Turn directions, (3, n) or (3, 1), to model axes: of any length, (n, 3)."""
         if self.texels == 1:
             return np.broadcast_to(toward.T, (len(slots), 3))
-        rows = self.rows.reshape(-1, 12).take(slots, 0).T
-        (a, b, c), (d, e, f), (g, h, i) = rows[:3], rows[4:7], rows[8:11]
+        (a, b, c), (d, e, f), (g, h, i) = self._axes(slots)
         x, y, z = toward
         # The adjugate, which is the inverse but for the sign and size of the determinant.
         minors = (e * i - f * h, f * g - d * i, d * h - e * g)
@@ -141,6 +140,17 @@ class Placement:
         )
         mirrored = a * minors[0] + b * minors[1] + c * minors[2] < 0
         return np.where(mirrored[:, None], -out, out)
+
+    def mirrors(self, slots) -> bool:
+        """Return True if the pose of any of some slots mirrors."""
+        if self.texels == 1:
+            return False
+        (a, b, c), (d, e, f), (g, h, i) = self._axes(slots)
+        return bool((a * (e * i - f * h) + b * (f * g - d * i) + c * (d * h - e * g) < 0).any())
+
+    def _axes(self, slots):
+        """Return the linear parts of the poses of some slots, (3, 3, n)."""
+        return self.rows.reshape(-1, 3, 4).take(slots, 0).T[:3].swapaxes(0, 1)
 
     def local(self, slots) -> np.ndarray:
         """Return centres of some slots relative to those of their blocks, shape (3, n)."""

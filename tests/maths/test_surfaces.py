@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import pyvista as pv
 
-from pvibr.maths.surfaces import encloses
+from pvibr.maths.surfaces import encloses, winding
 
 
 def surface(mesh):
@@ -48,3 +48,13 @@ def test_every_piece_counts():
 def test_a_sheet_with_two_sides_in_one_place_does_not():
     points, faces = surface(pv.Plane())
     assert not encloses(points, np.concatenate([faces, faces[:, ::-1]]))
+
+
+def test_winding_tells_inward_from_open():
+    points, faces = surface(pv.Sphere())
+    assert winding(points, faces) == 1
+    assert winding(points, faces[:, ::-1]) == -1
+    assert winding(points, faces[1:]) == winding(points, faces[:0]) == 0
+    both = np.concatenate([points, points + 3])
+    mixed = np.concatenate([faces, faces[:, ::-1] + len(points)])
+    assert winding(both, mixed) == 0

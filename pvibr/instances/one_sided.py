@@ -1,0 +1,57 @@
+"""Materials that leave out the side of closed surfaces that is seen from inside alone."""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import numpy as np
+import pyvista as pv
+
+from pvibr.core._vtk import address
+from pvibr.gl.doubles import is_cut_out
+from pvibr.maths.surfaces import winding
+from pvibr.meshes.decimate import Welded
+from pvibr.meshes.materials import copy_property
+from pvibr.meshes.parts import culled_faces
+
+
+class OneSided:
+    """The material of a part, and a copy that leaves out the side that other triangles hide."""
+
+    def __init__(self, part):
+        self._part = part
+        self._copy, self._known = None, None
+
+    def material(self, outside):
+        """Return the material for instances all of which are wholly seen from outside, or not."""
+        prop = self._part.actor.GetProperty()
+        if not outside or any(culled_faces(prop)) or self._is_open() or not self._winding:
+            return prop
+        known = address(prop), prop.GetMTime()
+        if known != self._known:
+            self._copy, self._known = pv.Property(), known
+            copy_property(self._copy, prop)
+            self._copy.SetBackfaceCulling(self._winding > 0)
+            self._copy.SetFrontfaceCulling(self._winding < 0)
+        return self._copy
+
+    def _is_open(self) -> bool:
+        """Return True if one looks through it."""
+        actor = self._part.actor
+        planes = actor.GetMapper().GetClippingPlanes()
+        cut = planes is not None and planes.GetNumberOfItems() > 0
+        return cut or bool(actor.HasTranslucentPolygonalGeometry())
+
+    @cached_property
+    def _winding(self) -> int:
+        part = self._part
+        if part.alpha_cutoff is not None or is_cut_out(part.actor):
+            return 0
+        welded = Welded.of(part.mesh)
+        return winding(welded.points, welded.faces)
+
+
+def faces_outward(frame) -> bool:
+    """Return True if a frame shows no mirror image, which turns triangles around."""
+    clip = frame.clip_from_view
+    return bool(np.linalg.det(frame.view_from_world[:3, :3]) * clip[0, 0] * clip[1, 1] > 0)
