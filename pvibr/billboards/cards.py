@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from pvibr.core.frame import Frame
+from pvibr.core.params import checked_flag
 from pvibr.maths.arguments import as_array, checked_lengths, checked_number, naming
 from pvibr.maths.blocks import BLOCK, Blocks, morton_order
 from pvibr.maths.facing import FACINGS, TOWARDS, azimuths, cards, turned_azimuths
@@ -43,7 +44,8 @@ class BillboardLayout:
         _one_of('towards', towards, TOWARDS)
         _one_of('size_unit', size_unit, UNITS)
         self.facing, self.towards, self.size_unit, self.anchor = facing, towards, size_unit, anchor
-        self.views, self.blend_views = _checked_views(views, facing, len(images)), blend_views
+        self.views = _checked_views(views, facing, len(images))
+        self.blend_views = checked_flag('blend_views', blend_views)
         self._images = images[:: self.views]
         self.yaw = self._own_yaw = _numbers('yaw', yaw, len(self))
         self.given_size = _checked_size(size, len(self))
@@ -161,7 +163,7 @@ class BillboardLayout:
         out[:, 0, 3] = np.fmod(self.rotation[order], 2 * np.pi)
         out[:, 1, 3] = self.index[order]
         out[:, 2, :2] = self.sizes[order]
-        out[:, 2, 2] = self.yaw[order]
+        out[:, 2, 2] = np.fmod(self.yaw[order], 2 * np.pi)
         if each:
             out[:, 3] = self.turn[order]
         return out

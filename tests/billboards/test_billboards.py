@@ -658,6 +658,7 @@ def test_bad_input_is_refused_and_adds_nothing(wrong, words):
         {'points': [[0, 0], [0, 0, 0]]},
         {'size': 'large'},
         {'rotation': 'x'},
+        {'blend_views': None},
         {'facing': 'cylindrical', 'axis': 'z'},
         {'image': None},
         {'image': pv.ImageData()},
