@@ -82,6 +82,7 @@ class IBRComponent(
     def _pipeline_of(self, renderer) -> Pipeline:
         for pipeline in self._pipelines:
             if pipeline.renderer is renderer:
+                pipeline.forget_removed()
                 return pipeline
         pipeline = Pipeline(renderer, self._adaptive_quality)
         pipeline.time = self._time

@@ -129,6 +129,8 @@ class Pipeline:
             msg = f'{effect.name}.before = {effect.before!r}: must be one of {", ".join(ORDER)}'
             raise ValueError(msg)
         if effect.pipeline is not None:
+            effect.pipeline.forget_removed()
+        if effect.pipeline is not None:
             here = 'this subplot' if effect.pipeline is self else 'another subplot'
             msg = (
                 f'{effect.name} is in {here} already: remove it first, or add one more of its kind'
@@ -202,9 +204,10 @@ class Pipeline:
             self.buffers.release()
 
     def _on_start(self, _renderer, _event):
-        self._drop_removed()
         if self._turn is not None:  # a frame that did not end
             self._turn.put_camera_back()
+            self._turn = None
+        self.forget_removed()
         quality = (
             1.0
             if self._adaptive_quality is None
@@ -258,9 +261,9 @@ class Pipeline:
                 turn.failures.append(_PEELS_NOTHING)
         turn.warn()
 
-    def _drop_removed(self):
-        """Forget things whose props were removed by the plotter's own means."""
-        for effect in self.effects:
+    def forget_removed(self):
+        """Forget things whose props were removed by the plotter's own means, between frames."""
+        for effect in self.effects if self._turn is None else ():
             if effect.is_gone(self.renderer):
                 self.remove(effect)
 

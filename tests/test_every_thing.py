@@ -244,19 +244,20 @@ def test_removed_in_every_way_and_added_again(name):
     props, empty = empty[0].renderer.GetViewProps().GetNumberOfItems(), shot(empty[0])
     ways = [thing.remove, lambda: pl.ibr.remove(thing), pl.ibr.clear]
     if not EVERY[name].replaces:
-        ways.append(lambda: pl.remove_actor('it'))
+        ways.append(lambda: pl.remove_actor('it', render=False))
     for way in ways:
         way()
-        assert off(shot(pl), empty).max() <= 1
         assert pl.ibr.effects == ()
+        assert thing.pipeline is None
+        assert off(shot(pl), empty).max() <= 1
         assert pl.renderer.GetViewProps().GetNumberOfItems() == props
         assert thing.report()['bytes'] == 0
         pl.ibr.add(thing)
         assert (off(shot(pl), on) <= 1).all()
         assert len(pl.ibr.report().rows) == rows
     pl.clear()
-    shot(pl)
     assert pl.ibr.effects == ()
+    shot(pl)
     assert pl.renderer.GetViewProps().GetNumberOfItems() == 0
 
 
