@@ -176,7 +176,7 @@ class BillboardLayout:
             'ibr_texels': 4 if each else 3,
             'ibr_images': self.n_images,
             'ibr_views': self.views,
-            'ibr_two_views': int(self.blend_views and self.views > 1),
+            'ibr_two_views': int(bool(self.blend_views) and self.views > 1),
             'ibr_facing': FACINGS.index(self.facing),
             'ibr_own_up': int(self.own_up),
             'ibr_plane': int(self.towards == 'plane'),
