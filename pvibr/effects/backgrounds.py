@@ -142,7 +142,7 @@ class Sky(_Behind):
     )
 
     def __init__(self, panorama=None, **settings):
-        with naming('panorama', type(panorama).__name__):
+        with naming('panorama', panorama):
             self._image = None if panorama is None else Shown(panorama, repeat=True)
         super().__init__(**settings)
 

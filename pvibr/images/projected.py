@@ -179,7 +179,7 @@ def is_live(image) -> bool:
 
 def as_rgba(image, name='image') -> np.ndarray:
     """Return a picture, the value of an argument, as colours with alpha."""
-    with naming(name, type(image).__name__ if hasattr(image, 'shape') else image):
+    with naming(name, image):
         return _as_rgba(image)
 
 

@@ -26,8 +26,14 @@ def naming(name, value):
             kind = TypeError
         elif isinstance(error, OSError):
             kind = type(error)
-        msg = f'{name} = {value!r:.80}: {error}'
+        msg = f'{name} = {_in_a_line(value)}: {error}'
         raise kind(msg) from error
+
+
+def _in_a_line(value) -> str:
+    """Return what is short of a value: of arrays and meshes the kind."""
+    text = repr(value)
+    return type(value).__name__ if '\n' in text else f'{text:.80}'
 
 
 def as_array(name, values, dtype=None) -> np.ndarray:
