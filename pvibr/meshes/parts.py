@@ -60,6 +60,8 @@ class Part:
     turns: Turns | None = None
     #: Made from an actor, which may have a scalar bar.
     of_actor: bool = False
+    #: Name of the array that it was asked to show, and whether its values are names.
+    scalars: tuple[str, bool] = ('', False)
 
     @property
     def ineligibility(self) -> str:
@@ -238,7 +240,13 @@ class _Maker(pv.BasePlotter):
         if shining is not None:
             actor.prop.SetEmissiveFactor(shining)
         attach_maps(actor, shining)
-        return _finished(actor, cutoff)
+        return replace(_finished(actor, cutoff), scalars=_scalars_of(dataset, look))
+
+
+def _scalars_of(dataset, look) -> tuple[str, bool]:
+    name = look.get('scalars')
+    name = name if isinstance(name, str) else dataset.active_scalars_name or ''
+    return name, name in dataset.array_names and dataset[name].dtype.kind in 'bUS'
 
 
 def _parts_of(mesh, look, maker):

@@ -147,7 +147,8 @@ class Bar:
         share_range(thing)
 
     def _add(self, plotter, thing, mapper, title):
-        options = self._options | {'title': title, 'render': False}
+        names = {'n_labels': 0} if thing.has_names else {}  # as add_mesh
+        options = names | self._options | {'title': title, 'render': False}
         with in_subplot(plotter, thing.pipeline.renderer):
             plotter.add_scalar_bar(mapper=mapper, **options)
 

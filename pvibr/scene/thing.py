@@ -191,6 +191,9 @@ class Thing(Effect, pv.Actor):
         """Return the title of the scalar bar."""
         return self._scalar_name
 
+    #: Whether the values of the shown scalars are names: the bar has no numbers then.
+    has_names = False
+
     def set_scalar_range(self, clim):
         """Show the scalars by another range, in the same table."""
 
@@ -428,11 +431,12 @@ class Thing(Effect, pv.Actor):
         if first is None:
             return None
         self._scalar_name = _array_of(first)
-        return self._with_table(first.lookup_table, first.scalar_range)
+        self.has_names, mapper = first.scalars[1], first.actor.mapper
+        return self._with_table(mapper.lookup_table, mapper.scalar_range)
 
     def _set_range_of(self, parts, clim) -> bool:
         """Set the range of the scalar bar's array in parts of a mesh; return True on a change."""
-        shown = [m for m in _mapping(parts) if _array_of(m) == self._scalar_name]
+        shown = [p.actor.mapper for p in _mapping(parts) if _array_of(p) == self._scalar_name]
         stale = [m for m in shown if m.scalar_range != clim]
         for mapper in stale:
             mapper.scalar_range = clim
@@ -445,16 +449,19 @@ for _name in MOVES:
 
 
 def _mapping(parts):
-    """Yield the mappers of parts that colour scalars by a table."""
-    mappers = (part.actor.mapper for part in parts)
-    return (m for m in mappers if m.GetScalarVisibility() and m.GetColorMode() != _DIRECT)
+    """Yield the parts that colour scalars by a table."""
+    for part in parts:
+        mapper = part.actor.mapper
+        if mapper.GetScalarVisibility() and mapper.GetColorMode() != _DIRECT:
+            yield part
 
 
-def _array_of(mapper) -> str:
-    """Return the name of the array that a mapper shows."""
-    # PyVista shows the magnitude of vectors in an array of its own.
+def _array_of(part) -> str:
+    """Return the name of the array that a part shows."""
+    # PyVista shows what is no number, and vectors by one, in an array of its own.
+    mapper = part.actor.mapper
     name = mapper.GetArrayName() or mapper.dataset.active_scalars_name or ''
-    return name.removesuffix('-normed')
+    return part.scalars[0] if name.startswith(f'{part.scalars[0]}-') else name
 
 
 def _free_name(name, taken) -> str:

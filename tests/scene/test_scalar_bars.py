@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import warnings
+
 import numpy as np
 import pytest
 import pyvista as pv
@@ -284,3 +286,29 @@ def test_a_bar_with_a_place_of_its_own_goes_too(pl):
     thing = pl.ibr.add_spheres(PLACES, 0.2, scalars=VALUES, scalar_bar_args=how)
     thing.remove()
     assert not pl.scalar_bars
+
+
+@pytest.mark.parametrize('name', ['vector', 'vector of one', 'words', 'flags', 'roots', 'x-1'])
+def test_bars_of_meshes_are_those_of_add_mesh(name):
+    """Titles are names of arrays, whatever PyVista makes of these; words have no numbers."""
+    mesh = pv.Sphere()
+    mesh['vector'] = mesh.points.astype(float)
+    mesh['words'] = np.where(mesh.points[:, 0] > 0, 'east', 'west')
+    mesh['flags'] = mesh.points[:, 0] > 0
+    mesh['roots'] = mesh.points[:, 0] + 1j
+    mesh['x-1'] = mesh.points[:, 0]
+    array = name.removesuffix(' of one')
+    look = {'scalars': array} | ({'component': 1} if name != array else {})
+    ours, theirs = pv.Plotter(off_screen=True), pv.Plotter(off_screen=True)
+    with warnings.catch_warnings():
+        warnings.filterwarnings('ignore', message='Casting complex')
+        ours.ibr.add_instances(mesh, PLACES, **look)
+        theirs.add_mesh(mesh, **look)
+    assert list(ours.scalar_bars.keys()) == list(theirs.scalar_bars.keys()) == [array]
+    bars = [pl.scalar_bars[array] for pl in (ours, theirs)]
+    assert bars[0].GetNumberOfLabels() == bars[1].GetNumberOfLabels()
+    assert (
+        bars[0].GetDrawTickLabels()
+        == bars[1].GetDrawTickLabels()
+        == (name not in ('words', 'flags'))
+    )
