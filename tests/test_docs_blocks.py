@@ -14,6 +14,7 @@ import pyvista as pv
 
 import pvibr
 import pvibr_widgets
+from pvibr.scenes.trees import tree_parts
 from tests.marks import slow
 
 ROOT = Path(__file__).parents[1]
@@ -82,6 +83,15 @@ def test_page_runs_as_printed(page):
         pytest.skip(f'needs {error.name}')
     if 'pl' in names and not names['pl']._closed:
         shows_something(names['pl'])
+
+
+def test_trees_of_pages_have_enough_triangles():
+    """Pages run with small trees, for which fewer are enough."""
+    text = '\n'.join(page.read_text(encoding='utf-8') for page in PAGES)
+    found = set(re.findall(r"tree_parts\('(\w+)', triangles=([\d_]+)\)", text))
+    assert found
+    for kind, triangles in found:
+        assert tree_parts(kind, triangles=int(triangles))
 
 
 def shows_something(pl):
