@@ -24,6 +24,7 @@ class CardLayer(SoftDraws):
 
     def __init__(self, cards, shader, prop, draws, most):
         self.cards, self.shader = cards, shader
+        self.core_size = shader.core_size(cards.atlas)
         shiny = prop.GetSpecular() > 0 or prop.GetInterpolation() == PBR
         kind = shiny, cards.atlas.animated, cards.atlas.turntable is not None
         super().__init__(
@@ -31,7 +32,7 @@ class CardLayer(SoftDraws):
             # Where things pierce one another, a plane cuts wide fringes raggedly; those of small
             # cards are narrow, and the early depth test of a plane saves half of their time.
             shader.feature(*kind, deep=shader.steps > 0),
-            cored=cards.core_size < shader.largest and not shader.splat,
+            cored=self.core_size < shader.largest,
             draws=draws,
             chunk=most,
             prop=prop,

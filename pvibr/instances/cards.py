@@ -41,6 +41,13 @@ class CardShader:
     least: float = 0.0
     largest: float = float('inf')
 
+    def core_size(self, atlas) -> float:
+        """Return the on-screen diameter, in pixels, up to which its cards have no core."""
+        if self.splat or atlas.core_level < 0:
+            return np.inf
+        texels = _SHARPNESS * self.taps**0.5  # per pixel, at which the shader chooses a mip level
+        return atlas.tile / 2 ** (atlas.core_level + 1) / texels
+
     def defines(self, animated=False, turned=False, *, deep=False) -> str:
         """Return the preprocessor lines of the shader."""
         values = {
@@ -140,9 +147,6 @@ class Cards:
         self._looks = np.zeros((1, 1, 4), np.uint8)
         # What changed since it was uploaded: its rows, None for all.
         self._stale: dict[str, list | None] = {}
-        core = atlas.core_level
-        #: Diameter on the screen, in pixels, up to which cards are drawn without a core.
-        self.core_size = atlas.tile / _SHARPNESS / 2 ** (core + 1) if core >= 0 else np.inf
         self.uniforms = {
             'ibr_count': 0,
             'ibr_views': atlas.views,
@@ -153,7 +157,7 @@ class Cards:
             'ibr_box_center': (atlas.box.mean(0) - atlas.center) / atlas.radius,
             'ibr_box_half': np.ptp(atlas.box, axis=0) / 2 / atlas.radius,
             'ibr_sharpness': _SHARPNESS,
-            'ibr_core_level': float(core),
+            'ibr_core_level': float(atlas.core_level),
             'ibr_fade': FADE,
             'ibr_has_looks': 0,
             'ibr_paint': (0.0, 0.0, 0.0, 0.0),

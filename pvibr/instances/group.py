@@ -32,13 +32,21 @@ class Choice:
 
     table: np.ndarray
     depths: np.ndarray
+    #: Of their largest instance, on-screen diameters in pixels.
+    sizes: np.ndarray
     #: By patch, and where the eye is level with a turntable: from, to, 1 before meshes, 0.
     ranges: np.ndarray
     level: np.ndarray
-    #: The first that may have a core.
-    cored: int
+    #: On-screen diameter up to which they have no core.
+    core_size: float
     #: By which single instances of the blocks are chosen.
     limits: Any
+
+    @property
+    def cored(self) -> int:
+        """The first that may have a core."""
+        cored = self.sizes > 0.99 * self.core_size  # the shader decides
+        return int(cored.argmax()) if cored.any() else len(cored)
 
     def fits(self, sizes, patches) -> np.ndarray:
         """Return which sizes may be drawn: a little more than the shader, which decides, draws."""
@@ -197,7 +205,7 @@ class InstanceGroup:
         rises = self._rises(frame, index, origins)
         patches = self._patches_of_blocks(frame, limits, index, origins, large)
         chosen = {}
-        for name in self.cards.layers:
+        for name, layer in self.cards.layers.items():
             spans = limits.spans(name)
             fits = [_fits(span, patches, small, large) for span in spans]
             if rises is not None:  # the shader decides about those that are close to the bound
@@ -205,16 +213,11 @@ class InstanceGroup:
                 fits[1] &= rises < LEVEL + _UNSURE
             used = np.flatnonzero(fits[0] | fits[1])
             ranges, level = (_ranges(span, limits.mesh) for span in spans)
-            cored = self._first_cored(large[used])
-            chosen[name] = Choice(table[used], depths[used], ranges, level, cored, limits)
+            look = ranges, level, layer.core_size
+            chosen[name] = Choice(table[used], depths[used], large[used], *look, limits)
             self.counts[name] = min(len(used) * self.unit, len(self))
         self.large = table[large >= at_patches(limits.mesh, patches)]
         return chosen
-
-    def _first_cored(self, sizes) -> int:
-        """Return the place of the first that may have a core."""
-        cored = sizes > 0.99 * self.cards.core_size  # the shader decides
-        return int(cored.argmax()) if cored.any() else len(cored)
 
     def _patches_of_blocks(self, frame, limits, index, origins, large):
         """Return the patch of directions that each block is seen from, as far as that matters."""
@@ -275,10 +278,8 @@ class InstanceGroup:
         used = used[ascending(depths[used])]
         table = np.empty((len(used), 4), np.float32)
         table[:, :3], table[:, 3] = choice.table[rows[used], :3], slots[used]
-        cored = self._first_cored(size[used])
-        return replace(
-            choice, table=table, depths=np.maximum.accumulate(depths[used]), cored=cored
-        )
+        depths = np.maximum.accumulate(depths[used])
+        return replace(choice, table=table, depths=depths, sizes=size[used])
 
     def select_meshes(self, frame, limits):
         """Draw instances too large for cards as meshes; return new actors."""

@@ -68,6 +68,25 @@ def test_no_background_shows_through_sets(scenes, see, sets, inside, level):
     pl.close()
 
 
+RING = pv.ParametricTorus(ringradius=1.0, crosssectionradius=0.15)
+
+
+@pytest.mark.parametrize('level', ['flat', 'parallax', 'blended', 'fine'])
+def test_only_cards_without_a_core_are_left_out_of_its_draws(scenes, level):
+    pl = scenes.empty(SIZE)
+    poses = spread(150, 4, 0.1, 1.0)
+    things = pl.ibr.add_instances(RING, poses, cache=scenes.folder, bake=True, force_level=level)
+    pl.camera.position, pl.camera.focal_point, pl.camera.up = EYE.values()
+    pl.show(auto_close=False)
+    found = bits(pl)
+    layer = things.groups[0].cards.layers[level]
+    assert layer.core is not None
+    layer.core_size = 0.0  # as if each had one
+    things.revision += 1
+    np.testing.assert_array_equal(found, bits(pl))
+    pl.close()
+
+
 def bits(pl):
     pl.render()
     return pl.screenshot(return_img=True)
