@@ -91,10 +91,10 @@ def rasterize_views(actors, views, size, formats=('rgba8',), *, samples=1, blend
             drawer.release()
 
 
-def read_rgba(window) -> np.ndarray:
-    """Return the picture of a window that was just rendered."""
+def read_rgba(window, *, shown=True) -> np.ndarray:
+    """Return the picture of a window that was just rendered, as shown or as plain means."""
     width, height = window.GetSize()
     pixels = _vtk.vtkUnsignedCharArray()
-    # The front buffer, as it is shown: VTK averages samples of the back buffer without gamma.
-    window.GetRGBACharPixelData(0, 0, width - 1, height - 1, 1, pixels)
+    # The front buffer is what is shown: VTK averages samples of the back buffer without gamma.
+    window.GetRGBACharPixelData(0, 0, width - 1, height - 1, int(shown), pixels)
     return _vtk.vtk_to_numpy(pixels).reshape(height, width, 4).copy()

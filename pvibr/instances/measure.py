@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from contextlib import contextmanager
+
 import numpy as np
 
 from pvibr.core import _vtk
@@ -33,7 +35,7 @@ BEYOND, LEAST, MOST = 0.25, 0.005, 0.02
 #: The same of lighter meshes, beside what few samples per pixel add to theirs as to the mesh's.
 MESH_BEYOND, MESH_LEAST = 0.5, 0.01
 _ROUNDED = 1.5 / 255  # what eight bits of a colour make of hardly any difference
-_FALLS = 0.65  # the power of the samples per pixel by which the FLIP of a mesh falls
+_MULTI = 4  # samples per pixel of the driver's, at which the mesh itself is measured as well
 _FLOOR = 1e-4  # FLIP below which nothing can be seen
 
 
@@ -59,11 +61,12 @@ def _around(z):
 
 
 def measure(model, progress=None) -> dict[str, np.ndarray]:
-    """Return the error table of a model's levels, (sizes, patches, 3) each."""
+    """Return the error table of a model's levels, (sizes, patches, 4) each."""
     # For each patch of directions, from four views: the displacement of outlines in pixels, and
     # the means of FLIP of what is covered, and of that of the mesh drawn once per pixel. That of
     # lighter meshes is what many samples per pixel show: few of them add as much as to the
-    # mesh.
+    # mesh. Last the power of the samples per pixel by which the mesh's own falls: drivers shade
+    # a triangle once a pixel, so that outlines gain from samples, and patterns inside do not.
     atlas = model.atlas
     table = {'sizes': np.array(SIZES, float)} | _measured(
         model, None, CARD_SHADERS, meshes=True, progress=progress or _unseen
@@ -82,6 +85,7 @@ def _measured(model, views, shaders, *, meshes, progress):
         reference = sheet.draw_mesh(0)
         full = _pixels(reference)
         truths = [_Truth(reference, full[size], size) for size in SIZES]
+        _set_falls(truths, sheet)
         table = {}
         lighter = range(1, len(model.levels) if meshes else 1)
         steps = iter(np.linspace(0, 1, len(lighter) + len(shaders) + 1)[1:].tolist())
@@ -110,22 +114,31 @@ def _unseen(_done):
     pass
 
 
+def _set_falls(truths, sheet):
+    """Set the power of the samples by which the mesh's own FLIP falls at each size."""
+    some = truths[1::2]  # between which it hardly changes
+    drawn = sheet.draw_multisampled([truth.size for truth in some])
+    falls = [truth.fall(picture) for truth, picture in zip(some, drawn, strict=True)]
+    octaves = np.log2([truth.size for truth in truths])
+    for truth, fall in zip(truths, np.interp(octaves, octaves[1::2], falls), strict=True):
+        truth.falls = fall
+
+
 def _rows(truths, draw, largest=np.inf):
-    """Return the errors of a level at all sizes, (sizes, patches, 3)."""
+    """Return the errors of a level at all sizes, (sizes, patches, 4)."""
     rows: list[np.ndarray] = []
     for i, truth in enumerate(truths):
         beyond = i and truths[i - 1].size >= largest
         if beyond or (rows and np.median(of_cards(rows[-1])) > _HOPELESS):
-            rows.append(rows[-1] * [2.0, 1.5, 1.0])  # it grows with the size
+            rows.append(rows[-1] * [2.0, 1.5, 1.0, 1.0])  # it grows with the size
         else:
             rows.append(truth.errors(draw(truth)))
     return np.array(rows)
 
 
 def of_cards(rows, samples=1):
-    """Return the least `max_error` in pixels that allows errors of cards: (..., 3) to (...)."""
-    moved, flip, own = np.moveaxis(np.asarray(rows), -1, 0)
-    own = _sampled(own, samples)
+    """Return the least `max_error` in pixels that allows errors of cards: (..., 4) to (...)."""
+    moved, flip, own = _sampled(rows, samples)
     always = CARD_SHARE * own
     color = np.minimum((flip - always) / np.clip(BEYOND * own, LEAST, MOST), flip / always)
     return np.maximum(np.maximum(moved - SLACK, 0.0), np.where(flip > always, color, 0.0))
@@ -133,16 +146,16 @@ def of_cards(rows, samples=1):
 
 def of_meshes(rows, samples=1):
     """Return the same of lighter meshes, which are sampled as the mesh is."""
-    moved, flip, own = np.moveaxis(np.asarray(rows), -1, 0)
-    own = _sampled(own, samples)
+    moved, flip, own = _sampled(rows, samples)
     # The mesh's own is along outlines, what these have beyond it is elsewhere: it adds up.
     color = flip / np.maximum(MESH_BEYOND * own, MESH_LEAST)
     return np.maximum(np.maximum(moved - SLACK, 0.0), color)
 
 
-def _sampled(own, samples):
-    """Return the FLIP of a mesh drawn with some samples per pixel, from that with one."""
-    return own / max(samples, 1) ** _FALLS
+def _sampled(rows, samples):
+    """Return displacement, FLIP and that of the mesh drawn with some samples per pixel."""
+    moved, flip, own, falls = np.moveaxis(np.asarray(rows), -1, 0)
+    return moved, flip, own / max(samples, 1) ** falls
 
 
 class _Truth:
@@ -159,12 +172,18 @@ class _Truth:
         self.covered = np.maximum(tiles[..., 3].sum((1, 2)), 1.0)
         once = _once(reference, size)
         self.base, self.moved = self._flip(once), _moved(once, self.picture, size)
+        self.falls = 0.0
+
+    def fall(self, picture):
+        """Return the power of the samples by which the mesh's FLIP falls in a picture of some."""
+        return float(np.log(self.base.mean() / self._flip(picture).mean()) / np.log(_MULTI))
 
     def errors(self, picture):
-        """Return displacement, FLIP and that of the mesh itself in each patch of directions."""
+        """Return displacement, FLIP, that of the mesh and its power in each patch."""
         moved = _moved(picture, self.picture, self.size)
         moved = np.where(moved > self.moved, moved, 0.0)  # thin things: no worse than the mesh
-        return np.stack([moved, _patches(self._flip(picture)), _patches(self.base)], 1)
+        flips = _patches(self._flip(picture)), _patches(self.base)
+        return np.stack([moved, *flips, np.full(PATCHES, self.falls)], 1)
 
     def _flip(self, picture):
         """Return the FLIP of a pixel that is covered, in some views, clamped to what is seen."""
@@ -303,16 +322,32 @@ class _Sheet:
     def draw_mesh(self, level):
         """Return the samples of a mesh level, premultiplied RGBA of 8 bits."""
         self._resize(SIZES[-1] * _SAMPLES, 0.5)
+        with self._mesh(level):
+            return self._picture()
+
+    def draw_multisampled(self, sizes):
+        """Return images of the mesh at some sizes as the driver samples them, from 0 to 1."""
+        found = []
+        self.window.SetMultiSamples(_MULTI)
+        with self._mesh(0):
+            for size in sizes:
+                self._resize(size)
+                found.append(self._picture(shown=False) / np.float32(255))
+        self.window.SetMultiSamples(0)
+        return found
+
+    @contextmanager
+    def _mesh(self, level):
+        """Have a mesh level in all views."""
         pool = MeshPool(self.model.levels[level])
         slots = list(range(len(self.group)))
         actors = pool.show(slots, self.group.matrix, lambda _: (0.0, 0.0, 0.0, 0.5))
         for actor in actors:
             self.renderer.AddViewProp(actor)
-        picture = self._picture()
+        yield
         for actor in actors:
             self.renderer.RemoveViewProp(actor)
             actor.ReleaseGraphicsResources(self.window)
-        return picture
 
     def draw_cards(self, shader, size):
         """Return the image of a shader's cards, premultiplied RGBA from 0 to 1."""
@@ -330,10 +365,10 @@ class _Sheet:
             raise ShaderError(msg)
         return picture
 
-    def _picture(self):
+    def _picture(self, *, shown=True):
         self.window.Render()
         self.group.cards.binder.unbind()
-        return read_rgba(self.window)
+        return read_rgba(self.window, shown=shown)
 
     def release(self):
         self.group.release()

@@ -131,7 +131,7 @@ def is_same(one, other):
 
 def test_limits_grow_with_the_error():
     rng = np.random.default_rng(0)
-    rows = np.cumsum(rng.uniform(0, 0.5, (5, 16, 3)), 0)
+    rows = np.cumsum(rng.uniform(0, 0.5, (5, 16, 4)), 0)
     names = ('splat', 'flat', 'parallax', 'blended', 'fine', 'mesh1')
     table = {n: rows * s for n, s in zip(names, (4, 2, 1, 0.5, 0.4, 0.2), strict=True)}
     table |= {'sizes': np.array([8.0, 16, 32, 64, 128]), 'mesh1.radii': np.array(0.01)}

@@ -168,7 +168,7 @@ def test_each_level_joins_by_its_measured_error(foliage, atlases, see):
     things = pl.ibr.add_instances(foliage, [[0, 0, 0], [9, 0, 0]], cache=atlases, max_error=2.0)
     errors = things.atlases[0].errors
     assert {'billboard', 'turntable', 'mesh1', 'mesh2'} <= set(errors)
-    assert errors['turntable'].shape == (len(SIZES), 16, 3)
+    assert errors['turntable'].shape == (len(SIZES), 16, 4)
     assert (errors['turntable'][2:, :, 1].mean(1) <= errors['billboard'][2:, :, 1].mean(1)).all()
     see.place(pl, (0, -60, 1.6), (0, 0, 1.6))
     see.grab(pl)
@@ -186,8 +186,8 @@ def test_each_level_joins_by_its_measured_error(foliage, atlases, see):
 
 
 def test_sizes_follow_from_errors():
-    good = np.array([[0.4, 0.1, 0.2], [1.4, 0.1, 0.2]])
-    bad = np.array([[0.4, 0.1, 0.2], [2.5, 0.1, 0.2]])
+    good = np.array([[0.4, 0.1, 0.2, 0.6], [1.4, 0.1, 0.2, 0.6]])
+    bad = np.array([[0.4, 0.1, 0.2, 0.6], [2.5, 0.1, 0.2, 0.6]])
     table = {
         'sizes': np.array([8.0, 16.0]),
         'splat': good,
