@@ -157,11 +157,15 @@ class PoseSheet:
         rows = max(len(image) for image in images)
         self.unbind()
         first = self.rest.take(rows)
-        for texture, image in zip(self._staging, images, strict=True):
-            blank = np.zeros((rows, WIDTH, 4), np.float32)
-            blank[: len(image)] = image
-            texture.upload(blank)
-        self.rest.write(first, rows, self._staging)
+        try:
+            for texture, image in zip(self._staging, images, strict=True):
+                blank = np.zeros((rows, WIDTH, 4), np.float32)
+                blank[: len(image)] = image
+                texture.upload(blank)
+            self.rest.write(first, rows, self._staging)
+        except BaseException:
+            self.rest.give(first, rows)
+            raise
         return first
 
     def take(self, rows) -> int:

@@ -70,12 +70,16 @@ class Posing:
         first = sheet.take(sum(heights) * poses)
         #: First row of each mesh, and the end of them.
         self.rows = np.cumsum([first, *(h * poses for h in heights)]).tolist()
-        firsts = [sheet.load(_images(m)) for m in rest_meshes]
-        self._rest = list(zip(firsts, blocks, strict=True))
-        self._meshes = [
-            _Mesh(sheet, mesh, *where)
-            for mesh, *where in zip(rest_meshes, heights, firsts, self.rows, strict=False)
-        ]
+        self._rest: list[tuple[int, int]] = []
+        self._meshes: list[_Mesh] = []
+        try:
+            for k, mesh in enumerate(rest_meshes):
+                at_rest = sheet.load(_images(mesh))
+                self._rest.append((at_rest, blocks[k]))
+                self._meshes.append(_Mesh(sheet, mesh, heights[k], at_rest, self.rows[k]))
+        except BaseException:
+            self.release()
+            raise
 
     @property
     def nbytes(self) -> int:

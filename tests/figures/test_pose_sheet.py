@@ -7,7 +7,8 @@ import pytest
 import pyvista as pv
 
 from pvibr.figures import animated_actor
-from pvibr.figures.pose_sheet import WIDTH, Rows
+from pvibr.figures.pose_sheet import WIDTH, PoseSheet, Rows
+from pvibr.figures.posing import Posing
 from pvibr.gl import Texture
 from pvibr.gl.offscreen import hidden_window
 from tests.figures.makers import bend, growing, worm
@@ -173,3 +174,26 @@ def test_subplots_share_a_sheet():
         check(actor)
         assert (half != half[0, 0]).any()
     pl.close()
+
+
+@pytest.mark.parametrize('successes', range(5))
+def test_what_cannot_be_loaded_leaves_no_rows(successes, monkeypatch):
+    """An upload that the driver refuses, of the first or of another texture or mesh."""
+    pl, (actor,) = shown([worm()])
+    rest = [mesh_actor.rest_mesh for mesh_actor in actor._posed] * 2
+    pl.close()
+    upload, left = Texture.upload, iter(range(successes))
+
+    def refuse(self, array):
+        if next(left, None) is None:
+            raise RuntimeError('the driver refused')
+        return upload(self, array)
+
+    with hidden_window() as (window, _):
+        sheet = PoseSheet(window)
+        monkeypatch.setattr('pvibr.figures.posing.sheet_with_room', lambda *_: sheet)
+        monkeypatch.setattr(Texture, 'upload', refuse)
+        with pytest.raises(RuntimeError, match='the driver refused'):
+            Posing(window, rest)
+        assert sheet.posed.height == sheet.rest.height == 0
+        assert sheet.posed.nbytes == sheet.rest.nbytes == 0
