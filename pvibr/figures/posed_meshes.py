@@ -43,6 +43,9 @@ class PosedPool(MeshPool):
             posed_feature().attach(actor)
         return actor
 
+    def show_sides(self, outside):
+        """Show both: a pose may turn triangles around."""
+
     @property
     def nbytes(self) -> int:
         """Bytes on the GPU."""

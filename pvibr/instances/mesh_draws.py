@@ -11,7 +11,6 @@ from pvibr.gl import shader_source
 from pvibr.gl.doubles import is_cut_out
 from pvibr.gl.feature import Feature, sections
 from pvibr.instances.mesh_pool import cutoff, with_looks
-from pvibr.instances.one_sided import OneSided
 from pvibr.meshes.decimate import take_arrays
 from pvibr.meshes.parts import draws_more
 from pvibr.scene.shader_draws import ShaderDraws
@@ -29,7 +28,8 @@ class MeshDraws:
     def __init__(self, level, capacity, center, matrix, binder, translucent=False):
         self.level, self._translucent = level, translucent
         shared = capacity, center, matrix, binder, translucent
-        self._parts = [PartDraws(p, *shared) for p in level.parts]
+        pairs = zip(level.parts, level.materials, strict=True)
+        self._parts = [PartDraws(part, material, *shared) for part, material in pairs]
 
     @property
     def blends(self) -> bool:
@@ -104,7 +104,7 @@ def _is_plain(actor):
 class PartDraws(ShaderDraws):
     """Draws of one part of a mesh, each of as many copies as its vertex buffer holds."""
 
-    def __init__(self, part, capacity, center, matrix, binder, translucent):
+    def __init__(self, part, material, capacity, center, matrix, binder, translucent):
         cells = max(part.mesh.n_cells, 1)
         triangles = min(max(_TRIANGLES, capacity * cells // 16), _MOST)
         chunk = max(1, min(capacity, triangles // cells))
@@ -113,7 +113,7 @@ class PartDraws(ShaderDraws):
         self._translucent = translucent
         self.set_feature(_feature(part.mesh))
         self.tint: dict = {}
-        self._material, self._worn = OneSided(part), part.actor.GetProperty()
+        self._material, self._worn = material, part.actor.GetProperty()
         self._half = np.zeros(3)
         self._depths: _DepthDraws | None = None
 

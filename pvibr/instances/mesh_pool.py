@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from pvibr.core import _vtk
 from pvibr.gl.feature import DITHER, Feature
+from pvibr.instances.one_sided import OneSided
 from pvibr.scene.shader_draws import DULL, PBR
 
 # The colour of an instance replaces what scalars and texture give, or multiplies it; a cut-out
@@ -53,6 +55,11 @@ class MeshLevel:
     def triangles(self) -> int:
         """Triangles of all parts."""
         return sum(p.mesh.n_cells for p in self.parts)
+
+    @cached_property
+    def materials(self) -> list[OneSided]:
+        """What each part is drawn with, with both sides or without one."""
+        return [OneSided(part) for part in self.parts]
 
 
 class MeshPool:
@@ -125,6 +132,14 @@ class MeshPool:
                 uniforms.SetUniformf('ibr_share', shares.get(i, 1.0))
                 uniforms.SetUniformf('ibr_dither', dither)
         self._faded = set(shares)
+
+    def show_sides(self, outside):
+        """Draw some instances, which are seen from outside, without the other side."""
+        kinds = [[m.material(seen) for m in self.level.materials] for seen in (False, True)]
+        for i, actors in self.lent.items():
+            for actor, prop in zip(actors, kinds[i in outside], strict=True):
+                if actor.GetProperty() is not prop:
+                    actor.SetProperty(prop)
 
     def tint(self, color, look_of):
         """Set one colour for all instances, over their looks."""

@@ -105,10 +105,11 @@ class NearMeshes:
         shares = np.ones(len(sizes), np.float32)
         if not frame.casting:
             shares = (sizes - least) / np.maximum(least * (FADE - 1), 1e-6)
+        outside = _from_outside(group, frame, slots, centers)
         alone = np.array(self.single)[levels]
-        new = self._show_singly(group, slots[alone], levels[alone], shares[alone])
-        slots, centers, levels, shares = (a[..., ~alone] for a in (slots, centers, levels, shares))
-        return new + self._show_draws(group, frame, slots, centers, levels, shares)
+        new = self._show_singly(group, slots[alone], levels[alone], shares[alone], outside[alone])
+        many = slots, centers, levels, shares, outside
+        return new + self._show_draws(group, frame, *(a[..., ~alone] for a in many))
 
     def _large(self, group, frame, limits):
         """Return slots, eye-space centres and sizes of what is in view, nearest first.
@@ -129,20 +130,22 @@ class NearMeshes:
         used = used[ascending((-eye[2] if frame.parallel else away)[used])]
         return slots[used], eye.take(used, 1), sizes[used], patches[used]
 
-    def _show_singly(self, group, slots, levels, shares):
+    def _show_singly(self, group, slots, levels, shares, outside):
         new = []
         for k, pool in enumerate(self.pools):
             ids = slots[levels == k].tolist()
             new += pool.show(ids, group.matrix, group.look)
+            if not (pool.translucent or pool.planes):
+                pool.show_sides(set(slots[(levels == k) & outside].tolist()))
             some = zip(ids, shares[levels == k].tolist(), strict=True)
             faded = {slot: share for slot, share in some if share < 1}
             pool.fade(faded, group.cards.uniforms['ibr_dither'])
         return new
 
-    def _show_draws(self, group, frame, slots, centers, levels, shares):
+    def _show_draws(self, group, frame, slots, centers, levels, shares, outside):
         if any(draws.blends for draws in self.draws):
-            slots, centers, levels, shares = (
-                a[..., ::-1] for a in (slots, centers, levels, shares)
+            slots, centers, levels, shares, outside = (
+                a[..., ::-1] for a in (slots, centers, levels, shares, outside)
             )
         order = np.argsort(levels.astype(np.uint8), kind='stable')  # a radix sort
         ends = np.searchsorted(levels[order], np.arange(len(self.draws) + 1))
@@ -156,13 +159,10 @@ class NearMeshes:
         textures = {name: cards.textures[name] for name in ('ibr_poses', 'ibr_looks')}
         uniforms = {name: cards.uniforms[name] for name in (*_SHARED, *_OF_FRAME)}
         uniforms['ibr_tint'] = (0.0, 0.0, 0.0, 0.0)
-        new, upright = [], faces_outward(frame)
-        beyond = -centers[2] - group.radii[slots] > frame.near
+        new = []
         for draws, first, end in zip(self.draws, ends.tolist(), ends[1:].tolist(), strict=False):
             draws.set_inputs(self._entries, textures, uniforms)
-            some = order[first:end]
-            outside = upright and beyond[some].all() and not group.placement.mirrors(slots[some])
-            new += draws.show(first, end, bool(outside))
+            new += draws.show(first, end, bool(outside[order[first:end]].all()))
         return new
 
     def depths(self) -> list:
@@ -219,6 +219,14 @@ class NearMeshes:
         for pool in self.pools:
             for part in pool.level.parts:
                 part.actor.ReleaseGraphicsResources(window)
+
+
+def _from_outside(group, frame, slots, centers) -> np.ndarray:
+    """Return which slots are wholly seen from outside, their triangles not turned around."""
+    if frame.casting or not faces_outward(frame):  # lights may want the side that is behind
+        return np.zeros(len(slots), bool)
+    whole = -centers[2] - group.radii[slots] > frame.near
+    return whole & ~group.placement.mirrored(slots)
 
 
 def _levels(sizes, limits) -> np.ndarray:

@@ -14,6 +14,8 @@ from pvibr.meshes.decimate import Welded
 from pvibr.meshes.materials import copy_property
 from pvibr.meshes.parts import culled_faces
 
+_HEAVY = 300_000  # triangles from which it takes too long to see whether a surface is closed
+
 
 class OneSided:
     """The material of a part, and a copy that leaves out the side that other triangles hide."""
@@ -45,7 +47,8 @@ class OneSided:
     @cached_property
     def _winding(self) -> int:
         part = self._part
-        if part.alpha_cutoff is not None or is_cut_out(part.actor):
+        holes = part.alpha_cutoff is not None or is_cut_out(part.actor)
+        if holes or part.mesh.n_cells > _HEAVY:
             return 0
         welded = Welded.of(part.mesh)
         return winding(welded.points, welded.faces)

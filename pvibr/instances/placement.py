@@ -141,12 +141,12 @@ class Placement:
         mirrored = a * minors[0] + b * minors[1] + c * minors[2] < 0
         return np.where(mirrored[:, None], -out, out)
 
-    def mirrors(self, slots) -> bool:
-        """Return True if the pose of any of some slots mirrors."""
+    def mirrored(self, slots) -> np.ndarray:
+        """Return which poses of some slots mirror."""
         if self.texels == 1:
-            return False
+            return np.zeros(len(slots), bool)
         (a, b, c), (d, e, f), (g, h, i) = self._axes(slots)
-        return bool((a * (e * i - f * h) + b * (f * g - d * i) + c * (d * h - e * g) < 0).any())
+        return a * (e * i - f * h) + b * (f * g - d * i) + c * (d * h - e * g) < 0
 
     def _axes(self, slots):
         """Return the linear parts of the poses of some slots, (3, 3, n)."""
