@@ -20,6 +20,8 @@ flat out vec4 ibr_known;          // packed colour, share of its pixels, distanc
 #if CELL_NORMALS
 flat out mat3 ibr_eye_normal;
 #endif
+out vec3 ibr_middle;              // the normal in the middle of a pixel
+centroid out vec3 ibr_within;     // and where the pixel is covered
 vec4 ibr_vertex;
 mat3 ibr_normal_matrix;
 
@@ -70,9 +72,12 @@ mat3 ibr_normal_matrix;
 //VTK::CustomBegin::Impl
 
 //@vertex.normal
+  ibr_middle = ibr_within = vec3(0.0);  // as VTK has none of flat meshes
+#define normalVCVSOutput ibr_middle = ibr_within = normalVCVSOutput
 #define normalMatrix ibr_normal_matrix
 //VTK::Normal::Impl
 #undef normalMatrix
+#undef normalVCVSOutput
 
 //@fragment.declare
 uniform int ibr_multiply;         // instance colours multiply those of the mesh
@@ -92,7 +97,27 @@ vec4 ibr_unpacked()
 #define ibr_share ibr_known.y
 #define ibr_blur ibr_known.z
 
+//@fragment.declare_normal
+#define normalVCVSOutput ibr_given_normal
+//VTK::Normal::Dec
+#undef normalVCVSOutput
+in vec3 ibr_middle;
+centroid in vec3 ibr_within;
+vec3 normalVCVSOutput;
+
+// Some of a pixel's samples may lie in a triangle whose edges its middle is far beyond: there the
+// normals of light levels, extrapolated, look away from the eye, and VTK, which turns such, lights
+// them from behind. Where they turn less than 14 degrees the middle's serve: drivers shade at one
+// of the samples covered, most often the same one, which would shift the light to its side.
+vec3 ibr_normal_of_triangle()
+{
+  float along = dot(ibr_middle, ibr_within);
+  float square = dot(ibr_middle, ibr_middle) * dot(ibr_within, ibr_within);
+  return along < 0.0 || along * along < 0.94 * square ? ibr_within : ibr_middle;
+}
+
 //@fragment.normal
+  normalVCVSOutput = ibr_normal_of_triangle();
 #define normalMatrix ibr_eye_normal
 //VTK::Normal::Impl
 #undef normalMatrix

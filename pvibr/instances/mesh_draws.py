@@ -222,11 +222,14 @@ def _feature(mesh, *, depth=False) -> Feature:
         'VTK::CustomBegin::Impl': part['vertex.begin'],
         'VTK::Normal::Impl': part['vertex.normal'],
     }
+    if depth:
+        return Feature('mesh_draws', vertex)
     fragment = {
         'VTK::PositionVC::Dec': defines + part['fragment.declare'] + kept,
+        'VTK::Normal::Dec': part['fragment.declare_normal'],
         'VTK::Normal::Impl': part['fragment.normal'],
     }
-    return Feature('mesh_draws', vertex, {} if depth else fragment)
+    return Feature('mesh_draws', vertex, fragment)
 
 
 def copies(mesh, count, origin) -> pv.PolyData:

@@ -8,6 +8,8 @@ import pyvista as pv
 from scipy.spatial.transform import Rotation
 
 import pvibr
+from pvibr.capture.offscreen import Stage
+from pvibr.maths.flip import flip
 from pvibr.meshes.decimate import lighter
 from pvibr.meshes.parts import as_parts
 
@@ -155,6 +157,33 @@ def test_colours_of_instances(scenes, see):
             color = color * [0.5, 0.8, 1.0] if blend == 'multiply' else color
             truth.add_mesh(body(), color=color.tolist()).user_matrix = matrix
         same(see.grab(drawn), see.grab(see.place(truth, **CAMERA)), tolerance=2.5)
+
+
+def field(ball, away, many, samples):
+    """Return a picture of 400 small balls: of instances or plain actors, of so many samples."""
+    places = poses(400, stretch=0.0)
+    places[:, :2, 3] = 1.2 * (np.stack(np.divmod(np.arange(400), 20), 1) - 9.5)
+    looks = {'smooth_shading': True, 'color': 'gold', 'specular': 0.4}
+    with Stage((200, 200), samples=8 if samples > 8 else 1, background='white') as stage:
+        stage.window.SetMultiSamples(samples if samples <= 8 else 0)
+        if many:
+            stage.plotter.ibr.add_instances(ball, places, bake=False, **looks)
+        else:
+            for place in places:
+                stage.plotter.add_mesh(ball, **looks).user_matrix = place
+        stage.look(((0, 0, away), (0, 0, 0), (0, 1, 0)))
+        return stage.picture()
+
+
+@pytest.mark.parametrize(('away', 'sides', 'gain'), [(90, 12, 0.85), (45, 12, 0.96)])
+def test_several_samples_light_no_triangle_from_behind(away, sides, gain):
+    ball = pv.Sphere(theta_resolution=sides, phi_resolution=sides).compute_normals()
+    truth, plain, found = (field(ball, away, *how) for how in ((False, 64), (False, 4), (True, 4)))
+    errors = [flip(picture, truth).mean() for picture in (found, plain)]
+    assert errors[0] < gain * errors[1]
+    covered = (truth < 0.99).any(2)
+    darker = [abs((picture - truth)[covered, 0].mean()) for picture in (found, plain)]
+    assert darker[0] < max(darker[1], 0.5 / 255)
 
 
 @pytest.mark.parametrize('move', [1e6, 1e9])
