@@ -1,9 +1,10 @@
 """Which photographs paint the triangles of a mesh, and how much at each corner.
 
 A vertex takes the best photographs of those that see all triangles around it, by the pixels that
-they have there, seen at that angle. A triangle shows those of its corners, each with weights that
-are linear between them: where sets differ, a photograph fades to nothing within a triangle, so
-that no border shows. What no photograph sees as a whole is cut into smaller triangles.
+they have there, seen at that angle; if there are none, of those that see some of them. A triangle
+shows those of its corners, each with weights that are linear between them: where sets differ, a
+photograph fades to nothing within a triangle, so that no border shows. What no photograph sees as
+a whole is cut into smaller triangles.
 """
 
 from __future__ import annotations
@@ -38,8 +39,10 @@ _UNLIKE = 14.0
 #: Rounds that average agreement over neighbours: weights that jump are seen as steps.
 _EVEN = 3
 _GAIN_VERTICES = 4000  # on which exposures are compared
-#: Triangles from a border of visibility over which a photograph fades in.
-_RINGS = 5
+#: Where a photograph fades in from a border of visibility, in lengths of its longer side.
+_FADE = 0.025
+#: Score of a photograph that does not see all triangles around a vertex.
+_PARTLY = 1e-5
 #: Rounds that smooth the normals by which photographs are judged: noise is no reason to change.
 _SMOOTH = 6
 #: Inner places of a triangle that a photograph must see, by corners.
@@ -87,6 +90,10 @@ class Surface:
         self.edges = np.stack([self.edges // count, self.edges % count], 1)
         self.used = distinct(self.edges[:, 0])
         self._starts = np.searchsorted(self.edges[:, 0], self.used)
+        self._counts = np.bincount(self.edges[:, 0], minlength=count)
+        self._first = np.cumsum(self._counts) - self._counts
+        across = self.points[self.edges[:, 1]] - self.points[self.edges[:, 0]]
+        self._lengths = np.linalg.norm(across, axis=1).astype(np.float32)
         around = np.zeros_like(self.points)
         for k in range(3):
             np.add.at(around, faces[:, k], self.normals * self.areas[:, None])
@@ -95,10 +102,19 @@ class Surface:
             around[self.used] += np.add.reduceat(around[self.edges[:, 1]], self._starts)
         self.smooth = unit_vectors(around)
 
-    def least_around(self, values):
-        """Return the least of the neighbours' values of each vertex."""
-        found = values.copy()
-        found[self.used] = np.minimum.reduceat(values[self.edges[:, 1]], self._starts)
+    def distances(self, those, reach):
+        """Return how far vertices are from some along edges, at most the reach of each, (n,)."""
+        found = np.where(those, 0, reach).astype(np.float32)
+        rows = np.flatnonzero(those)
+        while len(rows):
+            count = self._counts[rows]
+            edge = np.repeat(self._first[rows] + count - np.cumsum(count), count)
+            edge += np.arange(len(edge))
+            to, far = self.edges[edge, 1], np.repeat(found[rows], count) + self._lengths[edge]
+            nearer = far < found[to]
+            to = to[nearer]
+            np.minimum.at(found, to, far[nearer])
+            rows = distinct(to)
         return found
 
     def mean_around(self, values):
@@ -158,16 +174,20 @@ def choose(surface, pictures, visibility, max_angle=85.0, sharp=4.0) -> Choice:
     best = _Best(len(surface.points), _ASKED)
     whole = _Best(len(surface.faces), 1)
     anywhere = np.zeros(len(surface.faces), bool)
-    seen = []
+    seen, bits = [], []
     looks = visibility.each(lambda p: _Look(surface, p, visibility, least), pictures)
     for number, look in enumerate(looks):
         best.take(number, look.rows, look.scores)
         whole.take(number, *look.whole)
         anywhere |= look.touched
-        seen.append((look.rows.astype(np.int32), look.share))
+        seen.append(look.seen)
+        bits.append((np.packbits(look.facing), np.packbits(look.covered)))
     gains = _agreed(best, surface, pictures)
-    photos, weights = _mixed(surface.faces, best, whole, sharp)
-    _drop_hidden(surface, pictures, visibility, photos, weights)
+    photos, weights = _mixed(surface.faces, best, sharp)
+    _drop_hidden(surface, pictures, visibility, photos, weights, bits)
+    bare = np.flatnonzero(photos[:, 0] < 0)
+    photos[bare, 0], weights[bare, :, 0] = whole.numbers[bare, 0], 1.0
+    _drop_hidden(surface, pictures, visibility, photos, weights, bits, bare)
     count = len(surface.faces)
     origin = np.arange(count)
     choice = Choice(surface.points, surface.faces, origin, photos, weights, gains, tuple(seen))
@@ -184,7 +204,7 @@ class _Look:
     def __init__(self, surface, picture, visibility, least):
         camera, faces = picture.camera, surface.faces
         cosine = _cosines(camera, surface)
-        facing = cosine > least
+        self.facing = facing = cosine > least
         rows = np.zeros(len(surface.points), bool)
         rows[faces[facing]] = True
         rows = np.flatnonzero(rows)
@@ -195,30 +215,29 @@ class _Look:
         seen = np.zeros(len(surface.points), bool)
         seen[rows] = True
         corners = seen[faces]
-        covered = facing & corners.all(1)
+        self.covered = covered = facing & corners.all(1)
         self.touched = facing & corners.any(1)
         density = np.zeros(len(seen))
         density[rows] = picture.sharpness / camera.texel(surface.points[rows]) ** 2
         whole = np.flatnonzero(covered)
         self.whole = whole, cosine[whole] * density[faces[whole]].mean(1)
-        fade = _fade(surface, seen, covered)[rows]
+        width = _FADE * max(camera.size) * camera.texel(surface.points)
+        unseen = ~seen
+        unseen[faces[~covered]] = True
+        fade = surface.distances(unseen, width)[rows] / width[rows]
+        touching = np.zeros(len(seen), bool)
+        touching[faces[covered]] = True
         toward = camera.toward(surface.points[rows])
         angle = np.einsum('ij,ij->i', toward, surface.smooth[rows])
         near_edge = 1e-3 + border(uv, 0.05)
-        scores = np.maximum(angle, least) * density[rows] * fade * near_edge
+        scores = np.maximum(angle, least) * density[rows] * near_edge
+        # Around what no photograph sees all around, those that see a triangle of it.
+        scores *= np.maximum(fade, _PARTLY * touching[rows])
         keep = scores > 0
         self.rows, self.scores = rows[keep], scores[keep]
-        self.share = np.rint(255 * np.minimum(fade * near_edge, 1)[keep]).astype(np.uint8)
-
-
-def _fade(surface, seen, covered):
-    """Return 0 to 1 by the triangles between a vertex and what is not seen."""
-    whole = seen.copy()
-    whole[surface.faces[~covered]] = False
-    rings = np.where(whole, np.uint8(_RINGS), np.uint8(0))
-    for _ in range(_RINGS - 1):
-        rings = np.minimum(rings, surface.least_around(rings) + np.uint8(1))
-    return rings / float(_RINGS)
+        around = fade > 0
+        share = np.rint(255 * np.minimum(fade * near_edge, 1)[around]).astype(np.uint8)
+        self.seen = rows[around].astype(np.int32), share
 
 
 def _cosines(camera, surface):
@@ -315,7 +334,7 @@ def _gains(numbers, colors, count):
     return exposure_gains(shown)
 
 
-def _mixed(faces, best, whole, sharp):
+def _mixed(faces, best, sharp):
     """Return the photographs of triangles, those of their corners, and weights at corners."""
     # Less that of the first that is left out: it takes a place with nothing.
     first = np.maximum(best.scores[:, :1], 1e-37)
@@ -339,8 +358,6 @@ def _mixed(faces, best, whole, sharp):
         'fcm,fcmk->fck', share[faces], numbers[faces][..., None] == photos[:, None, None, :]
     )
     weights *= photos[:, None, :] >= 0
-    bare = photos[:, 0] < 0
-    photos[bare, 0], weights[bare, :, 0] = whole.numbers[bare, 0], 1.0
     return photos, _balanced(weights)
 
 
@@ -355,20 +372,29 @@ def _balanced(weights):
     )
 
 
-def _drop_hidden(surface, pictures, visibility, photos, weights):
-    """Take photographs off the triangles of which something hides inner parts."""
+def _drop_hidden(surface, pictures, visibility, photos, weights, bits, rows=slice(None)):
+    """Take photographs off the triangles of which something hides parts."""
+    faces = np.arange(len(photos))[rows]
+
+    def free(number, face, inner):
+        corners = surface.points[surface.faces[face]]
+        points = np.einsum('ik,fkd->fid', inner, corners).reshape(-1, 3)
+        normals = np.repeat(surface.normals[face], len(inner), 0)
+        found = _within(pictures[number], points)[1]
+        found &= visibility.free(pictures[number].camera, points, normals)
+        return found.reshape(-1, len(inner)).all(1)
 
     def hidden(number):
-        face, place = np.nonzero(photos == number)
-        corners = surface.points[surface.faces[face]]
-        points = np.einsum('ik,fkd->fid', _INNER, corners).reshape(-1, 3)
-        normals = np.repeat(surface.normals[face], len(_INNER), 0)
-        free = _within(pictures[number], points)[1]
-        free &= visibility.free(pictures[number].camera, points, normals)
-        found = ~free.reshape(-1, len(_INNER)).all(1)
-        return face[found], place[found]
+        face, place = np.nonzero(photos[rows] == number)
+        face = faces[face]
+        facing, covered = (np.unpackbits(b, count=len(photos))[face] for b in bits[number])
+        found = free(number, face, _INNER) & (facing > 0)
+        partly = np.flatnonzero(found & (covered == 0))
+        found[partly] = free(number, face[partly], _INSIDE)
+        return face[~found], place[~found]
 
-    for face, place in list(visibility.each(hidden, np.unique(photos[photos >= 0]))):
+    shown = photos[rows]
+    for face, place in list(visibility.each(hidden, np.unique(shown[shown >= 0]))):
         photos[face, place] = -1
         weights[face, :, place] = 0
     order = np.argsort(photos < 0, axis=1, kind='stable')
@@ -436,3 +462,7 @@ def sixteen():
             parts.append([number[i + 1, j], number[i + 1, j + 1], number[i, j + 1]])
     places = np.array([(4 - i - j, i, j) for i, j in grid]) / 4
     return places, np.array(parts)
+
+
+#: Likewise of one whose corners it does not all see: nearly up to its border.
+_INSIDE = 0.97 * sixteen()[0] + 0.01
