@@ -42,7 +42,8 @@ class OneSided:
         actor = self._part.actor
         planes = actor.GetMapper().GetClippingPlanes()
         cut = planes is not None and planes.GetNumberOfItems() > 0
-        return cut or bool(actor.HasTranslucentPolygonalGeometry())
+        faint = actor.GetProperty().GetOpacity() < 1  # blended, where it is forced opaque, too
+        return cut or faint or bool(actor.HasTranslucentPolygonalGeometry())
 
     @cached_property
     def _winding(self) -> int:
