@@ -35,7 +35,7 @@ class Billboards(CardSet):
 
     Parameters
     ----------
-    points : array_like, shape (n, 3), or dataset
+    points : array_like, shape (n, 3), dataset or table
         World units.
     image : path, array, pyvista.Texture, pvibr.LiveTexture, or a list of the first three
         Image or images; several are packed into one texture. Arrays are (h, w) or (h, w, c), row 0

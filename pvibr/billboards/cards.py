@@ -6,11 +6,13 @@ import numpy as np
 
 from pvibr.core.frame import Frame
 from pvibr.core.params import checked_flag
+from pvibr.formats.tables import columns_table
 from pvibr.maths.arguments import as_array, checked_lengths, checked_number, naming
 from pvibr.maths.blocks import BLOCK, Blocks, morton_order
 from pvibr.maths.facing import FACINGS, TOWARDS, azimuths, cards, turned_azimuths
 from pvibr.maths.quaternions import from_matrices, multiply
 from pvibr.maths.vectors import as_units, unit_vectors
+from pvibr.meshes.posed import source_of
 from pvibr.scene.draw_order import depths_of
 from pvibr.scene.placing import scale_of
 
@@ -304,6 +306,8 @@ class BillboardLayout:
 
 def as_points(points, name='points') -> np.ndarray:
     """Return points as a checked float64 array."""
+    if columns_table(points) is not None:
+        points = source_of(points, argument=name).poses
     array = _floats(name, getattr(points, 'points', points))
     if array.shape not in ((0,), (3,)) and array.shape[1:] != (3,):
         msg = f'{name} has shape {array.shape}; it must be (n, 3)'

@@ -32,6 +32,8 @@ class Source(NamedTuple):
     poses: np.ndarray
     arrays: Mapping | None = None
     dataset: pv.DataSet | None = None
+    #: Names of the columns of a table.
+    columns: tuple[str, ...] = ()
 
     def array(self, argument, name):
         """Return the array that an argument names."""
@@ -44,24 +46,25 @@ class Source(NamedTuple):
                 'with this array'
             )
             raise TypeError(msg)
-        known = ', '.join(map(repr, arrays)) or 'none'
+        known = ', '.join(map(repr, self.columns or arrays)) or 'none'
         msg = f'{argument} is {name!r}; the arrays of the points are: {known}'
-        raise ValueError(msg + nearest(name, arrays))
+        raise ValueError(msg + nearest(name, self.columns or arrays))
 
 
-def source_of(poses, *names) -> Source:
+def source_of(poses, *names, argument='poses') -> Source:
     """Return poses and the arrays of some names, of a file, a table or a dataset."""
     if isinstance(poses, str | Path):
         return Source(*read_poses_and(poses, names))
     if isinstance(poses, _vtk.vtkDataSet):
         dataset = poses if isinstance(poses, pv.DataSet) else pv.wrap(poses)
         return Source(dataset.points, dataset.point_data, dataset)
-    with naming('poses', poses):
+    with naming(argument, poses):
         table = columns_table(poses)
         if table is not None:
             # Of three columns by other names, those are: as of an array.
             bare = len(table.names) == 3 and table.find('x') is None
-            return Source(*table_poses(table, names, table.names if bare else None))
+            found, arrays = table_poses(table, names, table.names if bare else None)
+            return Source(found, arrays, columns=tuple(table.names))
     return Source(_plain(poses))
 
 

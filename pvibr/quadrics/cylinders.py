@@ -11,7 +11,7 @@ from pvibr.maths.arguments import naming
 from pvibr.maths.quadric_rays import CAPS, meet_cylinders
 from pvibr.meshes.unit_meshes import along, balls, linear, tubes
 from pvibr.quadrics.cards import Shape, gap_rows
-from pvibr.quadrics.quadrics import Quadrics, lengths_of
+from pvibr.quadrics.quadrics import Quadrics, lengths_of, with_scalars
 from pvibr.scene import looks as look
 from pvibr.scene.looks import read_only
 
@@ -21,7 +21,7 @@ class Cylinders(Quadrics):
 
     Parameters
     ----------
-    points_a, points_b : array_like, shape (n, 3), or dataset
+    points_a, points_b : array_like, shape (n, 3), dataset or table
         Their ends, world units.
     radius : float or array_like, shape (n,)
         World units; radius 0 is not drawn.
@@ -81,7 +81,7 @@ class Cylinders(Quadrics):
             open=caps is None,
             defines=(('CAPS', cap), ('BLEND', int(self.blend))),
         )
-        super().__init__(**looks)
+        super().__init__(**with_scalars(points_a, looks))
 
     def __len__(self):
         return len(self._own_ends[0])

@@ -63,7 +63,7 @@ class Ellipsoids(AxesQuadrics):
 
     Parameters
     ----------
-    points : array_like, shape (n, 3), or dataset
+    points : array_like, shape (n, 3), dataset or table
         Centres, world units.
     radii : float or array_like, shape (n, 3) or (3,)
         Semi-axes, world units, at least 1e-4 of the largest; if all are 0, nothing is drawn.

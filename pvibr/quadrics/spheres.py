@@ -20,7 +20,7 @@ class Spheres(AxesQuadrics):
 
     Parameters
     ----------
-    points : array_like, shape (n, 3), or dataset
+    points : array_like, shape (n, 3), dataset or table
         Centres, world units.
     radius : float or array_like, shape (n,)
         World units; radius 0 is not drawn.

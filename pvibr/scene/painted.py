@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pyvista as pv
 
+from pvibr.meshes.posed import source_of
 from pvibr.scene import looks as look
 from pvibr.scene.keywords import check_keywords
 from pvibr.scene.scalar_bars import name_of
@@ -197,17 +198,20 @@ class Painted(Thing):
 
 
 def scalars_of(points, scalars):
-    """Return scalars, those of points that are a dataset by the name of an array."""
+    """Return scalars, those of a dataset or a table of points by the name of an array."""
     if not isinstance(scalars, str):
         return scalars
-    if not isinstance(points, pv.DataSet):
-        msg = f'scalars is {scalars!r}, a name: it needs points that are a dataset with this array'
-        raise TypeError(msg)
-    if scalars not in points.point_data:
-        known = ', '.join(points.point_data.keys()) or 'none'
-        msg = f'scalars is {scalars!r}; the arrays of the points are: {known}'
-        raise ValueError(msg)
-    return points.point_data[scalars]
+    if isinstance(points, pv.DataSet) and scalars in points.point_data:
+        return points.point_data[scalars]
+    column = source_of(points, scalars, argument='points').array('scalars', scalars).view(_Column)
+    column.name = scalars
+    return column
+
+
+class _Column(np.ndarray):
+    """Values of a table, which know the name of their column."""
+
+    name = ''
 
 
 def _mapped(table, values):

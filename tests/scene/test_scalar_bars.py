@@ -196,17 +196,23 @@ def test_titles_are_names_of_arrays(pl, kind):
 def test_a_name_selects_an_array_of_the_points(pl):
     cloud = pv.PolyData(PLACES)
     cloud['depth'] = VALUES
-    for add in (
-        lambda: pl.ibr.add_spheres(cloud, 0.2, scalars='depth'),
-        lambda: pl.ibr.add_ellipsoids(cloud, (0.2, 0.3, 0.4), scalars='depth'),
-        lambda: pl.ibr.add_billboards(cloud, np.ones((4, 4, 3)), scalars='depth'),
-    ):
-        thing = add()
-        assert list(pl.scalar_bars.keys()) == ['depth']
-        agree(pl, thing, VALUES, (VALUES.min(), VALUES.max()), title='depth')
-        thing.remove()
-    with pytest.raises((KeyError, ValueError), match='dept'):
-        pl.ibr.add_spheres(cloud, 0.2, scalars='dept')
+    x, y, z = PLACES.T
+    table = {'x': x, 'y': y, 'z': z, 'kind': ['oak'] * len(x), 'depth': VALUES}
+    for points in (cloud, table):
+        for add in (
+            lambda p: pl.ibr.add_spheres(p, 0.2, scalars='depth'),
+            lambda p: pl.ibr.add_cylinders(p, PLACES + 1, 0.2, scalars='depth'),
+            lambda p: pl.ibr.add_ellipsoids(p, (0.2, 0.3, 0.4), scalars='depth'),
+            lambda p: pl.ibr.add_billboards(p, np.ones((4, 4, 3)), scalars='depth'),
+        ):
+            thing = add(points)
+            assert list(pl.scalar_bars.keys()) == ['depth']
+            agree(pl, thing, VALUES, (VALUES.min(), VALUES.max()), title='depth')
+            thing.remove()
+        with pytest.raises((KeyError, ValueError), match="did you mean 'depth'"):
+            pl.ibr.add_spheres(points, 0.2, scalars='dept')
+    with pytest.raises(ValueError, match=r"points = .*no column 'z'"):
+        pl.ibr.add_spheres({'x': x, 'y': y}, 0.2)
     with pytest.raises((TypeError, ValueError), match='scalars'):
         pl.ibr.add_spheres(PLACES, 0.2, scalars='depth')
 
