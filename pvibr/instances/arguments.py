@@ -13,7 +13,7 @@ from pvibr.formats.trimesh_meshes import is_trimesh
 from pvibr.maths.arguments import as_array
 from pvibr.maths.transforms import trs
 from pvibr.meshes.files import scene_instances
-from pvibr.meshes.glyphs import Glyphs, named
+from pvibr.meshes.glyphs import Glyphs
 from pvibr.meshes.parts import are_parts
 from pvibr.meshes.posed import names_in, posed_source, source_of
 from pvibr.meshes.poses import as_poses
@@ -37,13 +37,8 @@ def placed(mesh, poses, index, scalars, pbr=False, plain=False, **how) -> Placed
     meshes, poses, index = _meshes_and_poses(mesh, poses, index, pbr)
     names = [n for n in (scalars, how.get('orient'), how.get('scale')) if isinstance(n, str)]
     source = source_of(poses, *names, *names_in(how.get('orient')))
-    arrays = source.arrays or {}
-    if isinstance(scalars, str) and scalars in arrays:
-        name, scalars = scalars, arrays[scalars]
-        if np.ndim(scalars) != 1 or np.asarray(scalars).dtype.kind not in 'fiub':
-            msg = f'scalars is {name!r}, an array of text or vectors; name one of numbers'
-            raise ValueError(msg)
-        scalars = named(scalars, name)  # its scalar bar has the name of the column
+    if isinstance(scalars, str) and scalars in (source.arrays or {}):
+        scalars = source.scalars(scalars)
     return Placed(meshes, posed_source(source, **how), index, scalars)
 
 

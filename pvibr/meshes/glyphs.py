@@ -14,7 +14,7 @@ from pvibr.core.params import checked_flag
 from pvibr.core.spelling import nearest
 from pvibr.maths.transforms import trs
 from pvibr.meshes.parts import are_parts
-from pvibr.meshes.posed import checked_factor, kept_apart, toward
+from pvibr.meshes.posed import checked_factor, kept_apart, named, toward
 
 _MODES = 'scale', 'scalar', 'vector'
 
@@ -203,8 +203,3 @@ def _checked_range(rng) -> tuple[float, float]:
 
 def _width(span) -> float:
     return (span[1] - span[0]) or 1.0
-
-
-def named(values, name):
-    """Return values as an array that is titled by a name."""
-    return pv.pyvista_ndarray(pv.convert_array(np.array(values, float), name=name))

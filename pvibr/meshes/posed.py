@@ -50,6 +50,19 @@ class Source(NamedTuple):
         msg = f'{argument} is {name!r}; the arrays of the points are: {known}'
         raise ValueError(msg + nearest(name, self.columns or arrays))
 
+    def scalars(self, name):
+        """Return the numbers that scalars name: their scalar bar has that name."""
+        values = self.array('scalars', name)
+        if values.ndim != 1 or values.dtype.kind not in 'fiub':
+            msg = f'scalars is {name!r}, an array of text or vectors; name one of numbers'
+            raise ValueError(msg)
+        return named(values, name)
+
+
+def named(values, name):
+    """Return values as an array that is titled by a name."""
+    return pv.pyvista_ndarray(pv.convert_array(np.array(values, float), name=name))
+
 
 def source_of(poses, *names, argument='poses') -> Source:
     """Return poses and the arrays of some names, of a file, a table or a dataset."""

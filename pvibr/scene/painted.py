@@ -201,17 +201,7 @@ def scalars_of(points, scalars):
     """Return scalars, those of a dataset or a table of points by the name of an array."""
     if not isinstance(scalars, str):
         return scalars
-    if isinstance(points, pv.DataSet) and scalars in points.point_data:
-        return points.point_data[scalars]
-    column = source_of(points, scalars, argument='points').array('scalars', scalars).view(_Column)
-    column.name = scalars
-    return column
-
-
-class _Column(np.ndarray):
-    """Values of a table, which know the name of their column."""
-
-    name = ''
+    return source_of(points, scalars, argument='points').scalars(scalars)
 
 
 def _mapped(table, values):
