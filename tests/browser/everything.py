@@ -6,6 +6,7 @@ The page's ``trame.trigger`` calls what :func:`serve` names.
 
 from __future__ import annotations
 
+from types import SimpleNamespace
 from unittest import mock
 
 import numpy as np
@@ -186,6 +187,7 @@ def serve():
     server.cli.add_argument('--columns', type=int, default=1)
     server.cli.add_argument('--multi-samples', type=int, default=0)
     server.cli.add_argument('--rca', action='store_true')
+    server.cli.add_argument('--panel', action='store_true')
     asked, _ = server.cli.parse_known_args()
     pl = plotter((1, asked.columns), multi_samples=asked.multi_samples)
     with VAppLayout(server):
@@ -195,6 +197,11 @@ def serve():
             view = PyVistaRCAView(pl, style='width: 100%; height: 100%')
             view.update = view.render
             pl.add_on_render_callback(lambda _: view.render(), render_event=False)
+        elif asked.panel:
+            from pvibr_widgets import trame_panel
+
+            trame_panel(pl, server, picture=True)
+            view = SimpleNamespace(update=pl.render)
         else:
             view = plotter_ui(pl, mode='server', add_menu=False)
 

@@ -210,3 +210,33 @@ def test_an_area_of_rca(page, start, picture_of, until, quiet):
     view.tell('play', 1.0)
     until(lambda: view.tell('look')['time'] > begin + 0.2)
     view.tell('play', 0)
+
+
+def test_ten_tabs_of_a_panel_come_and_go_while_time_goes_on(
+    off_screen, page, start, picture_of, until, quiet
+):
+    """Each tab of this page has a size of its own; most close before their first picture."""
+    quiet.append('405')
+    program = start(str(FOLDER / 'everything.py'), '--server', '--port', '0', '--panel')
+    view = View.opened(page, program, picture_of, until)
+    view.tell('show', 'AnimatedActor')
+    view.tell('play', 1.0)
+    stayed = []
+    for k in range(10):
+        tab = page.context.new_page()
+        tab.set_default_timeout(180_000)
+        tab.set_viewport_size({'width': 400 + 30 * k, 'height': 500 - 20 * k})
+        tab.goto(program.url, wait_until='commit' if k % 2 else 'load')
+        if k in (0, 4, 8):
+            stayed.append(View(tab, picture_of, until))
+        if k not in (4, 8):
+            tab.close()
+    begin = view.tell('look')['time']
+    until(lambda: view.tell('look')['time'] > begin + 0.2)
+    view.tell('play', 0)
+    shown = [view, *stayed[1:]]
+    assert len({tuple(one.size) for one in shown}) == 3
+    for one in shown:
+        expected = off_screen(view.tell('look') | {'size': one.size}, 'AnimatedActor')
+        assert one.shows(expected) <= JPEG
+    assert not re.search(r'Traceback|Error|ERR[|]', program.said), program.said
