@@ -135,8 +135,9 @@ class Look:
             renderer.RemoveLight(light)
         for light in self._old_lights:
             renderer.AddLight(light)
+        newer = {type(effect) for effect in self._pipeline.effects}  # added since, in their place
         for effect in self._replaced:
-            if effect.pipeline is None:
+            if effect.pipeline is None and type(effect) not in newer:
                 self._pipeline.add(effect)
         self.lights, self.effects = [], {}
         self._old_lights, self._replaced = [], []

@@ -97,6 +97,21 @@ def test_effects_that_were_there_come_back():
     assert len(pl.renderer.lights) == len(scene().renderer.lights)
 
 
+def test_what_was_added_since_stays_as_the_look_goes():
+    """As in a notebook's cell that is run again and again."""
+    pl = plotter()
+    pl.add_mesh(pv.Sphere())
+    for _ in range(3):
+        own = pl.ibr.add(pvibr.Shadows())
+        look = pl.ibr.look('studio')
+        assert own.pipeline is None
+        assert pl.ibr['Shadows'] is look.effects['Shadows']
+        shot(pl)
+    newer = pl.ibr.add(pvibr.Shadows())
+    pl.ibr.look(None)
+    assert pl.ibr.effects == (newer,)
+
+
 def test_own_subplot():
     pl = pv.Plotter(shape=(1, 2), window_size=(2 * SIZE[0], SIZE[1]), border=False)
     for k in range(2):
