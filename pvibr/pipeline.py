@@ -354,8 +354,9 @@ class _Turn:
     def _fail(self, entry, error):
         entry.effect.enabled = False
         entry.stop('off', f'{type(error).__name__}: {error}')
+        why = entry.row.why.rstrip('.')
         self.failures.append(
-            f'{entry.effect.name} is off, the picture is drawn without it: {entry.row.why}. '
+            f'{entry.effect.name} is off, the picture is drawn without it: {why}. '
             'Mend the cause, then set its enabled = True, or remove it.'
         )
 

@@ -15,6 +15,7 @@ from pvibr.animation.mixer import ClipSource, PoseSource, revision_of
 from pvibr.animation.pose import Pose
 from pvibr.core.errors import warn
 from pvibr.core.params import Param
+from pvibr.maths.arguments import checked_number, naming
 from pvibr.maths.transforms import signs_of
 from pvibr.scene.thing import Thing
 
@@ -164,21 +165,12 @@ class FigurePlayer(Thing):
             If there is no such clip, joint or loop, the speed or the start is not finite, the fade
             is negative or the count is not above 0, or ``on_finished`` is given without an end.
         """
-        speed, fade = float(speed), float(fade)
-        if not np.isfinite(speed):
-            msg = f'speed = {speed}: must be a finite number'
-            raise ValueError(msg)
-        if not 0 <= fade < np.inf:
-            msg = f'fade = {fade}: must be 0 seconds or more'
-            raise ValueError(msg)
+        speed, fade = checked_number('speed', speed), checked_number('fade', fade, 0)
         if on_finished is not None and not callable(on_finished):
             msg = f'on_finished = {on_finished!r}: must be callable, with the actor'
             raise TypeError(msg)
         now = self._now()
-        start = now if start is None else float(start)
-        if not np.isfinite(start):
-            msg = f'start = {start}: must be a finite number of seconds'
-            raise ValueError(msg)
+        start = now if start is None else checked_number('start', start)
         played = ClipSource(self.figure, clip, speed, -start * speed, loop, root, count)
         if speed < 0 and np.isfinite(played.length):
             played.offset += played.length  # backwards from its end
@@ -220,10 +212,11 @@ class FigurePlayer(Thing):
 
     @pose.setter
     def pose(self, pose):
-        self.figure.world(pose)
         if not isinstance(pose, Pose):
-            pose = np.array(pose, np.float64)
-        elif not pose.shape:
+            with naming('pose', pose):
+                pose = np.array(pose, np.float64)
+        self.figure.world(pose)
+        if isinstance(pose, Pose) and not pose.shape:
             pose = self._with_weights(pose)
         shape = pose.shape if isinstance(pose, Pose) else pose.shape[:-3]
         if shape:
@@ -250,7 +243,8 @@ class FigurePlayer(Thing):
     @weights.setter
     def weights(self, weights):
         if weights is not None:
-            weights = np.array(weights, np.float64)
+            with naming('weights', weights):
+                weights = np.array(weights, np.float64)
             wanted = self.figure.rest.weights.shape
             if weights.shape != wanted or not np.isfinite(weights).all():
                 msg = f'weights = {weights!r}: must be finite numbers of shape {wanted}, or None'

@@ -122,8 +122,16 @@ def test_bad_ends(walker, plotter):
     actor = plotter.ibr.add_animated(walker)
     with pytest.raises(ValueError, match='on_finished needs an end'):
         actor.play('step', on_finished=print)
-    with pytest.raises(ValueError, match='start = nan: must be a finite'):
+    with pytest.raises(ValueError, match='start is nan; it must be a finite'):
         actor.play('step', start=np.nan)
+    for name in ('start', 'speed', 'fade'):
+        with pytest.raises(TypeError, match=f"{name} is 'x'"):
+            actor.play('step', **{name: 'x'})
+    for name in ('pose', 'weights'):
+        with pytest.raises(ValueError, match=f"{name} = 'x'"):
+            setattr(actor, name, 'x')
+    with pytest.raises(ValueError, match='pose must be'):
+        actor.pose = None
     with pytest.raises(TypeError, match='on_finished = 3'):
         actor.play('step', loop=False, on_finished=3)
     with pytest.raises(ValueError, match="loop is 'x'"):
