@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from pvibr.core import _vtk
 from pvibr.instances.card_layers import PATCH_SIDE, at_patches
 from pvibr.instances.cards import FADE, Cards
 from pvibr.instances.materials import copy_light
@@ -16,8 +15,8 @@ from pvibr.instances.placement import Placement, spheres
 from pvibr.maths import octahedral
 from pvibr.maths.blocks import BLOCK, Blocks, ascending
 from pvibr.maths.posed_bounds import posed_bounds
-from pvibr.meshes.materials import copy_property
 from pvibr.meshes.turntable import LEVEL
+from pvibr.scene.shared_material import CardMaterial
 
 SORTED = 16_384  # instances up to which each is sorted and culled by itself
 # Of a larger set, those of one shader that are still sorted one by one: some milliseconds.
@@ -67,7 +66,7 @@ class InstanceGroup:
         self.model, self.levels, self.atlas = model, model.levels, model.atlas
         self.unit, self.poses = unit, np.zeros((0, 3))
         self.placement = Placement(self.atlas, unit)
-        self._prop = _card_property(self.levels[0].parts)
+        self._prop = _card_material(self.levels[0].parts)
         self.cards = Cards(self.atlas, capacity, unit, draws, self._prop, binder)
         self.cards.uniforms['ibr_paint'] = model.paint
         self.near = self._near_meshes(translucent)
@@ -326,14 +325,9 @@ def _largest(parts):
     return max(parts, key=lambda part: part.mesh.n_cells)
 
 
-def _card_property(parts):
-    """Return the material of the largest part, prepared for cards."""
-    prop = _vtk.vtkProperty()
-    copy_property(prop, _largest(parts).actor.GetProperty())
-    prop.SetRepresentationToSurface()
-    if prop.GetInterpolation() == 0:
-        prop.SetInterpolationToGouraud()  # VTK lights no points of a flat material
-    prop.EdgeVisibilityOff()
-    prop.BackfaceCullingOff()
-    prop.FrontfaceCullingOff()
-    return prop
+def _card_material(parts):
+    """Return the material of the largest part, for cards."""
+    material = CardMaterial(_largest(parts).actor.GetProperty())
+    if material.GetInterpolation() == 0:
+        material.SetInterpolationToGouraud()  # VTK lights no points of a flat material
+    return material

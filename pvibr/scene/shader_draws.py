@@ -35,7 +35,8 @@ class ShaderDraws:
         self._observe()
         #: Most items of a draw.
         self.chunk = chunk
-        self.material = CardMaterial(prop)
+        #: Shared with whoever made it, or a copy of what is no material of cards.
+        self.material = prop if isinstance(prop, CardMaterial) else CardMaterial(prop)
         self.actors = [_draw_actor(self.mapper, self.material, translucent) for _ in range(draws)]
         self.textures: dict[str, Texture] = {}
         self.uniforms: dict = {}
