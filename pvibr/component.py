@@ -23,6 +23,7 @@ from pvibr.pipeline import Pipeline
 from pvibr.scene.facade import PickFacade
 from pvibr.scene.mesh_widgets import refuse_things
 from pvibr.scene.scalar_bars import Bar
+from pvibr.scene.thing import Thing
 
 if TYPE_CHECKING:
     from pvibr.billboards.billboards import Billboards
@@ -147,7 +148,10 @@ class IBRComponent(
         pipeline.check_addable(effect)
         for old in [e for e in pipeline.effects if _replaces(effect, e)]:
             pipeline.remove(old)
-        return pipeline.add(effect)
+        pipeline.add(effect)
+        if isinstance(effect, Thing) and effect.bar is not None:  # also of what was removed
+            effect.bar.show(effect)
+        return effect
 
     def _add_thing(
         self,
@@ -202,7 +206,6 @@ class IBRComponent(
         thing.bar, thing.label = bar, label
         bar.check(self._plotter, thing)
         self.add(thing)
-        bar.show(thing)
         self._show(reset_camera, render)
         return thing
 

@@ -318,3 +318,11 @@ def test_bars_of_meshes_are_those_of_add_mesh(name):
         == bars[1].GetDrawTickLabels()
         == (name not in ('words', 'flags'))
     )
+
+
+def test_the_bar_comes_back_with_its_thing(pl):
+    spheres = pl.ibr.add_spheres(PLACES, 0.2, scalars=VALUES, scalar_bar_args={'title': 'heat'})
+    spheres.remove()
+    assert not list(pl.scalar_bars.keys())
+    pl.ibr.add(spheres)
+    agree(pl, spheres, VALUES, (VALUES.min(), VALUES.max()), title='heat')
