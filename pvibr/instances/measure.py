@@ -166,7 +166,7 @@ class _Truth:
         self.picture = picture
         self.few = np.arange(_VIEWS)
         if size >= _FEW_SIZE:
-            self.few = self.few.reshape(_SIDE, _SIDE)[::2, ::2].ravel()
+            self.few = _quarter()
         tiles = _tiles(self.picture, size)[self.few]
         self.flip = Flip(_on_white(tiles))
         self.covered = np.maximum(tiles[..., 3].sum((1, 2)), 1.0)
@@ -176,7 +176,9 @@ class _Truth:
 
     def fall(self, picture):
         """Return the power of the samples by which the mesh's FLIP falls in a picture of some."""
-        return float(np.log(self.base.mean() / self._flip(picture).mean()) / np.log(_MULTI))
+        some = np.isin(self.few, _quarter())
+        found = self._flip(picture)[some].mean()
+        return float(np.log(self.base[some].mean() / found) / np.log(_MULTI))
 
     def errors(self, picture):
         """Return displacement, FLIP, that of the mesh and its power in each patch."""
@@ -189,6 +191,11 @@ class _Truth:
         """Return the FLIP of a pixel that is covered, in some views, clamped to what is seen."""
         maps = self.flip.maps(_on_white(_tiles(picture, self.size)[self.few]))
         return np.maximum(maps.sum((1, 2)) / self.covered, _FLOOR)
+
+
+def _quarter():
+    """Return every other view of every other row."""
+    return np.arange(_VIEWS).reshape(_SIDE, _SIDE)[::2, ::2].ravel()
 
 
 def _patches(values):
@@ -322,14 +329,14 @@ class _Sheet:
     def draw_mesh(self, level):
         """Return the samples of a mesh level, premultiplied RGBA of 8 bits."""
         self._resize(SIZES[-1] * _SAMPLES, 0.5)
-        with self._mesh(level):
+        with self._mesh(level, list(range(len(self.group)))):
             return self._picture()
 
     def draw_multisampled(self, sizes):
-        """Return images of the mesh at some sizes as the driver samples them, from 0 to 1."""
+        """Return images of a quarter of the views as the driver samples the mesh, 0 to 1."""
         found = []
         self.window.SetMultiSamples(_MULTI)
-        with self._mesh(0):
+        with self._mesh(0, _quarter().tolist()):  # samples of small triangles take long
             for size in sizes:
                 self._resize(size)
                 found.append(self._picture(shown=False) / np.float32(255))
@@ -337,10 +344,9 @@ class _Sheet:
         return found
 
     @contextmanager
-    def _mesh(self, level):
-        """Have a mesh level in all views."""
+    def _mesh(self, level, slots):
+        """Have a mesh level in some views."""
         pool = MeshPool(self.model.levels[level])
-        slots = list(range(len(self.group)))
         actors = pool.show(slots, self.group.matrix, lambda _: (0.0, 0.0, 0.0, 0.5))
         for actor in actors:
             self.renderer.AddViewProp(actor)
