@@ -49,7 +49,7 @@ class OneSided:
     def _winding(self) -> int:
         part = self._part
         holes = part.alpha_cutoff is not None or is_cut_out(part.actor)
-        if holes or part.mesh.n_cells > _HEAVY:
+        if holes or not 0 < part.mesh.n_cells <= _HEAVY:  # lines and points have no side
             return 0
         welded = Welded.of(part.mesh)
         return winding(welded.points, welded.faces)

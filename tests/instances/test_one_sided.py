@@ -142,3 +142,13 @@ def _flipped(pl):
     for column in range(4):
         matrix.SetElement(0, column, -matrix.GetElement(0, column))
     return matrix
+
+
+@pytest.mark.parametrize('mesh', [pv.Line(resolution=9).strip(), pv.PolyData(np.eye(3))])
+def test_lines_and_points_have_no_side(mesh):
+    """Without a triangle the set was switched off, and only a first script drew one."""
+    pl = pv.Plotter(off_screen=True, window_size=(80, 60))
+    lines = pl.ibr.add_instances(mesh, np.eye(3) * 3, line_width=3)
+    picture = pl.screenshot()
+    assert lines.enabled
+    assert (picture != picture[0, 0]).any()
