@@ -13,7 +13,7 @@ from pvibr.gl.feature import Feature
 from pvibr.gl.offscreen import hidden_window
 from pvibr.instances.atlas import MARGIN, Atlas, bounding_sphere
 from pvibr.maths import octahedral
-from pvibr.maths.surfaces import encloses
+from pvibr.maths.surfaces import winding
 from pvibr.maths.views import orthographic
 from pvibr.meshes.maps import attach_maps, emission_of
 from pvibr.meshes.materials import PROPERTY_TEXTURES, copy_property, copy_texture
@@ -139,7 +139,9 @@ class Baker:
 def unlit_actor(part, closed=None):
     """Return a copy of a part's actor that writes its unlit surface."""
     if closed is None:
-        closed = part.alpha_cutoff is None and encloses(part.mesh.points, part.mesh.regular_faces)
+        closed = (
+            part.alpha_cutoff is None and winding(part.mesh.points, part.mesh.regular_faces) > 0
+        )
     actor = _vtk.vtkActor()
     actor.SetMapper(part.polydata_mapper())
     actor.ForceOpaqueOn()

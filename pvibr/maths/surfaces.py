@@ -7,33 +7,9 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 _THIN = 1e-6  # thickness, of the whole size, below which a piece's sides are not told apart
-
-
-def encloses(points, faces) -> bool:
-    """Return True if triangles are closed and oriented outward.
-
-    Parameters
-    ----------
-    points : array_like, shape (n, 3)
-        Any units; points of equal coordinates are one.
-    faces : array_like of int, shape (m, 3)
-        Indices of points, counter-clockwise seen from outside.
-
-    Returns
-    -------
-    bool
-        True if each edge is used as often in one direction as in the other, and each connected
-        component has a positive volume.
-
-    Examples
-    --------
-    >>> from pvibr.maths.surfaces import encloses
-    >>> corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
-    >>> sides = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
-    >>> encloses(corners, sides), encloses(corners, sides[1:]), encloses(corners, sides[:, ::-1])
-    (True, False, False)
-    """
-    return winding(points, faces) > 0
+_LINES = 128  # along each edge of the bounds, from which a surface is looked at
+_FEW = 1e-3  # share of lines that may meet what is wound the other way first: folds of scans
+_MOST = 1 << 21  # pairs of lines and triangles that are tried for one axis
 
 
 def winding(points, faces) -> int:
@@ -49,8 +25,10 @@ def winding(points, faces) -> int:
     Returns
     -------
     int
-        1 seen from outside, -1 seen from inside, 0 if triangles are not closed or if it is not
-        the same for all connected components.
+        1 seen from outside, -1 seen from inside. 0 if some edge is not used as often in one
+        direction as in the other, if it is not the same for all connected components, or if
+        more than 0.1 % of what is seen along an axis is wound the other way, as one of the loops
+        of an eight is.
 
     Examples
     --------
@@ -69,13 +47,68 @@ def winding(points, faces) -> int:
     begin, end = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
     if not np.array_equal(np.sort(begin * count + end), np.sort(end * count + begin)):
         return 0
+    local = (points - points.mean(0)).astype(float)
+    local /= np.ptp(local, axis=0).max() or 1.0
+    side = _side_by_volume(local, faces)
+    return side if side and _is_seen_from(side, local[faces]) else 0
+
+
+def _side_by_volume(points, faces) -> int:
+    """Return the sign of the volumes of all connected components, 0 if they differ."""
+    count = len(points)
+    begin, end = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
     graph = coo_array((np.ones(len(begin), np.int8), (begin, end)), shape=(count, count))
     _, pieces = connected_components(graph, directed=False)
-    local = (points - points.mean(0)).astype(float)
-    a, b, c = (local / (np.ptp(local, axis=0).max() or 1.0))[faces.T]
+    a, b, c = points[faces.T]
     piece = pieces[faces[:, 0]]
     volumes = np.bincount(piece, (a * np.cross(b, c)).sum(1) / 6)
     areas = np.bincount(piece, np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2)
     if (volumes > _THIN * areas)[piece].all():
         return 1
     return -1 if (volumes < -_THIN * areas)[piece].all() else 0
+
+
+def _is_seen_from(side, corners) -> bool:
+    """Return True if nearly all that is met first along the axes is met from one side."""
+    for axis in range(3):
+        line, depth, toward = _crossings(np.roll(corners, 2 - axis, axis=2))
+        for sign in (1, -1):
+            behind = toward * sign * side < 0
+            away = -sign * depth + _THIN * behind  # of two in one place, that which is seen
+            order = np.lexsort((away, line))
+            first = np.diff(line[order], prepend=-1) > 0
+            if behind[order[first]].sum() > _FEW * first.sum():
+                return False
+    return True
+
+
+def _crossings(corners):
+    """Return where lines along z meet triangles: numbers of lines, depths, signs of normals."""
+    flat = corners[..., :2] - corners[..., :2].min((0, 1))
+    flat /= flat.max((0, 1)) + 1e-300
+    lines = _LINES
+    while True:
+        # A part of a step off the middle: symmetric meshes have edges there.
+        at = flat * lines - 0.4637
+        low, high = np.ceil(at.min(1)).astype(int), np.floor(at.max(1)).astype(int)
+        sizes = np.maximum(high - low + 1, 0)
+        counts = sizes.prod(1)
+        if counts.sum() <= _MOST:
+            break
+        lines //= 2
+    face = np.repeat(np.arange(len(at)), counts)
+    place = np.arange(len(face)) - np.repeat(np.cumsum(counts) - counts, counts)
+    row, column = np.divmod(place, np.maximum(sizes[face, 0], 1))
+    x, y = low[face, 0] + column, low[face, 1] + row
+    (ax, ay), (bx, by), (cx, cy) = np.moveaxis(at[face], 0, -1)
+    shares = np.stack(
+        [
+            (bx - x) * (cy - y) - (cx - x) * (by - y),
+            (cx - x) * (ay - y) - (ax - x) * (cy - y),
+            (ax - x) * (by - y) - (bx - x) * (ay - y),
+        ]
+    )
+    area = shares.sum(0)
+    met = np.flatnonzero((shares * np.sign(area) >= 0).all(0) & (area != 0))
+    depth = (shares[:, met] * corners[face[met], :, 2].T).sum(0) / area[met]
+    return (y * lines + x)[met], depth, np.sign(area[met])

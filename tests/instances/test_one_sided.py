@@ -8,6 +8,7 @@ import pyvista as pv
 from scipy.spatial.transform import Rotation
 
 from pvibr.instances.one_sided import OneSided
+from tests.maths.test_surfaces import eight as figure_eight
 
 SIZE = (120, 90)
 CAMERA = {'eye': (7, -8, 6), 'focus': (0, 0, 0), 'angle': 32}
@@ -29,10 +30,17 @@ def apart():
     return pv.PolyData.from_regular_faces(points, np.arange(len(points)).reshape(-1, 3))
 
 
+def eight():
+    """Return a closed tube around x whose section is an eight: one loop is wound inward."""
+    points, faces = figure_eight(0.7)
+    return pv.PolyData.from_regular_faces(np.roll(points, 1, 1) * 0.3, faces)
+
+
 MESHES = {
     'outward': (lobes(), 'back'),
     'inward': (lobes().flip_faces(), 'front'),
     'apart': (apart(), 'back'),
+    'eight': (eight(), 'none'),
     'open': (lobes().extract_cells(np.arange(600)).extract_surface(algorithm=None), 'none'),
 }
 
