@@ -30,6 +30,13 @@ _UNSEEN = (
     'no photograph sees the front of a triangle, so that the mesh stays bare: check the cameras; '
     'triangles that face away from them are turned around by mesh.flip_faces()'
 )
+_BEHIND = (
+    '{:.0%} of the surface that photographs see is bare, as they see it from behind: turn its '
+    'triangles around by mesh.flip_faces(), or, if only some face inwards, by '
+    'mesh.compute_normals(auto_orient_normals=True)'
+)
+#: Share of the surface that is reported, and how many triangles it is estimated from.
+_REPORTED, _ASKED_OF = 0.05, 4000
 #: Photographs that a vertex takes, and that a triangle shows.
 KEPT, SHOWN = 4, 4
 #: Photographs of a vertex whose colours are compared: what is not there in most has moved.
@@ -83,6 +90,8 @@ class Surface:
         self.normals, self.areas = normals_and_areas(corners)
         self.middles = corners.mean(1)
         self.offsets = np.einsum('ij,ij->i', self.normals, self.middles)
+        #: Some triangles, evenly spread over their numbers.
+        self.some = np.arange(0, len(faces), max(len(faces) // _ASKED_OF, 1))
         pairs = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
         pairs = np.concatenate([pairs, pairs[:, ::-1]])
         count = len(self.points)
@@ -173,13 +182,14 @@ def choose(surface, pictures, visibility, max_angle=85.0, sharp=4.0) -> Choice:
     least = max(float(np.cos(np.radians(max_angle))), _LEAST_COSINE)
     best = _Best(len(surface.points), _ASKED)
     whole = _Best(len(surface.faces), 1)
-    anywhere = np.zeros(len(surface.faces), bool)
+    anywhere, behind = np.zeros((2, len(surface.faces)), bool)
     seen, bits = [], []
     looks = visibility.each(lambda p: _Look(surface, p, visibility, least), pictures)
     for number, look in enumerate(looks):
         best.take(number, look.rows, look.scores)
         whole.take(number, *look.whole)
         anywhere |= look.touched
+        behind[look.behind] = True
         seen.append(look.seen)
         bits.append((np.packbits(look.facing), np.packbits(look.covered)))
     gains = _agreed(best, surface, pictures)
@@ -193,9 +203,22 @@ def choose(surface, pictures, visibility, max_angle=85.0, sharp=4.0) -> Choice:
     choice = Choice(surface.points, surface.faces, origin, photos, weights, gains, tuple(seen))
     bare = np.flatnonzero(anywhere & (photos[:, 0] < 0))
     choice = _cut(choice, bare, pictures, visibility, least) if len(bare) else choice
-    if (choice.photos < 0).all():
-        warn(_UNSEEN)
+    _warn_of_bare(surface, choice, behind)
     return choice
+
+
+def _warn_of_bare(surface, choice, behind):
+    """Warn of a surface that stays bare, or much of which is seen only from behind."""
+    painted = np.zeros(len(surface.faces), bool)
+    painted[choice.origin[choice.photos[:, 0] >= 0]] = True
+    if not painted.any():
+        warn(_UNSEEN)
+        return
+    areas, painted, behind = (v[surface.some] for v in (surface.areas, painted, behind))
+    bare = areas[behind & ~painted].sum()
+    share = bare / max(bare + areas[painted].sum(), 1e-300)
+    if share >= _REPORTED:
+        warn(_BEHIND.format(share))
 
 
 class _Look:
@@ -219,6 +242,10 @@ class _Look:
         self.touched = facing & corners.any(1)
         density = np.zeros(len(seen))
         density[rows] = picture.sharpness / camera.texel(surface.points[rows]) ** 2
+        back = surface.some[cosine[surface.some] < -least]
+        back = back[_within(picture, surface.middles[back])[1]]
+        free = visibility.free(camera, surface.middles[back], surface.normals[back])
+        self.behind = back[free]
         whole = np.flatnonzero(covered)
         self.whole = whole, cosine[whole] * density[faces[whole]].mean(1)
         width = _FADE * max(camera.size) * camera.texel(surface.points)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 import pyvista as pv
@@ -406,6 +408,25 @@ def test_that_a_mesh_is_inside_out_is_said(made):
     with pytest.warns(pvibr.PvibrWarning, match='flip_faces'):
         pvibr.PhotoMesh(plane.flip_faces(), made[1][:1])
     assert (pvibr.PhotoMesh(plane, made[1][:1]).choice.photos >= 0).any()
+
+
+@pytest.mark.parametrize('method', ['rays', 'map'])
+def test_that_much_faces_inwards_is_said(made, method, recwarn):
+    """Photographs see the backs of a quarter of the ground, or of a hundredth."""
+    mesh, photos = made
+    sources, points = load_small(sources_of(photos)), np.asarray(mesh.points)
+    middles = points[mesh.regular_faces].mean(1)
+    low = middles[:, 2] < 0.2
+    corner, half = (middles[:, :2] < -1.6).all(1), middles[:, 0] < 0
+    found = []
+    for turned in (low & False, low & corner, low & half):
+        faces = np.where(turned[:, None], mesh.regular_faces[:, ::-1], mesh.regular_faces)
+        with Visibility([mesh], method) as visibility:
+            choose(Surface(points, faces), sources, visibility)
+        found.append([str(warning.message) for warning in recwarn.list])
+        recwarn.clear()
+    assert found[:2] == [[], []]
+    assert re.match(r'[1-4]\d% of the surface that photographs see is bare', found[2][0])
 
 
 @pytest.mark.parametrize('seed', [1, 2])
