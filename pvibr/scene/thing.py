@@ -20,6 +20,8 @@ from pvibr.scene.scalar_bars import Bar, ThingMapper, share_range
 from pvibr.scene.shared_material import SharedMaterial
 
 _DIRECT = 2  # VTK_COLOR_MODE_DIRECT_SCALARS
+#: What PyVista appends to the names of arrays that it derives, but for numbers of components.
+_DERIVED = 'normed', 'digitized', 'real'
 #: Methods of actors that change their place.
 MOVES = (
     *('SetPosition', 'AddPosition', 'SetOrigin', 'SetOrientation', 'AddOrientation', 'SetScale'),
@@ -458,10 +460,14 @@ def _mapping(parts):
 
 def _array_of(part) -> str:
     """Return the name of the array that a part shows."""
-    # PyVista shows what is no number, and vectors by one, in an array of its own.
+    # PyVista derives an array of its own from words, complex numbers and vectors.
     mapper = part.actor.mapper
     name = mapper.GetArrayName() or mapper.dataset.active_scalars_name or ''
-    return part.scalars[0] if name.startswith(f'{part.scalars[0]}-') else name
+    asked = part.scalars[0]
+    if not asked:  # of an actor, which does not know
+        asked, _, suffix = name.rpartition('-')
+        return asked if suffix in _DERIVED else name
+    return asked if name.startswith(f'{asked}-') else name
 
 
 def _free_name(name, taken) -> str:
