@@ -307,7 +307,7 @@ class BillboardLayout:
 def as_points(points, name='points') -> np.ndarray:
     """Return points as a checked float64 array."""
     if columns_table(points) is not None:
-        points = source_of(points, argument=name).poses
+        points = source_of(points, argument=name, oriented=False).poses
     array = _floats(name, getattr(points, 'points', points))
     if array.shape not in ((0,), (3,)) and array.shape[1:] != (3,):
         msg = f'{name} has shape {array.shape}; it must be (n, 3)'

@@ -76,10 +76,10 @@ def read_poses_and(path, names):
     return table_poses(table_of(path), names)
 
 
-def table_poses(table, names, columns=None):
+def table_poses(table, names, columns=None, *, oriented=True):
     """Return poses of a table, and the other columns of some names that it has, by these."""
     there = [name for name in names if table.find(name) is not None]
-    poses, found = _poses_of(table, columns, there)
+    poses, found = _poses_of(table, columns, there, oriented=oriented)
     kept = {name: found.get(table.names[table.find(name)]) for name in there}
     return poses, {name: values for name, values in kept.items() if values is not None}
 
@@ -98,10 +98,9 @@ def _read_npy(path):
         raise ValueError(msg) from error
 
 
-def _poses_of(table, columns, others):
+def _poses_of(table, columns, others, *, oriented=True):
     axes = _axis_columns(table, columns)
-    spins = _group(table, QUATERNION)
-    sizes = _group(table, AXIS_SCALES) or [i for i in [table.find('scale')] if i is not None]
+    spins, sizes = _orientation(table) if oriented else ([], [])
     used = [index for index in axes if index is not None] + spins + sizes
     wanted = _others(table, used, others)
     texts = [index for index in wanted if table.kind(index) == 'text']
@@ -120,6 +119,12 @@ def _poses_of(table, columns, others):
     found = {table.names[i]: np.ascontiguousarray(known[i]) for i in wanted if i in known}
     extras = table.extras()
     return poses, found | {k: v for k, v in extras.items() if others is None or k in others}
+
+
+def _orientation(table):
+    """Return the columns of rotations, and those of scales."""
+    sizes = _group(table, AXIS_SCALES) or [i for i in [table.find('scale')] if i is not None]
+    return _group(table, QUATERNION), sizes
 
 
 def _others(table, used, names):

@@ -64,8 +64,11 @@ def named(values, name):
     return pv.pyvista_ndarray(pv.convert_array(np.array(values, float), name=name))
 
 
-def source_of(poses, *names, argument='poses') -> Source:
-    """Return poses and the arrays of some names, of a file, a table or a dataset."""
+def source_of(poses, *names, argument='poses', oriented=True) -> Source:
+    """Return poses and the arrays of some names, of a file, a table or a dataset.
+
+    If they are not oriented, columns of rotations and scales are arrays as others are.
+    """
     if isinstance(poses, str | Path):
         return Source(*read_poses_and(poses, names))
     if isinstance(poses, _vtk.vtkDataSet):
@@ -76,7 +79,8 @@ def source_of(poses, *names, argument='poses') -> Source:
         if table is not None:
             # Of three columns by other names, those are: as of an array.
             bare = len(table.names) == 3 and table.find('x') is None
-            found, arrays = table_poses(table, names, table.names if bare else None)
+            axes = table.names if bare else None
+            found, arrays = table_poses(table, names, axes, oriented=oriented)
             return Source(found, arrays, columns=tuple(table.names))
     return Source(_plain(poses))
 

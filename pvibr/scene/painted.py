@@ -201,7 +201,7 @@ def scalars_of(points, scalars):
     """Return scalars, those of a dataset or a table of points by the name of an array."""
     if not isinstance(scalars, str):
         return scalars
-    return source_of(points, scalars, argument='points').scalars(scalars)
+    return source_of(points, scalars, argument='points', oriented=False).scalars(scalars)
 
 
 def _mapped(table, values):

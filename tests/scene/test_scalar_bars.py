@@ -198,7 +198,11 @@ def test_a_name_selects_an_array_of_the_points(pl):
     cloud['depth'] = VALUES
     x, y, z = PLACES.T
     table = {'x': x, 'y': y, 'z': z, 'kind': ['oak'] * len(x), 'depth': VALUES}
-    for points in (cloud, table):
+    oriented = table | {'qw': x, 'qx': x, 'qy': x, 'qz': x, 'scale': 2 * VALUES}
+    spheres = pl.ibr.add_spheres(oriented, 0.2, scalars='scale')
+    agree(pl, spheres, 2 * VALUES, (2 * VALUES.min(), 2 * VALUES.max()), title='scale')
+    spheres.remove()
+    for points in (cloud, table, oriented):
         for add in (
             lambda p: pl.ibr.add_spheres(p, 0.2, scalars='depth'),
             lambda p: pl.ibr.add_cylinders(p, PLACES + 1, 0.2, scalars='depth'),
@@ -318,6 +322,17 @@ def test_bars_of_meshes_are_those_of_add_mesh(name):
         == bars[1].GetDrawTickLabels()
         == (name not in ('words', 'flags'))
     )
+
+
+@pytest.mark.parametrize('name', ['vector', 'words', 'x-1'])
+def test_bars_of_actors_have_the_names_of_arrays(pl, name):
+    mesh = pv.Sphere()
+    mesh['vector'] = mesh.points.astype(float)
+    mesh['words'] = np.where(mesh.points[:, 0] > 0, 'east', 'west')
+    mesh['x-1'] = mesh.points[:, 0]
+    actor = pv.Plotter(off_screen=True).add_mesh(mesh, scalars=name)
+    pl.ibr.add_instances(actor, PLACES, show_scalar_bar=True)
+    assert list(pl.scalar_bars.keys()) == [name]
 
 
 def test_the_bar_comes_back_with_its_thing(pl):
