@@ -28,12 +28,13 @@ print(f'{atlas.views} x {atlas.views} views, {atlas.nbytes / 2**20:.0f} MiB')
 # person sees, over that of the mesh drawn once per pixel, in the worst patch of directions.
 sizes = atlas.errors['sizes']
 for level, rows in atlas.errors.items():
-    if rows.ndim == 3:  # of sizes and patches: outline, excess of FLIP, its ratio
+    if rows.ndim == 3:  # of sizes and patches: outline, FLIP, that of the mesh, how that falls
+        ratios = (rows[..., 1] / rows[..., 2]).max(1)
         text = '  '.join(
-            f'{size:.0f} px: {outline:.2f} {flip:.2f}'
-            for size, (outline, _, flip) in zip(sizes, rows.max(1), strict=True)
+            f'{size:.0f} px: {outline:.2f} {ratio:.2f}'
+            for size, outline, ratio in zip(sizes, rows[..., 0].max(1), ratios, strict=True)
         )
-        print(f'{level:8}{text}')
+        print(f'{level:9}{text}')
 
 # %%
 # 3. Save and load.
