@@ -16,7 +16,7 @@ def _nowhere():
 
 
 def put_into(effect, pipeline):
-    """Have an effect in a pipeline, or in none."""
+    """Record the pipeline that an effect is in, or None."""
     # Weak: a thing is held by the scene, from where Python's collector sees no cycles.
     found = _nowhere if pipeline is None else weakref.ref(pipeline)
     effect._pipeline = found  # noqa: SLF001

@@ -181,7 +181,7 @@ class _Trial(pv.BasePlotter):
 
 
 def next_theme(plotter, color):
-    """Return the theme of what is added; without a colour it has the next of the cycle."""
+    """Return the theme of a new thing, with the next colour of the cycle if none is given."""
     theme = getattr(plotter, 'theme', None)
     if theme is None or color is not None:
         return theme

@@ -160,7 +160,7 @@ class FigurePlayer(Thing):
         Raises
         ------
         TypeError
-            If ``on_finished`` is not callable.
+            If ``on_finished`` is not callable, or the speed, the start or the fade is no number.
         ValueError
             If there is no such clip, joint or loop, the speed or the start is not finite, the fade
             is negative or the count is not above 0, or ``on_finished`` is given without an end.

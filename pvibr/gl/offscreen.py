@@ -92,7 +92,7 @@ def rasterize_views(actors, views, size, formats=('rgba8',), *, samples=1, blend
 
 
 def read_rgba(window, *, shown=True) -> np.ndarray:
-    """Return the picture of a window that was just rendered, as shown or as plain means."""
+    """Return the picture of a window that was just rendered, as shown or as means of samples."""
     width, height = window.GetSize()
     pixels = _vtk.vtkUnsignedCharArray()
     # The front buffer is what is shown: VTK averages samples of the back buffer without gamma.

@@ -345,7 +345,7 @@ class _Sheet:
 
     @contextmanager
     def _mesh(self, level, slots):
-        """Have a mesh level in some views."""
+        """Show a mesh level in some views."""
         pool = MeshPool(self.model.levels[level])
         actors = pool.show(slots, self.group.matrix, lambda _: (0.0, 0.0, 0.0, 0.5))
         for actor in actors:

@@ -66,7 +66,7 @@ class MeshDraws:
     def show(self, first, end, outside) -> list:
         """Draw the entries from the first to the end; return new actors.
 
-        Those that are wholly seen from outside may lack the other side.
+        If the eye is outside all of them, the sides that it cannot see are left out.
         """
         return [actor for draws in self._parts for actor in draws.show(first, end, outside)]
 

@@ -58,7 +58,7 @@ class MeshLevel:
 
     @cached_property
     def materials(self) -> list[OneSided]:
-        """What each part is drawn with, with both sides or without one."""
+        """Materials of the parts, with both sides or one."""
         return [OneSided(part) for part in self.parts]
 
 
@@ -134,7 +134,7 @@ class MeshPool:
         self._faded = set(shares)
 
     def show_sides(self, outside):
-        """Draw some instances, which are seen from outside, without the other side."""
+        """Leave out the hidden side of instances that the eye is outside of."""
         kinds = [[m.material(seen) for m in self.level.materials] for seen in (False, True)]
         for i, actors in self.lent.items():
             for actor, prop in zip(actors, kinds[i in outside], strict=True):

@@ -222,7 +222,7 @@ class NearMeshes:
 
 
 def _from_outside(group, frame, slots, centers) -> np.ndarray:
-    """Return which slots are wholly seen from outside, their triangles not turned around."""
+    """Return of which slots the eye is outside, and the triangles are not mirrored."""
     if frame.casting or not faces_outward(frame):  # lights may want the side that is behind
         return np.zeros(len(slots), bool)
     whole = -centers[2] - group.radii[slots] > frame.near

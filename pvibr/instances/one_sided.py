@@ -1,4 +1,4 @@
-"""Materials that leave out the side of closed surfaces that is seen from inside alone."""
+"""Materials of closed surfaces without the side that is seen only from inside."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ _HEAVY = 300_000  # triangles from which it takes too long to see whether a surf
 
 
 class OneSided:
-    """The material of a part, and a copy that leaves out the side that other triangles hide."""
+    """The material of a part, and a copy that culls the side that other triangles hide."""
 
     def __init__(self, part):
         self._part = part
         self._copy, self._known = None, None
 
     def material(self, outside):
-        """Return the material for instances all of which are wholly seen from outside, or not."""
+        """Return the material, which may cull a side if the eye is outside of what it draws."""
         prop = self._part.actor.GetProperty()
         if not outside or any(culled_faces(prop)) or self._is_open() or not self._winding:
             return prop
@@ -38,7 +38,7 @@ class OneSided:
         return self._copy
 
     def _is_open(self) -> bool:
-        """Return True if one looks through it."""
+        """Return True if its inside can be seen."""
         actor = self._part.actor
         planes = actor.GetMapper().GetClippingPlanes()
         cut = planes is not None and planes.GetNumberOfItems() > 0

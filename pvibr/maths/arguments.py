@@ -31,7 +31,7 @@ def naming(name, value):
 
 
 def _in_a_line(value) -> str:
-    """Return what is short of a value: of arrays and meshes the kind."""
+    """Return a value as one line of text: arrays and meshes by their type."""
     text = repr(value)
     return type(value).__name__ if '\n' in text else f'{text:.80}'
 

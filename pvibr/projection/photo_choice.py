@@ -46,7 +46,7 @@ _UNLIKE = 14.0
 #: Rounds that average agreement over neighbours: weights that jump are seen as steps.
 _EVEN = 3
 _GAIN_VERTICES = 4000  # on which exposures are compared
-#: Where a photograph fades in from a border of visibility, in lengths of its longer side.
+#: Width over which a photograph fades in from where it sees no more, in its longer sides.
 _FADE = 0.025
 #: Score of a photograph that does not see all triangles around a vertex.
 _PARTLY = 1e-5

@@ -20,7 +20,7 @@ _VALUES = (*_LOOKS, *_STYLES)
 
 
 class CardMaterial(_vtk.vtkProperty):
-    """The material of cards: that of a property, but always of filled faces, without edges."""
+    """The material of cards: lit as a property says, but always of filled faces without edges."""
 
     def __init__(self, prop=None):
         for name in _LOOKS if prop is not None else ():

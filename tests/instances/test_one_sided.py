@@ -1,4 +1,4 @@
-"""Closed surfaces drawn many a draw lack the side that nobody sees: the picture stays as it is."""
+"""Closed surfaces are drawn without the side that nobody sees: the picture stays as it is."""
 
 from __future__ import annotations
 
