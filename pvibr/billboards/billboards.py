@@ -413,11 +413,7 @@ class Billboards(CardSet):
             draws.uniforms = self._uniforms
 
     def _looks(self):
-        looks = np.full((len(self), 4), 255, np.uint8)
-        if self._colors is not None:
-            looks[:, :3] = self._colors
-        if np.ndim(self._opacity):
-            looks[:, 3] = np.rint(255 * self._opacity)
+        looks = self._tints(1.0)
         looks[~self.visible, 3] = 0
         return looks[self.layout.order]
 
@@ -431,9 +427,8 @@ class Billboards(CardSet):
 
     def report(self) -> dict:
         """Return GPU memory, counts, and the size of the texture."""
-        owners = *self.textures.values(), *self._both(), self._images
         return {
-            'bytes': sum(t.nbytes for t in owners),
+            'bytes': sum(t.nbytes for t in (*self.textures.values(), *self._both(), self._images)),
             'billboards': len(self),
             'drawn': self._drawn_count,
             'images': self.layout.n_images,
@@ -446,12 +441,14 @@ class Billboards(CardSet):
         frame = scene.frame
         corners = self._corners(frame, rows)
         image, rects = self._images.whole()
-        height, width = image.shape[:2]
         rects = rects[self._shown_images(frame, rows)].reshape(-1, 2, 2)
         places = rects[:, :1] + _SHARES * (rects[:, 1:] - rects[:, :1])
-        looks = {'colors': self._tints()[rows], 'lighting': bool(self.prop.GetLighting())}
+        looks = {
+            'colors': self._tints(self.prop.GetOpacity())[rows],
+            'lighting': bool(self.prop.GetLighting()),
+        }
         cutout = None if self.blends else self.cutout
-        scene.quads(self, corners, places / [width, height], image, cutout=cutout, **looks)
+        scene.quads(self, corners, places / image.shape[1::-1], image, cutout=cutout, **looks)
 
     def _shown_images(self, frame, rows) -> np.ndarray:
         """Return the numbers of the images of some rows."""
@@ -460,11 +457,10 @@ class Billboards(CardSet):
         views = [layout.view_of(frame, i) for i in rows] if layout.views > 1 else 0
         return turned * layout.views + views
 
-    def _tints(self):
-        looks = np.full((len(self), 4), 255, np.uint8)
-        if self._colors is not None:
-            looks[:, :3] = self._colors
-        opacity = self._opacity if np.ndim(self._opacity) else self.prop.GetOpacity()
+    def _tints(self, opacity):
+        looks = np.empty((len(self), 4), np.uint8)
+        looks[:, :3] = 255 if self._colors is None else self._colors
+        opacity = self._opacity if np.ndim(self._opacity) else opacity
         looks[:, 3] = np.rint(255 * np.asarray(opacity))
         return looks
 

@@ -10,7 +10,7 @@ from pvibr.instances.materials import MATERIAL_CHANGED, Material
 from pvibr.instances.memory import hold, room
 from pvibr.instances.posed_set import PosedSet
 from pvibr.instances.sources import MESH_CHANGED, Sources
-from pvibr.meshes.parts import culled_faces
+from pvibr.meshes.materials import culled_faces
 from pvibr.meshes.poses import mirror, placed_by
 
 

@@ -5,14 +5,12 @@ from __future__ import annotations
 from functools import cached_property
 
 import numpy as np
-import pyvista as pv
 
 from pvibr.core._vtk import address
 from pvibr.gl.doubles import is_cut_out
 from pvibr.maths.surfaces import winding
 from pvibr.meshes.decimate import Welded
-from pvibr.meshes.materials import copy_property
-from pvibr.meshes.parts import culled_faces
+from pvibr.meshes.materials import copied_property, culled_faces
 
 _HEAVY = 300_000  # triangles from which it takes too long to see whether a surface is closed
 
@@ -31,8 +29,7 @@ class OneSided:
             return prop
         known = address(prop), prop.GetMTime()
         if known != self._known:
-            self._copy, self._known = pv.Property(), known
-            copy_property(self._copy, prop)
+            self._copy, self._known = copied_property(prop), known
             self._copy.SetBackfaceCulling(self._winding > 0)
             self._copy.SetFrontfaceCulling(self._winding < 0)
         return self._copy

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from pvibr.maths.blocks import Blocks, members
+from pvibr.maths.transforms import signs_of
 
 #: Texels of a row of the poses; a multiple of 3, so that a matrix stays in one row.
 WIDTH = 3072
@@ -126,7 +127,8 @@ class Placement:
         """Turn directions, (3, n) or (3, 1), to model axes: of any length, (n, 3)."""
         if self.texels == 1:
             return np.broadcast_to(toward.T, (len(slots), 3))
-        (a, b, c), (d, e, f), (g, h, i) = self._axes(slots)
+        rows = self.rows.reshape(-1, 12).take(slots, 0).T
+        (a, b, c), (d, e, f), (g, h, i) = rows[:3], rows[4:7], rows[8:11]
         x, y, z = toward
         # The adjugate, which is the inverse but for the sign and size of the determinant.
         minors = (e * i - f * h, f * g - d * i, d * h - e * g)
@@ -145,12 +147,7 @@ class Placement:
         """Return which poses of some slots mirror."""
         if self.texels == 1:
             return np.zeros(len(slots), bool)
-        (a, b, c), (d, e, f), (g, h, i) = self._axes(slots)
-        return a * (e * i - f * h) + b * (f * g - d * i) + c * (d * h - e * g) < 0
-
-    def _axes(self, slots):
-        """Return the linear parts of the poses of some slots, (3, 3, n)."""
-        return self.rows.reshape(-1, 3, 4).take(slots, 0).T[:3].swapaxes(0, 1)
+        return signs_of(self.rows.reshape(-1, 3, 4).take(slots, 0)) < 0
 
     def local(self, slots) -> np.ndarray:
         """Return centres of some slots relative to those of their blocks, shape (3, n)."""

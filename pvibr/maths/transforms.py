@@ -130,12 +130,12 @@ def signs_of(matrices):
 
     Parameters
     ----------
-    matrices : numpy.ndarray, shape (..., 4, 4), float64
-        The matrices.
+    matrices : numpy.ndarray, shape (..., 4, 4) or (..., 3, 4), float
+        The matrices, or their upper rows.
 
     Returns
     -------
-    numpy.ndarray, shape (...), float64
+    numpy.ndarray, shape (...), float
         -1, 0 or 1 for each.
 
     Examples

@@ -61,6 +61,24 @@ def copy_property(copy, prop):
             texture.Register(copy)  # VTK 9.7 forgets this, but unregisters with the copy
 
 
+def copied_property(prop):
+    """Return a copy of a property."""
+    copy = pv.Property()
+    copy_property(copy, prop)
+    return copy
+
+
+def culled_faces(prop) -> tuple:
+    """Return whether a property culls back and front faces."""
+    return bool(prop.GetBackfaceCulling()), bool(prop.GetFrontfaceCulling())
+
+
+def lighting_of(prop):
+    """Return what a material has but its colours."""
+    lights = prop.GetAmbient(), prop.GetDiffuse(), prop.GetSpecular(), prop.GetSpecularPower()
+    return (*lights, prop.GetOpacity(), prop.GetInterpolation())
+
+
 def set_textures(prop, textures):
     """Set textures of physically based shading by their names; colours are taken as sRGB."""
     for name, texture in textures.items():

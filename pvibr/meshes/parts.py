@@ -15,7 +15,15 @@ from pvibr.formats.trimesh_meshes import as_dataset, is_trimesh
 from pvibr.maths.arguments import naming
 from pvibr.meshes.files import has_graph, read_mesh, scene_instances
 from pvibr.meshes.maps import attach_maps
-from pvibr.meshes.materials import checked_data, copy_property, look_key, merged_look, set_textures
+from pvibr.meshes.materials import (
+    checked_data,
+    copied_property,
+    culled_faces,
+    lighting_of,
+    look_key,
+    merged_look,
+    set_textures,
+)
 from pvibr.meshes.surfaces import (
     check_points,
     clipped,
@@ -74,7 +82,7 @@ class Part:
             return 'its edges are shown'
         if drawn is not None and drawn.GetNumberOfVerts() + drawn.GetNumberOfLines():
             return 'it has vertices or lines'
-        if back is not None and _lighting_of(back) != _lighting_of(prop):
+        if back is not None and lighting_of(back) != lighting_of(prop):
             return 'its back faces have a material of their own'
         return ''
 
@@ -187,11 +195,6 @@ def check_triangles(parts):
         raise ValueError(msg)
 
 
-def culled_faces(prop) -> tuple:
-    """Return whether a property culls back and front faces."""
-    return bool(prop.GetBackfaceCulling()), bool(prop.GetFrontfaceCulling())
-
-
 def with_own_culling(parts):
     """Return parts whose culling may change: what culls has a property of its own."""
     return [_with_own_property(p) if any(culled_faces(p.actor.prop)) else p for p in parts]
@@ -199,7 +202,7 @@ def with_own_culling(parts):
 
 def _with_own_property(part):
     actor = part.new_actor(part.actor.GetMapper())
-    actor.SetProperty(_copied_property(actor.GetProperty()))
+    actor.SetProperty(copied_property(actor.GetProperty()))
     return replace(part, actor=actor)
 
 
@@ -207,12 +210,6 @@ def are_parts(mesh) -> bool:
     """Return True for a list of parts, which is one mesh."""
     is_list = isinstance(mesh, list | tuple)
     return is_list and bool(mesh) and all(isinstance(part, Part) for part in mesh)
-
-
-def _lighting_of(prop):
-    """Return what a material has but its colours."""
-    lights = prop.GetAmbient(), prop.GetDiffuse(), prop.GetSpecular(), prop.GetSpecularPower()
-    return (*lights, prop.GetOpacity(), prop.GetInterpolation())
 
 
 class _Maker(pv.BasePlotter):
@@ -430,9 +427,9 @@ def _copied(actor, mapper, shown, cutoff=None):
     copy = pv.Actor()
     copy.mapper = _copied_mapper(mapper)
     copy.mapper.dataset = surface_of(shown.copy(deep=False))
-    copy.SetProperty(_copied_property(actor.GetProperty()))
+    copy.SetProperty(copied_property(actor.GetProperty()))
     if actor.GetBackfaceProperty() is not None:
-        copy.SetBackfaceProperty(_copied_property(actor.GetBackfaceProperty()))
+        copy.SetBackfaceProperty(copied_property(actor.GetBackfaceProperty()))
     _dress(copy, actor)
     copy.user_matrix = pv.array_from_vtkmatrix(actor.GetMatrix())
     part = _finished(copy, cutoff)
@@ -458,12 +455,6 @@ def _copied_mapper(mapper):
         own = pv.LookupTable() if isinstance(table, pv.LookupTable) else table.NewInstance()
         own.DeepCopy(table)
         copy.SetLookupTable(own)
-    return copy
-
-
-def _copied_property(prop):
-    copy = pv.Property()
-    copy_property(copy, prop)
     return copy
 
 
