@@ -20,6 +20,7 @@ from pvibr.instances.levels import VERSION, LodModel, look_values
 from pvibr.instances.measure import measure
 from pvibr.instances.mesh_pool import MeshLevel
 from pvibr.maths import octahedral
+from pvibr.maths.support import box_of, support_table
 from pvibr.maths.transforms import transform_normals, transform_points
 from pvibr.meshes.parts import Part
 
@@ -54,7 +55,7 @@ class PoseAtlas(Atlas):
 
     def pose(self, number) -> Atlas:
         """Return the atlas of one pose, without an error table."""
-        grid = self.center, self.radius, self.box, self.views, self.tile
+        grid = self.center, self.radius, self.support, self.views, self.tile
         return Atlas(self.geometry[number], self.albedo[number], *grid)
 
     def textures(self):
@@ -181,20 +182,19 @@ def _reach(sampler, motion):
 
 
 def motion_of(sampler, clip):
-    """Return the sampled motion of a clip, and its box (2, 3)."""
+    """Return the sampled motion of a clip, and the support of all its poses."""
     duration = 0.0 if clip is None else clip.duration
     times = np.linspace(0.0, duration, _SAMPLES + 1 if duration else 1)
     poses = sampler.figure.sample(times, clip, loop=False)
-    before, steps, corners = None, [0.0], []
+    before, steps, reach = None, [0.0], []
     for i in range(len(times)):
         points = np.concatenate([p for p, *_ in sampler.shapes(poses[i])])
-        corners += [points.min(0), points.max(0)]
+        reach.append(support_table(points))
         if before is not None:
             steps.append(float(np.percentile(np.linalg.norm(points - before, axis=1), 99)))
         before = points
-    box = np.stack([np.min(corners, 0), np.max(corners, 0)])
-    room = max(steps) / 2  # motion between the samples
-    return Motion(sampler.figure, clip, times, np.cumsum(steps)), box + np.array([[-room], [room]])
+    room = support_table(np.zeros((1, 3)), max(steps) / 2)  # motion between the samples
+    return Motion(sampler.figure, clip, times, np.cumsum(steps)), np.max(reach, 0) + room
 
 
 def pose_counts(ways, radius, max_error) -> tuple[int, list[int]]:
@@ -213,10 +213,12 @@ def bake_pose_atlas(
 ) -> tuple[LodModel, list[Motion]]:
     """Return the levels of an animated figure, baked or from the cache, and its motions."""
     sampler = PoseSampler(figure, mesh_actors, skinning)
-    motions, boxes = zip(*[motion_of(sampler, clip) for clip in clips], strict=True)
-    box = np.stack([np.min(boxes, 0)[0], np.max(boxes, 0)[1]])
+    motions, reach = zip(*[motion_of(sampler, clip) for clip in clips], strict=True)
+    reach = np.max(reach, 0)
+    box = box_of(reach)
     sampler.center = box.mean(0)
     radius = max(_reach(sampler, motion) for motion in motions) or 1.0
+    support = (reach - support_table(sampler.center[None])) / radius
     tile, counts = pose_counts([m.way[-1] for m in motions], radius, max_error)
     poses = [m.pose((k + 0.5) / n) for m, n in zip(motions, counts, strict=True) for k in range(n)]
     levels = [MeshLevel([mesh_actor.part for mesh_actor in mesh_actors])]
@@ -226,7 +228,7 @@ def bake_pose_atlas(
     if found is not None:
         return LodModel(levels, found), list(motions)
     try:
-        atlas = _baked(sampler, motions, counts, poses, (box, radius, tile), advance)
+        atlas = _baked(sampler, motions, counts, poses, (radius, support, tile), advance)
     except RuntimeError as error:
         msg = (
             f'impostor cards are disabled and meshes are drawn instead: {error}. Run `pvibr '
@@ -255,7 +257,7 @@ def _key(sampler, poses, tile, counts):
 
 def _baked(sampler, motions, counts, poses, grid, advance):
     start = time.perf_counter()
-    box, radius, tile = grid
+    radius, support, tile = grid
     parts = sampler.parts(poses[0])
     pictures, frames = [], octahedral.frame(octahedral.view_directions(VIEWS))
     with hidden_window() as (_, renderer):
@@ -271,10 +273,10 @@ def _baked(sampler, motions, counts, poses, grid, advance):
     geometry, albedo = (np.stack(p) for p in zip(*pictures, strict=True))
     firsts = np.cumsum([0, *counts])
     bins = [m.bins(n) + f for m, n, f in zip(motions, counts, firsts, strict=False)]
-    views = np.zeros(3), radius, box - sampler.center, VIEWS, tile
+    views = np.zeros(3), radius, support, VIEWS, tile
     atlas = PoseAtlas(geometry, albedo, *views, bins=np.array(bins, np.float32))
     atlas.errors = _measured(sampler, motions, counts, atlas)
-    atlas.center, atlas.box = sampler.center, box
+    atlas.center = sampler.center
     atlas.seconds = time.perf_counter() - start
     return atlas
 

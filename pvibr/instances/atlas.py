@@ -10,6 +10,7 @@ import numpy as np
 
 from pvibr.core.files import replacing
 from pvibr.maths import octahedral
+from pvibr.maths.support import SIDE, box_of, support_table
 from pvibr.meshes.turntable import Turntable
 from pvibr.scene.soft_draws import WHOLE
 
@@ -42,8 +43,8 @@ class Atlas:
         Centre of the bounding sphere, model coordinates.
     radius : float
         Its radius.
-    box : numpy.ndarray, shape (2, 3)
-        Lowest and highest coordinates of the mesh, model coordinates.
+    support : numpy.ndarray, shape (33, 33)
+        How far the mesh reaches from the centre, in radii, see :mod:`pvibr.maths.support`.
     views, tile : int
         Views along a side; texels along a side of a tile.
     half : bool
@@ -60,7 +61,7 @@ class Atlas:
     albedo: np.ndarray
     center: np.ndarray
     radius: float
-    box: np.ndarray
+    support: np.ndarray
     views: int
     tile: int
     half: bool = False
@@ -82,18 +83,23 @@ class Atlas:
         Returns
         -------
         Atlas
-            With the right sphere and box.
+            With the right sphere and support.
         """
         points = np.asarray(points, float)
         picture = np.zeros((8, 8, 4), np.uint8)
-        box = np.stack([points.min(0), points.max(0)])
         center, radius = bounding_sphere(points)
-        return cls(picture, picture.copy(), center, radius, box, views=2, tile=4)
+        support = support_table((points - center) / radius)
+        return cls(picture, picture.copy(), center, radius, support, views=2, tile=4)
 
     @property
     def n_poses(self) -> int:
         """Number of poses: 1, unless it is animated."""
         return 1
+
+    @property
+    def box(self) -> np.ndarray:
+        """Lowest and highest coordinates of the mesh, shape (2, 3), model coordinates."""
+        return self.center + self.radius * box_of(self.support)
 
     @property
     def nbytes(self) -> int:
@@ -128,9 +134,10 @@ class Atlas:
 
     def to_arrays(self) -> dict:
         """Return everything as named arrays, for a file."""
-        numbers = np.array([*self.center, self.radius, self.seconds, *np.ravel(self.box)], float)
+        numbers = np.array([*self.center, self.radius, self.seconds], float)
         grid = np.array([self.views, self.tile, self.half], np.int64)
         out = {'geometry': self.geometry, 'albedo': self.albedo, 'sphere': numbers, 'grid': grid}
+        out['support'] = self.support
         out |= self.turntable.to_arrays() if self.turntable is not None else {}
         return out | {f'errors.{k}': np.asarray(v) for k, v in self.errors.items()}
 
@@ -156,24 +163,25 @@ class Atlas:
         try:
             views, tile, half = (int(v) for v in arrays['grid'])
             sphere = np.asarray(arrays['sphere'], float)
+            support = np.asarray(arrays['support'], float)
             pictures = [np.asarray(arrays[k]) for k in ('geometry', 'albedo')]
         except (KeyError, TypeError, ValueError) as err:
             msg = f'not an atlas: {err}'
             raise ValueError(msg) from err
         side = views * tile
-        good = sphere.shape == (11,) and np.isfinite(sphere).all() and sphere[3] > 0
+        good = sphere.shape == (5,) and np.isfinite(sphere).all() and sphere[3] > 0
+        good = good and support.shape == (SIDE, SIDE) and np.isfinite(support).all()
         if not good or any(p.shape != (side, side, 4) or p.dtype != np.uint8 for p in pictures):
             msg = f'not an atlas: pictures must be ({side}, {side}, 4) uint8 with a sphere'
             raise ValueError(msg)
         errors = {k[7:]: np.asarray(arrays[k]) for k in arrays if k.startswith('errors.')}
-        box = sphere[5:].reshape(2, 3)
         geometry, albedo = pictures
         return cls(
             geometry,
             albedo,
             sphere[:3],
             float(sphere[3]),
-            box,
+            support,
             views,
             tile,
             bool(half),

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import weakref
 
+import numpy as np
+
 from pvibr.gl import Texture
 from pvibr.gl.texture import release
 from pvibr.instances.atlas import pyramid
@@ -23,6 +25,8 @@ class AtlasTextures:
             name: Texture(window, **linear).upload(picture)
             for name, picture in zip(_NAMES, atlas.textures(), strict=True)
         }
+        support = atlas.support.astype(np.float32)
+        self.views['ibr_support'] = Texture(window).upload(support)
         if atlas.animated:
             self.views['ibr_bins'] = Texture(window).upload(atlas.bins)
         turns = atlas.turntable

@@ -13,6 +13,7 @@ from pvibr.gl.feature import Feature
 from pvibr.gl.offscreen import hidden_window
 from pvibr.instances.atlas import MARGIN, Atlas, bounding_sphere
 from pvibr.maths import octahedral
+from pvibr.maths.support import support_table
 from pvibr.maths.surfaces import winding
 from pvibr.maths.views import orthographic
 from pvibr.meshes.maps import attach_maps, emission_of
@@ -68,13 +69,12 @@ def bake_parts(
                 turntable = Turntable(turns, *baker.pictures(turns.frames()))
             finally:
                 baker.release()
-    box = np.stack([points.min(0), points.max(0)]).astype(float)
     return Atlas(
         geometry,
         albedo,
         center,
         radius,
-        box,
+        support_table((points - center) / radius),
         views,
         tile,
         half,

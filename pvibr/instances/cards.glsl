@@ -56,8 +56,7 @@ uniform int ibr_tile;             // texels of a tile
 uniform int ibr_parallel;
 uniform float ibr_radius;         // bounding sphere, model units
 uniform float ibr_margin;         // half side of a tile in radii
-uniform vec3 ibr_box_center;      // bounding box in q: middle and half sides
-uniform vec3 ibr_box_half;
+uniform sampler2D ibr_support;    // how far it reaches in q, see pvibr.maths.support
 uniform float ibr_pixel_scale;    // pixels per unit tangent, or per world unit when parallel
 uniform float ibr_sharpness;      // texels per pixel that are asked for
 // On-screen diameters in px, a column for each patch of directions: from, to, and 1 where the mesh
@@ -81,6 +80,8 @@ uniform float ibr_time;           // seconds
 #endif
 out vec4 vertexVCVSOutput;
 #if SPLAT
+uniform vec3 ibr_box_center;      // bounding box in q: middle and half sides
+uniform vec3 ibr_box_half;
 uniform sampler2D ibr_geometry;
 uniform sampler2D ibr_albedo;
 uniform int ibr_multiply;
@@ -106,12 +107,34 @@ flat out vec2 ibr_part_of;               // coverage up to which it is drawn; 1 
 
 vec2 ibr_signs(vec2 p) { return vec2(p.x >= 0.0 ? 1.0 : -1.0, p.y >= 0.0 ? 1.0 : -1.0); }
 
+vec2 ibr_octahedral(vec3 d)
+{
+  vec2 p = d.xy / (abs(d.x) + abs(d.y) + abs(d.z));
+  return d.z < 0.0 ? (1.0 - abs(p.yx)) * ibr_signs(p) : p;
+}
+
 vec2 ibr_encode(vec3 d)
 {
-  if (ibr_half == 1) { d = vec3(d.x + 1e-12, d.y, max(d.z, 0.0)); }
-  vec2 p = d.xy / (abs(d.x) + abs(d.y) + abs(d.z));
-  if (ibr_half == 1) { return vec2(p.x + p.y, p.x - p.y); }
-  return d.z < 0.0 ? (1.0 - abs(p.yx)) * ibr_signs(p) : p;
+  if (ibr_half == 0) { return ibr_octahedral(d); }
+  vec2 p = ibr_octahedral(vec3(d.x + 1e-12, d.y, max(d.z, 0.0)));
+  return vec2(p.x + p.y, p.x - p.y);
+}
+
+// The support function, within a face of the octahedron: never less than it is.
+float ibr_support_of(vec3 u)
+{
+  vec2 p = ibr_octahedral(u);
+  float middle = float(textureSize(ibr_support, 0).x / 2);
+  vec2 place = abs(p) * middle;
+  vec2 low = min(floor(place), middle - 1.0);
+  vec2 part = place - low;
+  bool beyond = part.x + part.y > 1.0;
+  if (beyond) { part = 1.0 - part.yx; }
+  vec2 turn = ibr_signs(p);
+  float first = texelFetch(ibr_support, ivec2(middle + turn * (beyond ? low + 1.0 : low)), 0).r;
+  float x = texelFetch(ibr_support, ivec2(middle + turn * (low + vec2(1.0, 0.0))), 0).r;
+  float y = texelFetch(ibr_support, ivec2(middle + turn * (low + vec2(0.0, 1.0))), 0).r;
+  return (abs(u.x) + abs(u.y) + abs(u.z)) * (first + part.x * (x - first) + part.y * (y - first));
 }
 
 vec3 ibr_decode(vec2 p)
@@ -224,22 +247,57 @@ mat3 ibr_frame(vec3 d)
         view = mod(view, float(ibr_turn_views));
         vec3 seen = cos(view * turn) * ibr_turn_start + sin(view * turn) * other;
 #endif
-        // The card holds the silhouette of the bounding box, as seen past its nearest point, and
-        // never more than the sphere's; half a texel and half a pixel more for the filters.
-        vec2 middle = vec2(dot(right, ibr_box_center), dot(up, ibr_box_center));
-        vec2 half_sides = vec2(dot(abs(right), ibr_box_half), dot(abs(up), ibr_box_half));
-        float nearer = dot(d, ibr_box_center) + dot(abs(d), ibr_box_half);
-        float swell = ibr_parallel == 1 ? 1.0 : e / max(e - min(nearer, 1.0), 0.2);
-        float reach = ibr_margin;
-        if (ibr_parallel == 0) { reach *= inversesqrt(max(1.0 - 1.0 / (e * e), 0.05)); }
+#if SIDES == 0
+        vec2 g = (ibr_encode(d) * 0.5 + 0.5) * float(ibr_views - 1);
+#if !SPLAT
+        vec2 base = clamp(floor(g), vec2(0.0), vec2(float(ibr_views - 2)));
+        vec2 f = g - base;
+#if VIEWS_BLENDED == 3
+        vec2 side = f.x > f.y ? vec2(1.0, 0.0) : vec2(0.0, 1.0);
+        ibr_cell[0] = vec3(base, 1.0 - max(f.x, f.y));
+        ibr_cell[1] = vec3(base + side, abs(f.x - f.y));
+        ibr_cell[2] = vec3(base + 1.0, min(f.x, f.y));
+#else
+        ibr_cell[0] = vec3(base + floor(f + 0.5), 1.0);
+#endif
+#if STEPS == 0
+        vec3 seen = ibr_decode(ibr_cell[0].xy / float(ibr_views - 1) * 2.0 - 1.0);
+#endif
+#endif
+#endif
         float soft = ibr_margin * exp2(lod) / float(ibr_tile) + 1.0 / size;
 #if SPLAT
-        vec2 q = middle;
+        vec2 q = vec2(dot(right, ibr_box_center), dot(up, ibr_box_center));
+        vec2 half_sides = vec2(dot(abs(right), ibr_box_half), dot(abs(up), ibr_box_half));
+        float nearer = dot(d, ibr_box_center) + dot(abs(d), ibr_box_half);
 #else
-        vec2 low = max((middle - half_sides) * swell - soft, vec2(-reach));
-        vec2 high = min((middle + half_sides) * swell + soft, vec2(reach));
-        vec2 q = vec2(corner == 1 || corner == 2 ? 1.0 : 0.0, corner >= 2 ? 1.0 : 0.0);
-        q = mix(low, high, q);
+        // The card holds the silhouette, and half a texel and half a pixel more for the filters.
+        vec2 q = vec2(corner == 1 || corner == 2 ? 1.0 : -1.0, corner >= 2 ? 1.0 : -1.0);
+        vec3 across = q.x * right;
+        vec3 along = q.y * up;
+        float nearer = ibr_support_of(d);
+#if SIDES
+        across = q.x * cross(up, seen);
+#elif STEPS == 0
+        // That of the picture, whose points are moved along d to the plane of the card.
+        vec3 tilt = d / max(dot(d, seen), 0.5);
+        across -= tilt * dot(across, seen);
+        along -= tilt * dot(along, seen);
+#endif
+        vec2 ends = vec2(ibr_support_of(across), ibr_support_of(along));
+#if STEPS > 0
+        if (ibr_parallel == 0)
+        {
+          // In perspective rays touch what is nearer. The support function is convex: it is no
+          // greater where they do than at both ends, as they are and past the nearest point.
+          vec2 past = ends / max(e - min(nearer, 1.0), 0.2);
+          vec2 touched = vec2(ibr_support_of(across + past.x * d), ibr_support_of(along + past.y * d));
+          ends = max(ends, touched);
+        }
+#endif
+        float reach = ibr_margin;
+        if (ibr_parallel == 0) { reach *= inversesqrt(max(1.0 - 1.0 / (e * e), 0.05)); }
+        q *= min(ends + soft, vec2(reach));
 #endif
         vec3 v = q.x * right + q.y * up;
         vec4 p = vec4(c + eye_from_q * v, 1.0);
@@ -296,7 +354,6 @@ mat3 ibr_frame(vec3 d)
         ibr_look = look;
 #endif
 #if !SIDES
-        vec2 g = (ibr_encode(d) * 0.5 + 0.5) * float(ibr_views - 1);
 #if SPLAT
         vec2 axis = normalize((eye_from_q * right).xy + vec2(1e-30, 0.0));
         vec2 lengths = vec2(length(eye_from_q * right), length(eye_from_q * up));
@@ -317,16 +374,6 @@ mat3 ibr_frame(vec3 d)
           min(geometry.g * fill, 1.0));
         ibr_mean_normal = ibr_normal_of(eye_normal, normal, geometry.g);
 #else
-        vec2 base = clamp(floor(g), vec2(0.0), vec2(float(ibr_views - 2)));
-        vec2 f = g - base;
-#if VIEWS_BLENDED == 3
-        vec2 side = f.x > f.y ? vec2(1.0, 0.0) : vec2(0.0, 1.0);
-        ibr_cell[0] = vec3(base, 1.0 - max(f.x, f.y));
-        ibr_cell[1] = vec3(base + side, abs(f.x - f.y));
-        ibr_cell[2] = vec3(base + 1.0, min(f.x, f.y));
-#else
-        ibr_cell[0] = vec3(base + floor(f + 0.5), 1.0);
-#endif
         for (int k = 0; k < VIEWS_BLENDED; ++k)
         {
           vec2 cell = ibr_cell[k].xy;

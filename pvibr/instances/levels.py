@@ -29,7 +29,7 @@ from pvibr.meshes.parts import as_parts, check_triangles
 from pvibr.meshes.smoothed import smoothed
 from pvibr.scene.content_key import textures_of
 
-VERSION = 42  # of what is kept in the cache: a change of bake, measure or decimation raises it
+VERSION = 43  # of what is kept in the cache: a change of bake, measure or decimation raises it
 SHARE = 0.25  # of a level's triangles, in the next lighter
 _ALIKE = 0.5  # px: a greater error of the smallest cards is one of what was baked
 _LIGHTEST = 150  # triangles of the lightest level, at least

@@ -9,6 +9,8 @@ from scipy.ndimage import binary_erosion
 from scipy.spatial.transform import Rotation
 
 from pvibr.core.frame import Frame
+from pvibr.maths import octahedral
+from pvibr.maths.support import support_table
 from tests.instances.scenes import Scenes
 
 pytestmark = [pytest.mark.all_sizes, pytest.mark.sampled]
@@ -76,6 +78,34 @@ def test_windows(scenes, see, bean, level, size):
     kwargs = {'camera': looks, 'size': size} | LOOK
     drawn, truth = scenes.pair(bean, [[0.2, 0, 0]], level=level, **kwargs)
     assert_alike(see, drawn, truth, level)
+
+
+@pytest.fixture(scope='module')
+def rod():
+    """Something long that lies across all axes, away from the middle of its box at both ends."""
+    mesh = pv.Cylinder(direction=(1, 1, 0.6), radius=0.12, height=2.0, resolution=24).triangulate()
+    return (mesh + pv.Cone(center=(0.5, 0.5, 0.3), height=0.3)).extract_surface(algorithm=None)
+
+
+@pytest.mark.parametrize('level', ['flat', 'parallax', 'blended'])
+@pytest.mark.parametrize('parallel', [False, True], ids=['perspective', 'parallel'])
+def test_tight_cards_cut_nothing_off(scenes, see, rod, level, parallel):
+    """The same as on cards that hold the whole sphere, from any side and from near."""
+    poses = np.tile(np.eye(4), (20, 1, 1))
+    poses[:, :3, :3] = Rotation.random(20, random_state=4).as_matrix()
+    poses[:, :3, 3] = 2.2 * np.stack([*np.divmod(np.arange(20), 5), np.zeros(20)], 1)
+    looks = {'eye': (3.3, 4.4, 9.0), 'focus': (3.3, 4.4, 0), 'up': (0, 1, 0)}
+    looks |= {'parallel': 4.5} if parallel else {}
+    pl, things = scenes.instances(rod, poses, level=level, size=(160, 160), camera=looks)
+    tight = see.rgba(pl)
+    sphere = support_table(octahedral.view_directions(17).reshape(-1, 3)).astype(np.float32)
+    assert (sphere > 0.9 * things.atlases[0].support).all()
+    things.groups[0].cards.textures['ibr_support'].upload(sphere)
+    whole = see.rgba(pl)
+    pl.close()
+    covered = whole[..., 3] > 0.02
+    assert covered.mean() > 0.1
+    assert np.abs(tight - whole)[covered].max() < 0.03
 
 
 @pytest.mark.parametrize('level', ['flat', 'parallax', 'blended'])

@@ -119,6 +119,7 @@ def functions():
 
 MAIN = """
 uniform sampler2D points;
+uniform sampler2D ibr_support;
 uniform int ibr_half;
 %s
 void main()
