@@ -26,10 +26,10 @@ from pvibr.meshes.decimate import displacement, lighter
 from pvibr.meshes.maps import emission_of
 from pvibr.meshes.materials import TEXTURE_MODES
 from pvibr.meshes.parts import as_parts, check_triangles
-from pvibr.meshes.smoothed import smoothed
+from pvibr.meshes.smoothed import interpolated, smoothed
 from pvibr.scene.content_key import textures_of
 
-VERSION = 43  # of what is kept in the cache: a change of bake, measure or decimation raises it
+VERSION = 44  # of what is kept in the cache: a change of bake, measure or decimation raises it
 SHARE = 0.25  # of a level's triangles, in the next lighter
 _ALIKE = 0.5  # px: a greater error of the smallest cards is one of what was baked
 _LIGHTEST = 150  # triangles of the lightest level, at least
@@ -236,12 +236,13 @@ def _lighter_levels(parts) -> list:
         known = [m for m in moved if m is not None]
         level.error = max(known) / radius if len(known) == len(moved) else None
         levels.append(level)
-    return [_with_fitted_normals(parts, level) for level in levels[1:]]
+    return [_fitted(parts, level) for level in levels[1:]]
 
 
-def _with_fitted_normals(parts, level) -> MeshLevel:
+def _fitted(parts, level) -> MeshLevel:
     pairs = zip(parts, level.parts, strict=True)
-    return MeshLevel([smoothed(part, light) for part, light in pairs], level.error)
+    fitted = [interpolated(part, smoothed(part, light)) for part, light in pairs]
+    return MeshLevel(fitted, level.error)
 
 
 def _bake_level(levels):

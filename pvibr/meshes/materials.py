@@ -31,6 +31,28 @@ TEXTURE_MODES = (
     *('UseSRGBColorSpace', 'RestrictPowerOf2ImageSmaller'),
 )
 
+_CELL, _CELL_FIELD, _MAPPED = 2, 4, 1  # of scalars: VTK's modes, and colours by a table
+
+
+def cell_scalars(mapper, mesh) -> str:
+    """Return the name of the array of cells that a table colours, empty if it colours none."""
+    data = mesh.cell_data
+    names = {_CELL: data.active_scalars_name, _CELL_FIELD: mapper.GetArrayName()}
+    name = names.get(mapper.GetScalarMode()) or ''
+    if not mapper.GetScalarVisibility() or name not in data:
+        return ''
+    direct = mapper.GetColorMode() != _MAPPED and data[name].dtype == np.uint8
+    return '' if direct else name
+
+
+def follow_scalars(mapper, mesh):
+    """Have the mapper of a mesh colour another by its points, if these have the cells' scalars."""
+    name = cell_scalars(mapper, pv.wrap(mapper.GetInput()))
+    if name and name not in mesh.cell_data:
+        mapper.SetScalarModeToUsePointFieldData()
+        mapper.SelectColorArray(name)
+        mapper.InterpolateScalarsBeforeMappingOn()
+
 
 def merged_look(own, look):
     """Let the user's arguments override the material; any colouring replaces all of its own."""

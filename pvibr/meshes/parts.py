@@ -19,6 +19,7 @@ from pvibr.meshes.materials import (
     checked_data,
     copied_property,
     culled_faces,
+    follow_scalars,
     lighting_of,
     look_key,
     merged_look,
@@ -130,12 +131,12 @@ class Part:
     def with_mesh(self, mesh, interpolation=None) -> Part:
         """Return a part with this look and another mesh; with VTK's interpolation of light."""
         mapper = self.polydata_mapper()
+        follow_scalars(mapper, mesh)
         mapper.SetInputDataObject(mesh)
         part = Part(self.new_actor(mapper), mesh, self.alpha_cutoff)
-        if interpolation in (None, self.actor.GetProperty().GetInterpolation()):
-            return part
-        part = _with_own_property(part)
-        part.actor.GetProperty().SetInterpolation(interpolation)
+        if interpolation not in (None, self.actor.GetProperty().GetInterpolation()):
+            part = _with_own_property(part)
+            part.actor.GetProperty().SetInterpolation(interpolation)
         return part
 
 

@@ -1,4 +1,4 @@
-"""Normals of lighter meshes: those of the surface that each triangle stands for."""
+"""Normals and scalars of lighter meshes: those of the surface that each triangle stands for."""
 
 from __future__ import annotations
 
@@ -8,11 +8,13 @@ from scipy.sparse import csr_array
 
 from pvibr.maths.vectors import unit_vectors
 from pvibr.meshes.decimate import OUTWARD, Welded, is_foliage, take_arrays
+from pvibr.meshes.materials import cell_scalars
 from pvibr.meshes.parts import Part
 
 _FLAT, _GOURAUD = 0, 1  # VTK's
 _APART, _SHARE = np.radians(2.0), 0.5  # between normals that are one, and of how they turn
 _CLOSER, _SEEN = 0.95, 0.01  # times as far off, and how far, that others pay for more points
+_SMOOTHER = 0.7  # times as far off, that cell scalars pay for what keeps no steps between cells
 _LOOKED_UP = 60_000  # places, about
 _ROWS = 3, 7  # of the places in a triangle
 _NORMALS = 'pvibr_normals'
@@ -26,7 +28,8 @@ def smoothed(part, light) -> Part:
     full, few = Welded.of(part.mesh), Welded.of(light.mesh)
     if is_foliage(full):
         return light
-    weights, seen = _seen(full, _normals(part, full), few)
+    weights, found, at = _places(full, few)
+    seen = _seen(few, np.einsum('ij,ijk->ik', at, _normals(part, full)[found]))
     normals = _averaged(few, unit_vectors(np.linalg.pinv(weights) @ seen))
 
     def off(corners):
@@ -48,20 +51,58 @@ def _normals(part, welded):
     return np.asarray(given, float)[welded.corners]
 
 
-def _seen(full, normals, few):
-    """Return the corners' weights at places in each triangle, and the full surface's normals."""
-    count = len(few.faces)
-    rows = int(np.clip((2 * _LOOKED_UP / max(count, 1)) ** 0.5, *_ROWS))
+def interpolated(part, light) -> Part:
+    """Return a lighter part with interpolated cell scalars, or itself if its own are as near."""
+    # Each of its cells stands for several: steps between them show before those of the full mesh.
+    name = cell_scalars(light.actor.mapper, light.mesh)
+    if not name or light.mesh is part.mesh:
+        return light
+    full, few = Welded.of(part.mesh), Welded.of(light.mesh)
+    values = np.asarray(part.mesh.cell_data[name], float)
+    if values.ndim > 1 or not np.isfinite(values).all() or is_foliage(full):
+        return light
+    weights, found, _ = _places(full, few)
+    seen = values[full.cells[found]].reshape(len(few.faces), -1)
+    fitted = seen @ np.linalg.pinv(weights).T
+    area, corner = np.repeat(_areas(few), 3), few.faces.ravel()
+    sums = (np.bincount(corner, w, len(few.points)) for w in (area * fitted.ravel(), area))
+    at_points = np.divide(*sums)
+    own = np.asarray(light.mesh.cell_data[name], float)[few.cells, None]
+    off = [
+        np.average(np.abs(shown - seen).mean(1), weights=_areas(few))
+        for shown in (at_points[few.faces] @ weights.T, own)
+    ]
+    if off[0] > _SMOOTHER * off[1]:
+        return light
+    mesh = light.mesh.copy(deep=False)
+    del mesh.cell_data[name]
+    at_mesh = np.zeros(mesh.n_points, np.float32)
+    at_mesh[few.corners.ravel()] = at_points[corner]
+    mesh.point_data.set_array(at_mesh, name)
+    return light.with_mesh(mesh)
+
+
+def _places(full, few):
+    """Return weights of corners at places in each triangle, and the full surface's there.
+
+    Its triangles, and the weights of their corners, one place after the other.
+    """
+    rows = int(np.clip((2 * _LOOKED_UP / max(len(few.faces), 1)) ** 0.5, *_ROWS))
     row, column = np.tril_indices(rows)
     weights = (np.stack([rows - 1 - row, row - column, column], 1) + 1 / 3) / rows
     places = weights @ few.points[few.faces] * few.size + few.low
     places = (places - full.low) / full.size + OUTWARD * few.facets[:, None]
     found, at, _ = full.surface.nearest(places.reshape(-1, 3))
-    seen = np.einsum('ij,ijk->ik', at, normals[found]).reshape(count, -1, 3)
+    return weights, found, at
+
+
+def _seen(few, normals):
+    """Return the full surface's normals at places in each triangle, (m, places, 3)."""
+    seen = normals.reshape(len(few.faces), -1, 3)
     # What faces the other way is another side of the surface.
     seen *= ((seen * few.facets[:, None]).sum(2) > 0)[..., None]
     seen += (seen == 0).all(2)[..., None] * few.facets[:, None]
-    return weights, unit_vectors(seen)
+    return unit_vectors(seen)
 
 
 def _averaged(few, normals):

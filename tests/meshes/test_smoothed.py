@@ -1,4 +1,4 @@
-"""Normals of lighter meshes: those of the surface that each triangle stands for."""
+"""Normals and scalars of lighter meshes: those of the surface that each triangle stands for."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import pyvista as pv
 from pvibr.instances.levels import make_model
 from pvibr.meshes.decimate import lighter
 from pvibr.meshes.parts import as_parts
-from pvibr.meshes.smoothed import smoothed
+from pvibr.meshes.smoothed import interpolated, smoothed
 
 
 def soup(mesh):
@@ -102,6 +102,61 @@ def test_arrays_are_kept():
     assert part.mesh.active_scalars_name == 'height'
     light, part = levels(mesh, scalars='side')
     np.testing.assert_array_equal(part.mesh.cell_data['side'], light.mesh.cell_data['side'])
+
+
+def wave(points):
+    return np.sin(3 * points[..., 0]) + points[..., 2]
+
+
+@pytest.mark.parametrize('smooth', [False, True], ids=['flat', 'smooth'])
+def test_fields_on_cells_are_interpolated(smooth):
+    """By the same table, and nearer to the field than a value for each cell."""
+    mesh = ball(60)
+    mesh.cell_data['wave'] = wave(mesh.cell_centers().points)
+    (full,) = as_parts(mesh, scalars='wave', clim=(-1, 1), smooth_shading=smooth)
+    light = smoothed(full, lighter(full, 0.05))
+    part = interpolated(full, light)
+    assert 'wave' not in part.mesh.cell_data
+    drawn = np.asarray(part.mesh['wave'])[part.mesh.regular_faces].mean(1)
+    truth = wave(part.mesh.cell_centers().points)
+    off = [np.abs(v - truth).mean() for v in (drawn, light.mesh.cell_data['wave'])]
+    assert off[0] < min(0.02, 0.7 * off[1])
+    mapper = part.actor.mapper
+    assert (mapper.GetScalarModeAsString(), mapper.GetArrayName()) == ('UsePointFieldData', 'wave')
+    assert mapper.GetLookupTable() is full.actor.mapper.GetLookupTable()
+
+
+@pytest.mark.parametrize(
+    'values',
+    [
+        lambda c: (c[:, 2] > 0.1) + 3.0 * (c[:, 0] > 0),
+        lambda c: np.where(c[:, 0] > 0, np.nan, c[:, 2]),
+        lambda c: np.rint(255 * np.abs(c) / np.abs(c).max()).astype(np.uint8),
+    ],
+    ids=['regions', 'nan', 'rgb'],
+)
+def test_what_is_of_a_cell_stays(values):
+    mesh = ball(60)
+    mesh.cell_data['value'] = found = values(mesh.cell_centers().points)
+    (full,) = as_parts(mesh, scalars='value', rgb=found.dtype == np.uint8)
+    light = lighter(full, 0.05)
+    assert interpolated(full, light) is light
+
+
+def test_levels_of_the_cache_are_drawn_by_points_as_well(tmp_path, monkeypatch):
+    monkeypatch.setattr('pvibr.instances.measure.SIZES', (8, 64))
+    mesh = ball(60)
+    mesh.cell_data['wave'] = wave(mesh.cell_centers().points)
+
+    def modes():
+        parts = as_parts(mesh, scalars='wave')
+        model = make_model(parts, views=2, tile=16, cache=tmp_path)
+        return [level.parts[0].actor.mapper.GetScalarModeAsString() for level in model.levels]
+
+    made = modes()
+    assert made[0] == 'UseCellData'
+    assert set(made[1:]) == {'UsePointFieldData'}
+    assert modes() == made
 
 
 def test_levels_of_facets_too_small_to_see_are_smooth(tmp_path, monkeypatch):
