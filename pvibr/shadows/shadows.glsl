@@ -9,8 +9,9 @@
 // Where VTK declares none, since it does not light the prop: what follows is not used then.
 vec4 vertex@VC = vec4(0.0);
 
-// How far what has no plane of its own, and faces every light, is lifted towards it.
+// How far a receiver is lifted towards each light; whether it has no plane, and faces all of them.
 float ibr_shadow_lift = 0.0;
+bool ibr_shadow_thin = false;
 
 vec3 ibr_shadow_flat(vec3 p)
 {
@@ -404,11 +405,12 @@ vec3 ibr_shadow_map_lit_NUMBER(vec3 toward, vec3 p, vec3 n, float facing)
 vec3 ibr_shadow_NUMBER(vec3 p, vec3 n)
 {
   vec3 toward = ibr_shadow_place_NUMBER - (POSITIONAL == 1 ? p : vec3(0.0));
+  if (ibr_shadow_thin) n = normalize(toward);
   if (ibr_shadow_lift > 0.0)
   {
-    n = normalize(toward);
-    p += n * ibr_shadow_lift;
-    toward -= POSITIONAL == 1 ? n * ibr_shadow_lift : vec3(0.0);
+    vec3 lift = normalize(toward) * ibr_shadow_lift;
+    p += lift;
+    toward -= POSITIONAL == 1 ? lift : vec3(0.0);
   }
   float facing = dot(n, toward);
   // Where light grazes, planes are too steep for what depth can tell.
@@ -438,8 +440,9 @@ vec3 ibr_shadow_NUMBER(vec3 p, vec3 n)
 #endif
 #ifdef IBR_THIN
   ibr_shadow_lift = 2.0 * IBR_THIN;
+  ibr_shadow_thin = true;
 #endif
 #ifdef IBR_BLUR
-  // As much as it may be away from what the light sees of it.
-  ibr_shadow_p += ibr_shadow_n * IBR_BLUR;
+  // As much as it may be away from what the light sees of it; aside there are other shadows.
+  ibr_shadow_lift = IBR_BLUR;
 #endif

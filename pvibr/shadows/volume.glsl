@@ -33,6 +33,6 @@ ivec2 ibr_shadow_pixel(vec3 p)
 vec3 ibr_shadow_NUMBER(vec3 p, vec3 n)
 {
   vec3 toward = POSITIONAL ? ibr_shadow_place_NUMBER - p : ibr_shadow_place_NUMBER;
-  bool away = ibr_shadow_lift == 0.0 && dot(n, toward) <= 0.0;
+  bool away = !ibr_shadow_thin && dot(n, toward) <= 0.0;
   return vec3(away ? 0.0 : texelFetch(MASK, ibr_shadow_pixel(p), 0).CHANNEL);
 }
