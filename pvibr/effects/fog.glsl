@@ -22,9 +22,11 @@ void main()
   vec3 ray = (seen - from) / max(way, 1e-30);
   from += ray * min(air.x, way);
   way = max(way - air.x, 0.0);
-  float climb = dot(rise.xyz, ray) * way * air.z;  // in height scales
-  float mean = abs(climb) < 1e-3 ? 1.0 - 0.5 * climb : (1.0 - exp(clamp(-climb, -80.0, 80.0))) / climb;
-  float start = exp(clamp(-(rise.w + dot(rise.xyz, from)) * air.z, -80.0, 80.0));
-  float share = tint.a * (1.0 - exp(-air.y * way * start * mean));
+  // At both ends of the way, in height scales.
+  float start = (rise.w + dot(rise.xyz, from)) * air.z;
+  float climb = dot(rise.xyz, ray) * way * air.z;
+  vec2 dense = exp(clamp(-vec2(start, start + climb), -80.0, 80.0));
+  float mean = abs(climb) < 1e-3 ? dense.x * (1.0 - 0.5 * climb) : (dense.x - dense.y) / climb;
+  float share = tint.a * (1.0 - exp(-air.y * way * mean));
   gl_FragData[0] = vec4(mix(c.rgb, tint.rgb, share), c.a);
 }

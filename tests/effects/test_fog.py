@@ -73,6 +73,18 @@ def test_transmission_is_that_of_the_air_between(parallel, height, offset, seed)
     assert np.abs(found - through).max() < 0.02
 
 
+@pytest.mark.parametrize('above', [0, 3, 6])
+def test_thin_fog_seen_from_far_above(above):
+    pl = plotter(SIZE)
+    pl.add_mesh(pv.Plane(i_size=9, j_size=9), color='white', lighting=False)
+    place(pl, (0, -1e-3, 10))
+    height = 0.05  # the eye is 200 times as high
+    pl.ibr.add(pvibr.Fog(0.05, height=height, base=-above * height, color=(0, 0, 0)))
+    pl.show(auto_close=False)
+    found = shot(pl)[SIZE[1] // 2, SIZE[0] // 2, 0] / 255
+    assert found == pytest.approx(np.exp(-np.exp(-above)), abs=0.01)
+
+
 def test_colour_is_that_of_the_horizon_or_the_background():
     pl = ground(False, (0, 0, 0), 3)
     pl.set_background((0.25, 0.5, 0.75))
