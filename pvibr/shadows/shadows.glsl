@@ -408,7 +408,9 @@ vec3 ibr_shadow_NUMBER(vec3 p, vec3 n)
   if (ibr_shadow_thin) n = normalize(toward);
   if (ibr_shadow_lift > 0.0)
   {
-    vec3 lift = normalize(toward) * ibr_shadow_lift;
+    // No farther than half of the way: a lamp that is near stays before it.
+    float share = ibr_shadow_lift / length(toward);
+    vec3 lift = toward * (POSITIONAL == 1 ? min(share, 0.5) : share);
     p += lift;
     toward -= POSITIONAL == 1 ? lift : vec3(0.0);
   }

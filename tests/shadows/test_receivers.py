@@ -7,6 +7,7 @@ import pytest
 import pyvista as pv
 
 import pvibr
+from pvibr.bench.common.light_scenes import light_at
 from pvibr.maths.views import look_along, orthographic, perspective
 from pvibr.shadows import shadows
 from pvibr.shadows.maps import in_shader
@@ -69,3 +70,20 @@ def test_four_texels_at_once_are_those_one_by_one(monkeypatch):
     pl.close()
     assert np.ptp(found[0].astype(int), axis=(0, 1)).max() > 100
     assert np.abs(found[0].astype(int) - found[1]).max() <= 1
+
+
+@pytest.mark.parametrize('away', [3.0, 0.4, 0.15])
+def test_a_lamp_near_a_billboard_lights_it(away):
+    pl = pv.Plotter(off_screen=True, window_size=(60, 60), lighting='none')
+    pl.add_light(light_at((0, -away, 0.2), (0, 0, 0.2), cone=90.0))
+    image = np.full((8, 8, 4), 255, np.uint8)
+    pl.ibr.add_billboards([(0, 0, 0)], image, size=2.0, lighting=True)
+    pl.camera_position = [(0, -6, 2), (0, 0, 0), (0, 0, 1)]
+    pl.show(auto_close=False)
+    lit = pl.screenshot(return_img=True)[30, 30].astype(int)
+    pl.ibr.add(pvibr.Shadows())
+    pl.render()
+    shadowed = pl.screenshot(return_img=True)[30, 30]
+    pl.close()
+    assert lit.min() > 50
+    assert np.abs(shadowed - lit).max() <= 1
