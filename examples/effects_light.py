@@ -19,7 +19,7 @@ for k in range(6):
     pl.subplot(*divmod(k, 3))
     pl.set_background('#05070c')
     names = 'off', 'bloom', 'glow', 'afterglow', 'exposure 1.6', 'exposure 1.6, ACES'
-    pl.add_text(names[k], font_size=10)
+    pl.add_text(names[k], font_size=10, color='white')
     pl.add_mesh(pv.Plane(center=(0, 0, -0.5), i_size=6, j_size=6), color='#39424e')
     pl.add_mesh(pv.Sphere(radius=0.35, center=(-0.8, 0, 0)), color='white', ambient=1.0)
     stick = pv.Cylinder(center=(0.7, 0, 0), direction=(0, 0.4, 1), radius=0.12, height=1.2)
