@@ -9,6 +9,7 @@ import numpy as np
 from pvibr.export.surfaces import Surface, albedo_of, material_of
 from pvibr.maths.draping import sample
 from pvibr.maths.vectors import unit_vectors
+from pvibr.meshes.cutting import Cut, edges_of
 from pvibr.projection.samples import Samples
 from pvibr.projection.unwrap import tiles_of, unwrapped
 from pvibr.projection.visibility import Reach, toward_light
@@ -308,18 +309,16 @@ def cut(rows, faces, wanted, most, passes=_PASSES):
     """Split edges in half, and their triangles with them."""
     for _ in range(passes):
         n = len(rows['points'])
-        ends = np.sort(faces[:, [[0, 1], [1, 2], [2, 0]]], axis=2).reshape(-1, 2)
-        _, first, of_face = np.unique(ends @ [n, 1], return_index=True, return_inverse=True)
-        ends = ends[first]
+        ends, of_face = edges_of(faces, n)
         length = np.linalg.norm(np.diff(rows['points'][ends], axis=1)[:, 0], axis=1)
         halved = np.asarray(wanted(ends, length), bool)
         if not halved.any():
             break
-        middle = np.where(halved, n + np.cumsum(halved) - 1, -1)[of_face.reshape(-1, 3)]
+        middle = np.where(halved, n + np.cumsum(halved) - 1, -1)[of_face]
         if len(faces) + (middle >= 0).sum() > most:
             break
         rows = {k: np.concatenate([v, _halfway(k, v, ends[halved])]) for k, v in rows.items()}
-        faces = _pieces(faces, middle)
+        faces = Cut(faces, middle).faces
     return rows, faces
 
 
@@ -328,23 +327,3 @@ def _halfway(name, values, ends):
     if name == 'normals':
         between = unit_vectors(between)
     return np.rint(between).astype(values.dtype) if values.dtype.kind == 'u' else between
-
-
-def _pieces(faces, middle):
-    """Return triangles split at the middles of their edges, -1 for edges that are kept."""
-    count = (middle >= 0).sum(1)
-    out = [faces[count == 0]]
-    # Each is rotated so that its split edges come first.
-    for cuts in (1, 2, 3):
-        rows = np.flatnonzero(count == cuts)
-        turn = (np.argmin(middle[rows], 1) + 1) % 3 if cuts == 2 else np.argmax(middle[rows], 1)
-        order = (turn[:, None] + np.arange(3)) % 3
-        a, b, c = np.take_along_axis(faces[rows], order, 1).T
-        p, q, r = np.take_along_axis(middle[rows], order, 1).T
-        parts = {
-            1: [(a, p, c), (p, b, c)],
-            2: [(p, b, q), (a, p, q), (a, q, c)],
-            3: [(a, p, r), (p, b, q), (r, q, c), (p, q, r)],
-        }[cuts]
-        out += [np.stack(part, 1) for part in parts]
-    return np.concatenate(out)

@@ -9,7 +9,6 @@ import numpy as np
 
 from pvibr.maths.draping import sample
 from pvibr.maths.vectors import unit_vectors
-from pvibr.projection.photo_choice import sixteen
 from pvibr.projection.photo_sources import threads
 from pvibr.projection.samples import normals_and_areas
 from pvibr.projection.texture_bake import baked_texture
@@ -47,7 +46,6 @@ class Painter:
     def __init__(self, painted, spacing):
         self.painted, self.choice = painted, painted.choice
         self.memory = painted.memory * 2**20
-        self._pieces = Pieces(self.choice)
         self.normals, _ = normals_and_areas(self.choice.points[self.choice.faces])
         self._times = {
             int(number): self._halvings(number, spacing)
@@ -85,7 +83,7 @@ class Painter:
         parts = [slice(start, start + _MANY) for start in range(0, count, _MANY)]
 
         def find(part):
-            face[part], share[part] = self._pieces.at(cell[part], share[part])
+            face[part], share[part] = self.choice.at(cell[part], share[part])
 
         def finish(part):
             colors[part] = self._mean(sums[part])
@@ -207,30 +205,3 @@ def data_of(painted, mesh, to, advance):
     data['projected'] = colors
     mesh.set_active_scalars('projected', preference=to[:-1])
     return mesh
-
-
-class Pieces:
-    """The triangles of a choice, of which some are pieces of a triangle of the mesh."""
-
-    def __init__(self, choice):
-        self.order = np.argsort(choice.origin, kind='stable')
-        self.count = np.bincount(choice.origin)
-        self.first = np.cumsum(self.count) - self.count
-
-    def at(self, cell, share):
-        """Return triangles of the choice, and places in them, of places in the mesh's own."""
-        face, share = self.order[self.first[cell]], share.copy()
-        rows = np.flatnonzero(self.count[cell] > 1)
-        if len(rows):
-            part, share[rows] = _part(share[rows])
-            face[rows] = self.order[self.first[cell[rows]] + part]
-        return face, share
-
-
-def _part(share):
-    """Return which of sixteen parts places of a triangle are in, and their places in it."""
-    places, parts = sixteen()
-    inverse = np.linalg.inv(places[parts])
-    found = np.einsum('nk,pkc->npc', share, inverse)
-    best = found.min(2).argmax(1)
-    return best, np.clip(found[np.arange(len(share)), best], 0, 1)

@@ -5,6 +5,9 @@ they have there, seen at that angle; if there are none, of those that see some o
 shows those of its corners, each with weights that are linear between them: where sets differ, a
 photograph fades to nothing within a triangle, so that no border shows. What no photograph sees as
 a whole is cut into smaller triangles.
+
+Triangles that are large in a photograph are cut before all that: what is seen, how much a
+photograph fades and how colours are levelled is found at vertices.
 """
 
 from __future__ import annotations
@@ -21,7 +24,9 @@ from pvibr.maths.depth_test import seen as seen_in_depth
 from pvibr.maths.draping import border, exposure_gains, sample
 from pvibr.maths.orthographic import Orthographic
 from pvibr.maths.vectors import unit_vectors
+from pvibr.meshes.cutting import cut_at
 from pvibr.projection.depth_maps import depth_scene, view_of
+from pvibr.projection.photo_cut import sixteen
 from pvibr.projection.photo_sources import threads
 from pvibr.projection.rays import Rays, ray_method
 from pvibr.projection.samples import bounds_of, normals_and_areas
@@ -65,14 +70,28 @@ class Choice:
 
     points: np.ndarray
     faces: np.ndarray
-    #: The triangle of the mesh that each was cut from.
-    origin: np.ndarray
+    #: Each `Cut` of the mesh's triangles, one after another.
+    cuts: tuple
     photos: np.ndarray
     weights: np.ndarray
     #: Factors of red, green and blue of each photograph that make overlaps alike, (n, 3).
     gains: np.ndarray
     #: Of each photograph: points around which it sees everything, and 0 to 255 by how far around.
     seen: tuple
+
+    @property
+    def origin(self):
+        """The triangle of the mesh that each was cut from, (f,)."""
+        origin = np.arange(len(self.faces))
+        for cut in self.cuts[::-1]:
+            origin = cut.parent[origin]
+        return origin
+
+    def at(self, face, share):
+        """Return the triangles that places of those of the mesh are in, and places in them."""
+        for cut in self.cuts:
+            face, share = cut.at(face, share)
+        return face, share
 
 
 def distinct(keys):
@@ -82,10 +101,10 @@ def distinct(keys):
 
 
 class Surface:
-    """Triangles with what a choice asks of their neighbourhood."""
+    """Triangles with what a choice asks of their neighbourhood; `cuts` have made them."""
 
-    def __init__(self, points, faces):
-        self.points, self.faces = np.asarray(points, float), faces
+    def __init__(self, points, faces, cuts=()):
+        self.points, self.faces, self.cuts = np.asarray(points, float), faces, cuts
         corners = self.points[faces]
         self.normals, self.areas = normals_and_areas(corners)
         self.middles = corners.mean(1)
@@ -198,9 +217,8 @@ def choose(surface, pictures, visibility, max_angle=85.0, sharp=4.0) -> Choice:
     bare = np.flatnonzero(photos[:, 0] < 0)
     photos[bare, 0], weights[bare, :, 0] = whole.numbers[bare, 0], 1.0
     _drop_hidden(surface, pictures, visibility, photos, weights, bits, bare)
-    count = len(surface.faces)
-    origin = np.arange(count)
-    choice = Choice(surface.points, surface.faces, origin, photos, weights, gains, tuple(seen))
+    made = surface.points, surface.faces, surface.cuts
+    choice = Choice(*made, photos, weights, gains, tuple(seen))
     bare = np.flatnonzero(anywhere & (photos[:, 0] < 0))
     choice = _cut(choice, bare, pictures, visibility, least) if len(bare) else choice
     _warn_of_bare(surface, choice, behind)
@@ -210,7 +228,8 @@ def choose(surface, pictures, visibility, max_angle=85.0, sharp=4.0) -> Choice:
 def _warn_of_bare(surface, choice, behind):
     """Warn of a surface that stays bare, or much of which is seen only from behind."""
     painted = np.zeros(len(surface.faces), bool)
-    painted[choice.origin[choice.photos[:, 0] >= 0]] = True
+    origin = replace(choice, cuts=choice.cuts[len(surface.cuts) :]).origin
+    painted[origin[choice.photos[:, 0] >= 0]] = True
     if not painted.any():
         warn(_UNSEEN)
         return
@@ -439,21 +458,20 @@ def _cut(choice, bare, pictures, visibility, least) -> Choice:
     for number, picture in enumerate(pictures):
         _paint_parts(picture, number, points, normals, parts, visibility, least, best)
     painted = (best.numbers[:, 0].reshape(-1, len(parts)) >= 0).any(1)
-    kept = np.ones(len(choice.faces), bool)
-    kept[bare[painted]] = False
-    start = len(choice.points) + np.arange(painted.sum())[:, None, None] * len(places)
     numbers = best.numbers.reshape(-1, len(parts))[painted].ravel()
-    photos = np.full((len(numbers), SHOWN), -1, np.int32)
-    photos[:, 0] = numbers
-    weights = np.zeros((len(numbers), 3, SHOWN), np.float32)
-    weights[numbers >= 0, :, 0] = 1
+    wanted = np.zeros(choice.faces.shape, bool)
+    wanted[bare[painted]] = True
+    points, once = cut_at(choice.points, choice.faces, wanted)
+    points, twice = cut_at(points, once.faces, wanted[once.parent])
+    parent = once.parent[twice.parent]
+    photos, weights = choice.photos[parent], choice.weights[parent]
+    rows = np.flatnonzero(wanted[parent, 0])
+    photos[rows], weights[rows] = -1, 0
+    photos[rows, 0] = numbers
+    weights[rows[numbers >= 0], :, 0] = 1
+    cuts = (*choice.cuts, once, twice)
     return replace(
-        choice,
-        points=np.concatenate([choice.points, points[painted].reshape(-1, 3)]),
-        faces=np.concatenate([choice.faces[kept], (start + parts).reshape(-1, 3)]),
-        origin=np.concatenate([choice.origin[kept], np.repeat(bare[painted], len(parts))]),
-        photos=np.concatenate([choice.photos[kept], photos]),
-        weights=np.concatenate([choice.weights[kept], weights]),
+        choice, points=points, faces=twice.faces, cuts=cuts, photos=photos, weights=weights
     )
 
 
@@ -475,20 +493,6 @@ def _paint_parts(picture, number, points, normals, parts, visibility, least, bes
     scores = scores[:, None] * seen * (1 + seen.sum(1, keepdims=True))
     flat = (rows[:, None] * len(parts) + np.arange(len(parts))).ravel()
     best.take(number, flat, scores.ravel())
-
-
-def sixteen():
-    """Return the barycentric corners of sixteen parts of a triangle, (15, 3), and the parts."""
-    grid = [(i, j) for i in range(5) for j in range(5 - i)]
-    number = {place: k for k, place in enumerate(grid)}
-    parts = []
-    for i, j in grid:
-        if i + j < 4:
-            parts.append([number[i, j], number[i + 1, j], number[i, j + 1]])
-        if i + j < 3:
-            parts.append([number[i + 1, j], number[i + 1, j + 1], number[i, j + 1]])
-    places = np.array([(4 - i - j, i, j) for i, j in grid]) / 4
-    return places, np.array(parts)
 
 
 #: Likewise of one whose corners it does not all see: nearly up to its border.

@@ -21,6 +21,7 @@ from pvibr.meshes.parts import as_parts
 from pvibr.projection.photo_bake import data_of, texture_of
 from pvibr.projection.photo_choice import SHOWN, Choice, Surface, Visibility, choose
 from pvibr.projection.photo_colors import Pairs, alike_corners
+from pvibr.projection.photo_cut import finer
 from pvibr.projection.photo_pages import Needs, PhotoPages
 from pvibr.projection.photo_sources import load_small, sources_of
 from pvibr.projection.photo_views import VIEWS, PhotoViews
@@ -135,7 +136,8 @@ class PhotoMesh(Placed):
         key = _SHARP[self.blend], self.level, self.max_angle
         if self._known == key:
             return
-        surface = Surface(self._mesh.points, self._mesh.regular_faces)
+        cameras = [source.camera for source in self.sources]
+        surface = Surface(*finer(self._mesh.points, self._mesh.regular_faces, cameras))
         with Visibility([self._mesh, *self._casters]) as visibility:
             how = self.max_angle, _SHARP[self.blend]
             self.choice: Choice = choose(surface, self.sources, visibility, *how)
