@@ -56,8 +56,9 @@ def page():
     notes = '\n'.join(f'{k}. {why}' for k, why in enumerate(reasons, 1))
     return (
         '# Keywords of `add_mesh`\n\n'
-        "Which keywords of PyVista's `add_mesh` the methods `pl.ibr.add_*` take, as there. A\n"
-        'number is the reason why one is refused, by a `TypeError`.\n\n'
+        "Which keywords of PyVista's `add_mesh` the methods `pl.ibr.add_*` accept, with the same "
+        'meaning. A\n'
+        'number refers to the reason for which a `TypeError` refuses one.\n\n'
         f'{head}\n' + '\n'.join(rows) + f'\n\n{notes}\n'
     )
 
