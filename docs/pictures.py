@@ -25,7 +25,7 @@ import pvibr
 
 DOCS = Path(__file__).parent
 WIDEST = 960
-SAMPLES = 4  # of a pixel, unless the example accumulates more
+SAMPLES = 8  # of a pixel, unless the example accumulates more
 URL = re.compile(r'http://(localhost|127[.]0[.]0[.]1):\d+/\S*')
 _shown = []
 

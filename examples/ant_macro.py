@@ -33,7 +33,8 @@ poses = pvibr.matrices(places, turns)
 pl.ibr.add_instances(ant, poses, color='#7a3b1e', specular=0.5, name='others')
 pl.camera_position = [(34, -46, 7), (2, 0, -0.6), (0, 0, 1)]
 pl.camera.view_angle = 28
-pl.ibr.look('daylight').effects['AmbientOcclusion'].radius = 2.5
-pl.ibr.add(pvibr.DepthOfField(radius=0.7, distance=50.0, samples=256))
-pl.show(auto_close=False)
-pl.close()
+effects = pl.ibr.look('daylight').effects
+effects['AmbientOcclusion'].radius, effects['Shadows'].method = 2.5, 'pcf'
+pl.ibr.add(pvibr.DepthOfField(radius=0.7, distance=50.0))
+pl.ibr.add(pvibr.Accumulation(32))
+pl.show()

@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 import pvibr
 
 SIZE = 900
-COUNT = 3_000
+COUNT = 2_000
 rng = np.random.default_rng(4)
 
 # %%
@@ -31,7 +31,7 @@ white = white.compute_normals(cell_normals=False)
 
 # %%
 # 2. They drift, none in another: of two that are too close, the first stays.
-places = rng.uniform((-80, 6, -45), (80, 260, 45), (COUNT, 3))
+places = rng.uniform((-80, 6, -45), (80, 180, 45), (COUNT, 3))
 near = cKDTree(places).query_pairs(7.4, output_type='ndarray')
 places = np.delete(places, np.unique(near[:, 1]), axis=0)
 turns = Rotation.random(len(places), random_state=4)
@@ -49,7 +49,8 @@ pl.camera.view_angle = 40
 look = pl.ibr.look('studio', ground=False)
 sky = look.effects['Sky']
 sky.top, sky.horizon, sky.bottom = '#5c1512', '#d98a72', '#5c1512'
-look.effects['AmbientOcclusion'].radius, look.effects['Shadows'].strength = 5.0, 0.55
+look.effects['AmbientOcclusion'].radius, shadows = 5.0, look.effects['Shadows']
+shadows.method, shadows.strength = 'pcf', 0.55
 pl.ibr.add(pvibr.Fog(90.0, begin=30.0, color='#b8614c'))
 pl.ibr.add(pvibr.DepthOfField(radius=0.8, distance=42.0))
 pl.ibr.add(pvibr.Accumulation(16))

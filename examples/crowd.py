@@ -52,9 +52,9 @@ crowd = pl.ibr.add_animated(
 # 4. Any moment of it, in a look: the time moves all of them.
 pl.camera_position = [(0, -64, 6.0), (0, -34, 0.2), (0, 0, 1)]
 pl.camera.view_angle = 32
-pl.ibr.look('daylight').effects['AmbientOcclusion'].radius = 0.6
+effects = pl.ibr.look('daylight').effects
+effects['AmbientOcclusion'].radius, effects['Shadows'].method = 0.6, 'pcf'
 pl.ibr.add(pvibr.Fog(160.0))
-pl.ibr.add(pvibr.Accumulation(8))
+pl.ibr.add(pvibr.Accumulation(16))
 pl.ibr.time = 0.5
-pl.show(auto_close=False)
-pl.close()
+pl.show()

@@ -12,7 +12,7 @@ import pyvista as pv
 import pvibr
 
 SIZE = 900
-COUNT = 360
+COUNT = 120
 rng = np.random.default_rng(0)
 
 # %%
@@ -35,7 +35,7 @@ spread = rng.normal(size=(heavy.sum(), 3, 3)) * 0.11 + 0.3 * np.eye(3)
 values, axes = np.linalg.eigh(spread @ spread.swapaxes(1, 2))
 
 # %%
-# 2. Side by side, on the ground: bonds are half and half in the colours of their atoms.
+# 2. Side by side: bonds are half and half in the colours of their atoms.
 pl = pv.Plotter(window_size=(16 * SIZE // 9, SIZE))
 pl.ibr.add_spheres(atoms, 0.45 * size, colors=colors, specular=0.4)
 pl.ibr.add_cylinders(*atoms[bonds.T], 0.13, colors=colors[bonds], specular=0.4)
@@ -46,15 +46,15 @@ pl.ibr.add_spheres(right, 1.3 * size, colors=colors, opacity=0.2)
 
 # %%
 # 3. A crystal of them behind, atom beside atom, and a ruler.
-deep, wide, high = np.unravel_index(np.arange(COUNT), (COUNT // 45 + 1, 15, 3))
-cells = np.column_stack([7.2 * wide - 50 + 3.6 * (deep % 2), 20 + 4.9 * deep, 0.5 + 4.8 * high])
+deep, wide, high = np.unravel_index(np.arange(COUNT), (COUNT // 30 + 1, 10, 3))
+cells = np.column_stack([7.2 * wide - 28.4 + 3.6 * (deep % 2), 20 + 4.9 * deep, 0.5 + 4.8 * high])
 packed = (atoms + cells[:, None]).reshape(-1, 3)
 pl.ibr.add_spheres(packed, np.tile(1.3 * size, COUNT), colors=np.tile(colors, (COUNT, 1)))
 pl.ibr.add_cylinders([[-0.5, -5.0, -2.2]], [[9.5, -5.0, -2.2]], 0.06, color='#33373d')
-below = [[4.5, -6.5, -2.2]]
-pl.add_point_labels(below, ['1 nm'], font_size=24, shape=None, show_points=False)
+pl.add_point_labels([[4.5, -6.5, -2.2]], ['1 nm'], font_size=24, shape=None, show_points=False)
 pl.camera_position, pl.camera.view_angle = [(4.5, -36, 16), (4.5, 4, 0.4), (0, 0, 1)], 25
-pl.ibr.look('studio').effects['AmbientOcclusion'].radius = 2.5
+effects = pl.ibr.look('studio').effects
+effects['AmbientOcclusion'].radius, effects['Shadows'].resolution = 2.5, 1024
 pl.ibr.add(pvibr.Fog(90.0, begin=40.0))
-pl.ibr.add(pvibr.Accumulation(16))
+pl.ibr.add(pvibr.Accumulation(24))
 pl.show()

@@ -50,7 +50,7 @@ fleet = pl.ibr.add_instances(craft, places(0), color='#ffd9a0', lighting=False, 
 # 3. As time goes on, they draw their trails.
 pl.camera_position = [(0.6, -4.0, 1.2), (0.35, 0, -0.05), (0, 0, 1)]
 pl.camera.view_angle = 41
-pl.ibr.add(pvibr.Afterglow([fleet], 4.0, fade=1.6, downsample=4))
+pl.ibr.add(pvibr.Afterglow([fleet], 2.5, fade=1.6, downsample=4, spread=0.2))
 pl.ibr.add(pvibr.ToneMapping())
 pl.show(auto_close=False)
 for time in np.linspace(0, 2, 61):

@@ -42,7 +42,7 @@ bare = bare.extract_surface(algorithm=None).triangulate()
 base = pv.Plane(center=(0, 0, bare.bounds[4] - 12), i_size=900, j_size=900)
 block = bare.extrude_trim((0, 0, -1), base)
 scan = pl.add_mesh(block, color='#e8e0d4', smooth_shading=True, split_sharp_edges=True)
-drape = pvibr.Projector(photos, cameras, actors=[scan], casters=[scan], feather=0.06)
+drape = pvibr.Projector(photos, cameras, actors=[scan], casters=[scan], blend='best')
 pl.ibr.add(drape).gain = 0.8, 0.8, 0.8
 
 # %%
@@ -53,7 +53,7 @@ for photo, camera in zip(photos, cameras, strict=True):
     pl.add_mesh(print_.translate((0, 0, -30)), texture=pv.Texture(photo), lighting=False)
     camera.clipping_range = 0.1, 30
     pl.add_mesh(camera.view_frustum(1.5), style='wireframe', color='#33373d', lighting=False)
-pl.camera_position, pl.camera.view_angle = [(-230, -540, 350), (0, -8, 44), (0, 0, 1)], 33
+pl.camera_position, pl.camera.view_angle = [(-230, -540, 350), (0, -8, 30), (0, 0, 1)], 30
 look = pl.ibr.look('studio')
 look.effects['AmbientOcclusion'].radius, look.effects['Shadows'].casts = 12.0, [scan]
 pl.ibr.add(pvibr.Accumulation(16))

@@ -50,11 +50,11 @@ shells = pv.merge([turned([*core, (2.0, 0.55), (0.6, 0.7)]), turned(nacelle)])
 # %%
 # 3. In the studio.
 pl = pv.Plotter(window_size=(16 * SIZE // 9, SIZE))
-bar = {'vertical': True, 'position_x': 0.86, 'position_y': 0.3, 'fmt': '%.0f', 'color': 'black'}
+bar = {'vertical': True, 'position_x': 0.86, 'position_y': 0.3, 'n_labels': 8, 'fmt': '%.0f'}
 look = {'smooth_shading': True, 'split_sharp_edges': True, 'specular': 0.35}
-pl.add_mesh(rotor, cmap='plasma', clim=(0, 1700), scalar_bar_args=bar, **look)
+pl.add_mesh(rotor, cmap='coolwarm', clim=(300, 1700), scalar_bar_args=bar, **look)
 pl.add_mesh(shells, color='#c9ccd1', **look)
-pl.camera_position = [(-3.2, -5.6, 2.2), (1.6, 0, -0.1), (0, 0, 1)]
+pl.camera_position, pl.camera.view_angle = [(-3.2, -5.6, 2.2), (1.6, 0, -0.1), (0, 0, 1)], 26
 pl.ibr.look('studio').effects['AmbientOcclusion'].radius = 0.15
 pl.ibr.add(pvibr.Accumulation(16))
 pl.show()

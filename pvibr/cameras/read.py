@@ -255,6 +255,6 @@ def _check(photos, lost, file):
     total = len(photos) + len(lost['unsized'])
     if not photos:
         msg = f'{file}, line 1: there are no registered cameras'
-        raise ValueError(f'{msg}; of {total} {text}.' if text else f'{msg}.')
+        raise ValueError(f'{msg}; of {total} cameras, {text}.' if text else f'{msg}.')
     if text:
         warn(f'{file}: of {total} cameras, {text}.')
