@@ -140,6 +140,8 @@ def test_what_screen_readers_are_told(panel, until):
     """Names and values of all controls, what is wrong with a text, and that a picture is drawn."""
     assert problems(panel.page) == []
     assert not_reached(panel.page) == []
+    zooms = panel.page.locator('meta[name=viewport]').get_attribute('content')
+    assert 'maximum-scale' not in zooms
     slider = panel.control('intensity')
     assert (slider.get_attribute('aria-valuenow'), slider.get_attribute('aria-valuemax')) == (
         panel.control('intensity', 'textbox').input_value(),

@@ -16,6 +16,11 @@ _numbers = itertools.count()
 _REST = 0.3
 #: Sides of pictures, in pixels.
 _LEAST, _MOST = 16, 4096
+#: Pages of trame keep browsers from zooming, which readers of small text need.
+_ZOOMS = """
+document.querySelector('meta[name=viewport]')
+  ?.setAttribute('content', 'width=device-width, initial-scale=1');
+"""
 _BUTTON = (
     'font: 14px/1.4 sans-serif; min-height: 28px; margin: 4px 8px; padding: 0 8px; '
     'color: #1b1b1b; background: #fff; border: 1px solid #767676; border-radius: 4px'
@@ -225,7 +230,7 @@ class PagePanel(RemotePanel):
         asked = f"(asked) => trigger('{act}', asked)"
         text = f'<pvibr-panel :data.prop="{self.name}" :send.prop="{asked}"></pvibr-panel>'
         with html.Div(text, classes='pvibr-panel', trame_server=self._server) as element:
-            client.Script(element_script(), trame_server=self._server)
+            client.Script(element_script() + _ZOOMS, trame_server=self._server)
         return element
 
     def _tell(self):
