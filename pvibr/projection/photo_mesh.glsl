@@ -112,11 +112,15 @@ vec4 ibr_photos_area(vec2 at, vec2 across, vec2 along)
   float rows = thin > 1.0 && ibr_photos_fine == 1 ? 2.0 : 1.0;
   float looks = ibr_photos_fine == 1 ? ceil(rows * wide / thin - 0.25) : 1.0;
   float level = floor(log2(max(ibr_photos_fine == 1 ? thin / rows : sqrt(wide * thin), 1.0)) + 0.4);
+  // A look is as wide as a texel: together they vary about the middle as the fragment does.
+  vec2 count = vec2(looks, rows), sides = vec2(wide, thin);
+  vec2 spread = max(sides * sides - exp2(2.0 * level), 0.0) / max(count * count - 1.0, 1.0);
+  spread = min(sqrt(spread) * count / sides, 1.0);
   vec4 sum = vec4(0.0);
   for (float i = 0.5; i < rows; i += 1.0)
     for (float k = 0.5; k < looks; k += 1.0)
-      sum += textureLod(ibr_photos_sheet, (at + (k / looks - 0.5) * longer
-        + (i / rows - 0.5) * shorter) / size, level);
+      sum += textureLod(ibr_photos_sheet, (at + spread.x * (k / looks - 0.5) * longer
+        + spread.y * (i / rows - 0.5) * shorter) / size, level);
   return sum / (rows * looks);
 }
 
