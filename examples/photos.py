@@ -37,7 +37,7 @@ pvibr.write_cameras(folder / 'sparse' / '0', taken, size=size)
 # 2. The project read again, and its photographs on a mesh without any texture.
 photos = pvibr.read_cameras(folder)
 print(photos[0])
-pl = pv.Plotter(window_size=(960, 720))
+pl = pv.Plotter(window_size=(960, 540))
 bare = globe.copy()
 bare.clear_data()
 painted = pl.ibr.add_photos(bare, photos, color='tan', max_angle=80.0)
@@ -45,7 +45,11 @@ print(painted.report())
 
 # %%
 # 3. Where they were taken from; ``pl.ibr.fly_to(photos[0])`` goes there.
-pl.add_mesh(photos.frustums(0.6), color='black', line_width=2)
-pl.camera_position = [(8.0, -7.6, 3.6), (0, 0, 0.4), (0, 0, 1)]
-pl.ibr.look('studio', ground=False)
+pl.add_mesh(photos.frustums(0.8), color='black', line_width=2)
+pictures, image = photos.thumbnails(0.8)
+pl.add_mesh(pictures, texture=pv.Texture(image[..., :3].copy()), lighting=False)
+pl.camera_position = [(8.6, -4.2, 4.4), (0, 0, 0.1), (0, 0, 1)]
+pl.camera.view_angle = 27
+pl.ibr.look('studio').effects['Shadows'].casts = [painted]
+pl.ibr.add(pvibr.Accumulation(16))
 pl.show()

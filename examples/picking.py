@@ -17,7 +17,7 @@ COUNT = 2_000
 ring = pv.ParametricTorus(u_res=50, v_res=40)
 places = np.random.default_rng(2).uniform(-50, 50, (COUNT, 3)) * [1, 1, 0.3]
 pl = pv.Plotter(window_size=(960, 540))
-rings = pl.ibr.add_instances(ring, places, color='lightgray')
+rings = pl.ibr.add_instances(ring, places, color='lightsteelblue', smooth_shading=True)
 pl.camera_position = [(-60, -60, 40), (0, 0, -5), (0, 0, 1)]
 pl.camera.zoom(2)
 pl.ibr.look('studio')
