@@ -27,7 +27,7 @@ for k in range(4):
     pl.add_mesh(pv.Plane(i_size=20, j_size=20, i_resolution=20, j_resolution=20), color='#8a8f98',
                 show_edges=True, edge_color='#70757e')  # fmt: skip
     name = ('a pinhole', 'focus on the second', 'focus on the fourth', 'circles')[k]
-    pl.add_text(name, font_size=10)
+    pl.add_text(name, font_size=10, color='white')
     row = [pawn.translate((0.75 * i - 1.2, 1.3 * i, 0)) for i in range(len(colors))]
     rows.append([pl.add_mesh(one, color=c) for one, c in zip(row, colors, strict=True)])
     pl.camera_position = [(-1.0, -3.6, 1.5), (-0.1, 2.2, 0.45), (0, 0, 1)]
