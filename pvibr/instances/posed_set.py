@@ -19,7 +19,7 @@ from pvibr.instances.cards import slab_counts
 from pvibr.instances.group import InstanceGroup, unit_of
 from pvibr.instances.levels import make_model
 from pvibr.instances.placement import centers_of
-from pvibr.maths.arguments import naming
+from pvibr.maths.arguments import as_array, naming
 from pvibr.maths.blocks import BLOCK, members, morton_order
 from pvibr.meshes.posed import posed_source, source_of
 from pvibr.meshes.poses import placed_by
@@ -390,9 +390,10 @@ class PosedSet(ItemSet):
         """Return all looks with those of some instances changed."""
         changed = {}
         if scalars is not None:
-            before = self._scalars
-            changed['scalars'] = np.full(len(self), np.nan) if before is None else before.copy()
-            changed['scalars'][ids] = scalars
+            before = np.full(len(self), np.nan) if self._scalars is None else self._scalars
+            new = as_array('scalars', scalars)
+            changed['scalars'] = before.astype(np.result_type(before, new))
+            changed['scalars'][ids] = new
         if colors is not None:
             rows = np.atleast_2d(np.asarray(color_rows('colors', colors)))
             new = self._as_colors(rows, len(rows))

@@ -51,17 +51,25 @@ class Source(NamedTuple):
         raise ValueError(msg + nearest(name, self.columns or arrays))
 
     def scalars(self, name):
-        """Return the numbers that scalars name: their scalar bar has that name."""
+        """Return the values that scalars name: their scalar bar has that name."""
         values = self.array('scalars', name)
-        if values.ndim != 1 or values.dtype.kind not in 'fiub':
-            msg = f'scalars is {name!r}, an array of text or vectors; name one of numbers'
+        if values.ndim != 1:
+            msg = f'scalars is {name!r}, an array of vectors; name one of numbers or words'
             raise ValueError(msg)
         return named(values, name)
 
 
+class _Named(np.ndarray):
+    """An array with a name, as a column of a table has it."""
+
+    name = ''
+
+
 def named(values, name):
-    """Return values as an array that is titled by a name."""
-    return pv.pyvista_ndarray(pv.convert_array(np.array(values, float), name=name))
+    """Return a copy of values that has a name."""
+    made = np.array(values).view(_Named)
+    made.name = name
+    return made
 
 
 def source_of(poses, *names, argument='poses', oriented=True) -> Source:

@@ -66,12 +66,25 @@ def read_only(array):
 
 
 def as_scalars(scalars, n):
-    """Return per-instance scalars as floats."""
+    """Return per-instance scalars as floats, flags or words."""
     array = as_array('scalars', scalars)
-    if array.dtype.kind not in 'fiub' or array.shape != (n,):
-        msg = f'scalars has shape {array.shape}, dtype {array.dtype}; it must be ({n},) numbers'
+    if array.dtype.kind == 'O' and all(isinstance(value, str | None) for value in array.flat):
+        array = np.array([value or '' for value in array.flat], str).reshape(array.shape)
+    if array.dtype.kind not in 'fiubU' or array.shape != (n,):
+        msg = f'scalars has shape {array.shape}, dtype {array.dtype}; '
+        msg += f'it must be ({n},) numbers or words'
         raise ValueError(msg)
-    return array.astype(float)
+    return array.copy() if array.dtype.kind in 'bU' else array.astype(float)
+
+
+def numbered(scalars) -> tuple[np.ndarray, tuple[str, ...]]:
+    """Return scalars as numbers, and the names of 0, 1 and so on if they are flags or words."""
+    if scalars.dtype.kind == 'b':
+        return scalars.astype(float), ('False', 'True')
+    if scalars.dtype.kind != 'U':
+        return scalars, ()
+    names, numbers = np.unique(scalars, return_inverse=True)
+    return numbers.reshape(scalars.shape).astype(float), tuple(names.tolist())
 
 
 def as_mask(visible, n):
@@ -90,6 +103,10 @@ def color_table(scalars, cmap=None, clim=None, theme=None, **options):
     theme = theme or pv.global_theme
     options = {name: value for name, value in options.items() if value is not None}
     _check_options(options)
+    scalars, names = numbered(scalars)
+    if names:  # a colour for each, as add_mesh
+        clim, options['n_colors'] = (-0.5, len(names) - 0.5), len(names)
+        options = {'annotations': dict(enumerate(names))} | options
     finite = scalars[np.isfinite(scalars)]
     if clim is None:
         clim = (finite.min(), finite.max()) if len(finite) else (0.0, 1.0)
@@ -107,9 +124,9 @@ def color_table(scalars, cmap=None, clim=None, theme=None, **options):
     )
     if options.pop('flip_scalars', False):
         table.values[:] = table.values[::-1].copy()
-    names = {'below_color': 'below_range_color', 'above_color': 'above_range_color'}
+    ranges = {'below_color': 'below_range_color', 'above_color': 'above_range_color'}
     for name, value in ({'nan_color': theme.nan_color} | options).items():
-        setattr(table, names.get(name, name), value)
+        setattr(table, ranges.get(name, name), value)
     table.BuildSpecialColors()
     return table
 
@@ -147,11 +164,12 @@ def _counts(name, value) -> bool:
 
 
 def map_scalars(table, scalars):
-    """Return the colours of scalars, shape (n, 3) uint8."""
-    if not len(scalars):
-        return np.zeros((0, 3), np.uint8)
-    mapped = table.MapScalars(_vtk.numpy_to_vtk(scalars), 1, 0)
-    return _vtk.vtk_to_numpy(mapped)[:, :3].copy()
+    """Return the colours of scalars, three more numbers for each, uint8."""
+    numbers = numbered(scalars)[0]
+    if not numbers.size:
+        return np.zeros((*numbers.shape, 3), np.uint8)
+    mapped = table.MapScalars(_vtk.numpy_to_vtk(numbers.ravel()), 1, 0)
+    return _vtk.vtk_to_numpy(mapped)[:, :3].copy().reshape(*numbers.shape, 3)
 
 
 def is_clear(looks):

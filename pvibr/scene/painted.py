@@ -55,6 +55,8 @@ class Painted(Thing):
 
     #: Table of the scalars; None without.
     table: pv.LookupTable | None = None
+    #: What the numbers of the table stand for, if scalars are words or flags.
+    _names: tuple[str, ...] = ()
     #: Defaults of the table.
     _theme: Theme | None = None
 
@@ -80,10 +82,12 @@ class Painted(Thing):
 
     def _map(self, scalars):
         values = self._as_scalars(scalars)
-        table = self.table or self._table_for(values, self._table_options)
-        self._scalars, self.table = values, table
+        names = look.numbered(values)[1]
+        known = self.table if names == self._names else None
+        table = known or self._table_for(values, self._table_options)
+        self._scalars, self.table, self._names = values, table, names
         self._scalar_name = name_of(scalars)
-        self._colors = _mapped(table, values)
+        self._colors = look.map_scalars(table, values)
 
     def _table_for(self, scalars, options):
         return look.color_table(scalars, theme=self._theme, **options)
@@ -98,7 +102,10 @@ class Painted(Thing):
 
     @property
     def scalars(self):
-        """Values of the items, shape (n,), read-only, or None; setting them bakes nothing."""
+        """Numbers, flags or words of the items, shape (n,), read-only, or None.
+
+        Setting them bakes nothing. Words and flags have a colour each, as in ``add_mesh``.
+        """
         return None if self._scalars is None else look.read_only(self._scalars)
 
     @scalars.setter
@@ -140,7 +147,7 @@ class Painted(Thing):
         merged = self._table_options | changed | options
         self.table = self._table_for(self._scalars, merged)
         self._table_options = merged
-        self._colors = _mapped(self.table, self._scalars)
+        self._colors = look.map_scalars(self.table, self._scalars)
         self._repaint()
         self._show_bar()
 
@@ -159,7 +166,7 @@ class Painted(Thing):
             return
         self.table.scalar_range = self._table_options['clim'] = clim
         if self._scalars is not None:
-            self._colors = _mapped(self.table, self._scalars)
+            self._colors = look.map_scalars(self.table, self._scalars)
             self._repaint()
 
     @property
@@ -190,6 +197,7 @@ class Painted(Thing):
         """Return the actor's mapper with the table of the scalars, None without scalars."""
         if self.table is None or self._scalars is None:
             return None
+        self.has_names = bool(self._names)
         return self._with_table(self.table, self.table.scalar_range)
 
     def scalar_title(self) -> str:
@@ -202,8 +210,3 @@ def scalars_of(points, scalars):
     if not isinstance(scalars, str):
         return scalars
     return source_of(points, scalars, argument='points', oriented=False).scalars(scalars)
-
-
-def _mapped(table, values):
-    """Return the colours of scalars, three more numbers for each."""
-    return look.map_scalars(table, values.ravel()).reshape(*values.shape, 3)

@@ -213,12 +213,16 @@ def test_instances_stand_where_a_file_says(tmp_path, kind):
     pl.close()
 
 
-def test_columns_of_text_colour_nothing(tmp_path):
-    file = _write(tmp_path, 'x,y,z,kind\n0,0,0,oak\n')
+def test_columns_of_text_colour_by_words(tmp_path):
+    file = _write(tmp_path, 'x,y,z,kind\n0,0,0,oak\n2,0,0,ash\n4,0,0,oak\n')
     pl = pv.Plotter(off_screen=True)
-    with pytest.raises(ValueError, match="'kind', an array of text"):
-        pl.ibr.add_instances(pv.Cone(), file, scalars='kind', cache=False)
-    assert not pl.ibr.effects
+    cones = pl.ibr.add_instances(pv.Cone(), file, scalars='kind', cache=False)
+    assert cones.scalars.tolist() == ['oak', 'ash', 'oak']
+    assert list(pl.scalar_bars.keys()) == ['kind']
+    cones.update([1], scalars='hornbeam')  # longer than all before
+    assert cones.scalars.tolist() == ['oak', 'hornbeam', 'oak']
+    names = cones.table.GetAnnotations()
+    assert [names.GetValue(k) for k in range(names.GetNumberOfValues())] == ['hornbeam', 'oak']
     pl.close()
 
 

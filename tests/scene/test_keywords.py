@@ -228,6 +228,40 @@ def test_scalars_of_items_are_coloured_as_those_of_a_mesh(kind, themed, monkeypa
         pl.close()
 
 
+def annotations_of(table):
+    """Return what `LookupTable.annotations` raises for: more than one, and those of words."""
+    values, names = table.GetAnnotatedValues(), table.GetAnnotations()
+    pairs = range(names.GetNumberOfValues())
+    return {float(str(values.GetVariantValue(k))): names.GetValue(k) for k in pairs}
+
+
+@pytest.mark.parametrize('kind', OF_ITEMS)
+@pytest.mark.parametrize('values', [['oak', 'ash', 'oak'], [True, False, True]])
+def test_words_and_flags_have_a_colour_each_as_those_of_a_mesh(kind, values):
+    for options in ({}, {'cmap': 'tab10'}, {'flip_scalars': True, 'annotations': {0: 'no'}}):
+        pl, plain = pv.Plotter(off_screen=True), pv.Plotter(off_screen=True)
+        options = options | {'scalar_bar_args': {'title': 'kind'}}
+        thing = OF_ITEMS[kind](pl.ibr, scalars=np.array(values), **options)
+        mesh = pv.PolyData(PLACES)
+        mesh['kind'] = values
+        mapper = plain.add_mesh(mesh, scalars='kind', **options).mapper
+        codes = mapper.dataset[mapper.array_name].astype(float)
+        rows = [pv.Color(mapper.lookup_table.map_value(v)).int_rgb for v in codes]
+        np.testing.assert_array_equal(thing.colors, rows, err_msg=str(options))
+        assert thing.scalars.tolist() == values
+        assert annotations_of(thing.table) == annotations_of(mapper.lookup_table)
+        assert thing.clim == mapper.scalar_range
+        bars = [p.scalar_bars['kind'] for p in (pl, plain)]
+        assert bars[0].GetDrawTickLabels() == bars[1].GetDrawTickLabels() == 0
+        thing.scalars = ['elm', 'fir', 'yew']  # other words, as many colours
+        assert len(np.unique(thing.colors, axis=0)) == 3
+        thing.scalars = VALUES  # and numbers, as if they had been given first
+        wanted = OF_ITEMS[kind](pl.ibr, scalars=VALUES, **options)
+        np.testing.assert_array_equal(thing.colors, wanted.colors)
+        pl.close()
+        plain.close()
+
+
 @pytest.mark.parametrize('kind', ['Instances', 'Spheres', 'Cylinders', 'Ellipsoids'])
 def test_colours_come_from_the_cycle_of_the_plotter(kind):
     pl = pv.Plotter(off_screen=True)
