@@ -6,6 +6,8 @@ import re
 import sys
 import weakref
 from contextlib import contextmanager
+from functools import wraps
+from inspect import signature
 
 import numpy as np
 import pyvista as pv
@@ -111,6 +113,37 @@ def parts_of_widgets(widgets) -> set[str]:
     """Return the addresses of the properties that widgets give to the actors they consist of."""
     solid = [w for w in widgets if w.IsA('vtk3DWidget')]
     return {address(getattr(w, n)()) for w in solid for n in dir(w) if _PROPERTY.fullmatch(n)}
+
+
+def add_by_component(kind):
+    """Have PyVista's ``add_actor`` add a kind of actors, which draw nothing alone."""
+    method = pv.Renderer.add_actor
+    arguments = signature(method)
+
+    @wraps(method)
+    def add_actor(renderer, actor, *args, **kwargs):
+        if not isinstance(actor, kind) or _is_here(actor, renderer):
+            return method(renderer, actor, *args, **kwargs)
+        asked = arguments.bind(renderer, actor, *args, **kwargs).arguments
+        asked |= {'remove_existing_actor': False}
+        with in_subplot(renderer.parent, renderer):
+            ibr = renderer.parent.ibr
+            ibr.pipeline.check_addable(actor)
+            actor.name = given = asked.get('name') or actor.given_name
+            ibr.add(actor)
+        try:
+            return method(**asked | {'name': actor.name})
+        finally:
+            actor.name = given  # PyVista's name for what has none is not one that was given
+
+    pv.Renderer.add_actor = add_actor  # type: ignore[method-assign, assignment]
+
+
+def _is_here(thing, renderer) -> bool:
+    """Return True if a thing is in a renderer, or on its way in."""
+    pipeline = thing.pipeline
+    here = pipeline is not None and pipeline.renderer is renderer
+    return here and (thing not in pipeline.effects or renderer.HasViewProp(thing))
 
 
 def border_of(renderer):

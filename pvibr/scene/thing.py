@@ -12,7 +12,7 @@ import pyvista as pv
 from pvibr.core import _vtk
 from pvibr.core.effect import Effect
 from pvibr.core.params import Param, checked_flag, checked_name
-from pvibr.core.plotters import put_inner, set_legend_label
+from pvibr.core.plotters import add_by_component, put_inner, set_legend_label
 from pvibr.maths.arguments import naming
 from pvibr.meshes.materials import copy_property
 from pvibr.scene.looks import read_only
@@ -448,6 +448,7 @@ class Thing(Effect, pv.Actor):
 
 for _name in MOVES:
     setattr(Thing, _name, _unmoved(_name))
+add_by_component(Thing)
 
 
 def _mapping(parts):

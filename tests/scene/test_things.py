@@ -127,6 +127,29 @@ def test_all_of_it_goes(scene, kind, way):
 
 
 @every
+@pytest.mark.parametrize('named', ['', 'it'])
+def test_add_actor_adds_it_as_a_mesh_is_added(scene, kind, named):
+    thing = scene.add(kind)
+    first, name = scene.picture(), thing.name
+    elsewhere = pv.Plotter(off_screen=True)
+    with pytest.raises(ValueError, match='is in another subplot already'):
+        elsewhere.add_actor(thing, name='one')
+    assert (thing.name, thing.given_name, len(elsewhere.actors)) == (name, None, 0)
+    for remove in (lambda: None, lambda: scene.plotter.remove_actor(thing), thing.remove):
+        remove()
+        actor, prop = scene.plotter.add_actor(thing, name=named or None, pickable=False)
+        assert (actor, prop, thing.pickable) == (thing, thing.prop, False)
+        assert list(scene.effects) == [thing]
+        assert scene.plotter.actors[named or name] is thing
+        assert (scene.picture() == first).all()
+    if kind not in SUBSTITUTES:
+        thing.remove()
+        elsewhere.add_actor(thing, reset_camera=True)
+        assert elsewhere.ibr.effects == (thing,)
+    elsewhere.close()
+
+
+@every
 def test_clear_removes_it(scene, kind):
     thing = scene.add(kind)
     scene.picture()
