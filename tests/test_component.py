@@ -321,3 +321,27 @@ def test_a_cell_run_twice_replaces_what_it_added():
     pl.ibr.add(pvibr.Outline(width=3))
     assert len(pl.ibr) == 8
     pl.close()
+
+
+def test_a_cell_run_twice_replaces_what_it_made_of_the_same():
+    pl = pv.Plotter(off_screen=True)
+    ball = pl.add_mesh(pv.Sphere())
+    code = 'vec4 effect(vec2 uv) { return color_at(uv) * k; }'
+
+    def cell():
+        pl.ibr.add(pvibr.Outline(color='red'))
+        pl.ibr.add(pvibr.Outline([ball], width=3))
+        pl.ibr.add(pvibr.Glow([ball]))
+        pl.ibr.add(pvibr.ShaderEffect(code, k=0.5))
+        pl.ibr.add(pvibr.ImageOverlay(np.full((4, 4, 4), 9, np.uint8), place=(0, 0, 0.1, 0.1)))
+        pl.ibr.add(pvibr.Flash(at=1.0))
+
+    cell()
+    first = pl.ibr.effects
+    cell()
+    assert not set(first) & set(pl.ibr.effects)
+    assert len(pl.ibr) == len(first) == 6
+    for width in (1, 2):  # made alike, then set: both stay
+        pl.ibr.add(pvibr.Outline()).width = width
+    assert len(pl.ibr) == 8
+    pl.close()

@@ -6,6 +6,8 @@ import weakref
 from inspect import Signature
 from typing import ClassVar
 
+import numpy as np
+
 from pvibr.core.params import checked_name, params_of
 from pvibr.core.signatures import arguments_of, docstring_of, signature_of
 from pvibr.core.spelling import Spelled, nearest
@@ -92,6 +94,8 @@ class Effect(Spelled):
     revision = 0
     _name: str | None = None
     _made_of: tuple
+    #: Class that it was made of, if that made one more with settings of its own.
+    _class: type | None = None
     __signature__: ClassVar[Signature]
 
     @property
@@ -249,7 +253,7 @@ class Effect(Spelled):
     def __reduce__(self):
         """Return what makes an equal one, in no plotter, with nothing on the GPU."""
         args, kwargs = self._made_of
-        return _made_again, (type(self), args, kwargs, self._changed())
+        return _made_again, (self._class or type(self), args, kwargs, self._changed())
 
     def __copy__(self):
         return self.__deepcopy__({})
@@ -258,6 +262,11 @@ class Effect(Spelled):
         """Return an equal one, of the same actors, textures and images."""
         make, arguments = self.__reduce__()
         return make(*arguments)
+
+    def is_like(self, other) -> bool:
+        """Return True if another effect was made of equal arguments, and is set alike."""
+        made = self.keeps_arguments and other.keeps_arguments
+        return made and _equal(self.__reduce__(), other.__reduce__())
 
     def _changed(self) -> dict:
         """Return what may have been set since it was made."""
@@ -339,6 +348,19 @@ class Effect(Spelled):
         known = params_of(type(self))
         self._set(self._checked({n: v for n, v in state.items() if n in known}))
         return [n for n in state if n not in known]
+
+
+def _equal(one, other) -> bool:
+    """Return True if two arguments are equal: numbers, text, arrays, or the same objects."""
+    if one is other:
+        return True
+    if isinstance(one, dict) and isinstance(other, dict):
+        return list(one) == list(other) and _equal([*one.values()], [*other.values()])
+    if isinstance(one, (list, tuple)) and isinstance(other, (list, tuple)):
+        return len(one) == len(other) and all(map(_equal, one, other))
+    if isinstance(one, np.ndarray) and isinstance(other, np.ndarray):
+        return np.array_equal(one, other)
+    return isinstance(one, (int, float, str)) and one == other
 
 
 def _made_again(cls, args, kwargs, changed):

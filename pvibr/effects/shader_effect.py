@@ -117,7 +117,8 @@ class ShaderEffect(Effect):
         known = params_of(type(self))
         made = {n: Param(v, 'Uniform.') for n, v in settings.items() if n not in known}
         if made:
-            self.__class__ = type(type(self).__name__, (type(self),), made)
+            cls = type(self)
+            self.__class__ = type(cls.__name__, (cls,), made | {'_class': cls})
 
     def _read(self):
         """Read the source; a file is read anew each time."""

@@ -90,3 +90,12 @@ def test_arrays_that_things_return_are_read_only():
                 with pytest.raises(ValueError, match='read-only'):
                     value[...] = 0
     assert count > 20
+
+
+@pytest.mark.parametrize('way', WAYS)
+def test_effects_with_uniforms_of_their_own_are_copied(way):
+    effect = pvibr.ShaderEffect('vec4 effect(vec2 uv) { return color_at(uv) * k; }', k=0.5)
+    effect.k = 0.25
+    made = WAYS[way](effect)
+    assert (made.k, made.state()) == (0.25, effect.state())
+    assert type(made).__name__ == 'ShaderEffect'
