@@ -2,10 +2,22 @@
 
 from __future__ import annotations
 
+import io
+
 import numpy as np
 import pyvista as pv
+from PIL import Image
 
 from pvibr.core import _vtk
+
+
+def damaged_jpeg():
+    """Return the bytes of a white picture whose description breaks off: Pillow warns of it."""
+    file = io.BytesIO()
+    Image.fromarray(np.full((8, 8, 3), 255, np.uint8)).save(file, 'JPEG')
+    start, described = file.getvalue()[:2], file.getvalue()[20:]  # 18 bytes tell the density
+    broken = b'Exif\0\0II*\0\x08\0\0\0\x05\0\x1a\x01'
+    return start + b'\xff\xe1' + (len(broken) + 2).to_bytes(2, 'big') + broken + described
 
 
 def plotter(size=(120, 90), **options):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -225,7 +226,9 @@ def _read(path):
     from imageio import v3
 
     try:
-        image = v3.imread(path)
+        with warnings.catch_warnings():  # of readers, which tell of damage and of each other
+            warnings.simplefilter('ignore')
+            image = v3.imread(path)
         return _as_rgba(image[0] if image.ndim == 4 else image)  # of a GIF the first
     except Exception as error:
         msg = f'image = {path}: imageio cannot read it as a picture: {error}'

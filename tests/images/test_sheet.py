@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import warnings
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -10,6 +12,7 @@ from scipy.ndimage import map_coordinates
 
 from pvibr.gl.offscreen import hidden_window
 from pvibr.images.sheet import Sheet, as_images, shelves
+from tests.pictures import damaged_jpeg
 
 
 @given(st.lists(st.tuples(st.integers(1, 40), st.integers(1, 40)), min_size=1, max_size=12))
@@ -107,6 +110,14 @@ def test_a_corrupt_file_is_refused(tmp_path):
         as_images(file)
     with pytest.raises(FileNotFoundError):
         as_images(tmp_path / 'none.png')
+
+
+def test_of_a_picture_whose_description_is_damaged_nothing_is_said(tmp_path):
+    file = tmp_path / 'a.jpg'
+    file.write_bytes(damaged_jpeg())
+    with warnings.catch_warnings():
+        warnings.simplefilter('error')
+        assert (as_images(file)[0] == 255).all()
 
 
 def test_images_of_any_kind_are_rgba():

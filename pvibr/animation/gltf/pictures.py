@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import warnings
 from typing import NamedTuple
 
 import numpy as np
@@ -142,7 +143,9 @@ class Pictures:
         from PIL import Image, UnidentifiedImageError  # only textured files need it
 
         try:
-            with Image.open(io.BytesIO(data), formats=_PICTURES) as picture:
+            with warnings.catch_warnings(), io.BytesIO(data) as held:
+                warnings.simplefilter('ignore')  # of damage in what describes a picture
+                picture: Image.Image = Image.open(held, formats=_PICTURES)
                 width, height = picture.size
                 self._file.spend(8 * width * height, place)
                 if picture.mode.startswith('I'):  # 16-bit grey, which Pillow would clip

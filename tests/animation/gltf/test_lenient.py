@@ -14,6 +14,7 @@ import pyvista as pv
 from PIL import Image
 
 import pvibr
+from tests.pictures import damaged_jpeg
 
 CLAMP, MIRROR, REPEAT = 33071, 33648, 10497
 
@@ -131,6 +132,14 @@ def test_odd_weights_are_those_of_other_readers(glb):
 def test_a_picture_that_cannot_be_read_is_named_and_left_out(glb, picture, said):
     textured(glb, picture, np.zeros((4, 2)))
     assert 'texture' not in named(glb, said).meshes[0].look
+
+
+def test_of_a_picture_whose_description_is_damaged_nothing_is_said(glb):
+    textured(glb, {'bufferView': glb.view(damaged_jpeg())}, np.zeros((4, 2)))
+    with warnings.catch_warnings():
+        warnings.simplefilter('error')
+        look = pvibr.read_gltf(glb.write()).meshes[0].look
+    assert (look['texture'].to_array() == 255).all()
 
 
 def test_a_texture_without_a_picture_is_named(glb):
