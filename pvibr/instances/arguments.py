@@ -15,7 +15,7 @@ from pvibr.maths.transforms import trs
 from pvibr.meshes.files import scene_instances
 from pvibr.meshes.glyphs import Glyphs
 from pvibr.meshes.parts import are_parts
-from pvibr.meshes.posed import names_in, posed_source, source_of
+from pvibr.meshes.posed import Source, names_in, posed_source, source_of
 from pvibr.meshes.poses import as_poses
 
 
@@ -33,13 +33,18 @@ def placed(mesh, poses, index, scalars, pbr=False, plain=False, **how) -> Placed
     """Return meshes, checked poses, index and scalars; plain ones have colours of their own."""
     if isinstance(mesh, Glyphs) and poses is None:
         shown = mesh.scalars if scalars is None and not plain else scalars
-        return Placed(mesh.meshes, as_poses(mesh.poses), mesh.index, shown)
+        source = Source(as_poses(mesh.poses), mesh.arrays)
+        return Placed(mesh.meshes, source.poses, mesh.index, _scalars_of(source, shown))
     meshes, poses, index = _meshes_and_poses(mesh, poses, index, pbr)
     names = [n for n in (scalars, how.get('orient'), how.get('scale')) if isinstance(n, str)]
     source = source_of(poses, *names, *names_in(how.get('orient')))
-    if isinstance(scalars, str) and scalars in (source.arrays or {}):
-        scalars = source.scalars(scalars)
-    return Placed(meshes, posed_source(source, **how), index, scalars)
+    return Placed(meshes, posed_source(source, **how), index, _scalars_of(source, scalars))
+
+
+def _scalars_of(source, scalars):
+    """Return scalars, those of the points if they name an array of these."""
+    named = isinstance(scalars, str) and scalars in (source.arrays or {})
+    return source.scalars(scalars) if named else scalars
 
 
 def _meshes_and_poses(mesh, poses, index, pbr=False):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
@@ -26,7 +27,9 @@ class Glyphs:
     meshes: list
     poses: np.ndarray
     index: np.ndarray
-    scalars: pv.pyvista_ndarray | None
+    scalars: np.ndarray | None
+    #: Arrays of the dataset, a value for each glyph, by name.
+    arrays: Mapping
 
     def __repr__(self) -> str:
         return f'<{len(self.poses):,} glyphs of {len(self.meshes)} meshes>'
@@ -70,7 +73,7 @@ def glyph(
         values = at.lengths if chooser.ndim > 1 else at.first
         index = np.trunc((values - span[0]) * len(meshes) / _width(span)).astype(int)
     index = index.clip(0, len(meshes) - 1)
-    return Glyphs(meshes, poses, index, at.colors(color_mode, scaled, sizes))
+    return Glyphs(meshes, poses, index, at.colors(color_mode, scaled, sizes), at.arrays)
 
 
 class _Points:
@@ -94,6 +97,7 @@ class _Points:
         if tolerance is not None:
             dataset = _merged(dataset, tolerance, absolute)
         self.points = np.asarray(dataset.points, float)
+        self.arrays = dict(dataset.point_data)
         count = dataset.n_points
         found = [dataset.point_data.get(n) for n in names]
         self.name, (self.scalars, self.vectors) = names[0], found

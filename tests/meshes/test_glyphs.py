@@ -58,7 +58,7 @@ def test_points_and_scalars_are_those_of_pyvista(way, geom):
         np.testing.assert_allclose(points, wanted.points, atol=1e-5, err_msg=str(how))
         if wanted.active_scalars_name is None:  # of a table, by vectors that there are not
             continue
-        assert made.scalars.VTKObject.GetName() == wanted.active_scalars_name, how
+        assert made.scalars.name == wanted.active_scalars_name, how
         shown = np.asarray(wanted.active_scalars)
         shown = shown if shown.ndim == 1 else np.linalg.norm(shown, axis=1)
         np.testing.assert_allclose(scalars, shown, atol=1e-6, err_msg=str(how))
@@ -71,16 +71,22 @@ def test_signature_is_that_of_pyvista():
     assert all(own[name].default == wanted[name].default for name in own)
 
 
-def test_picture_and_bar_are_those_of_pyvista():
+@pytest.mark.parametrize('scalars', [None, 'speed', 'heat'])
+def test_picture_and_bar_are_those_of_pyvista(scalars):
     mesh, pictures = grid(9), []
+    mesh.point_data['heat'] = np.arange(36.0) % 5
+    mesh.set_active_scalars('speed')
     for own in (True, False):
         pl = plotter()
         how = {'orient': 'wind', 'scale': 'speed', 'factor': 0.5, 'geom': TABLE}
         if own:
-            pl.ibr.add_instances(mesh.ibr.glyph(**how), cmap='plasma')
+            pl.ibr.add_instances(mesh.ibr.glyph(**how), cmap='plasma', scalars=scalars)
         else:
-            pl.add_mesh(mesh.glyph(**how), cmap='plasma')
-        assert list(pl.scalar_bars.keys()) == ['speed']
+            wanted, index = mesh.glyph(**how), mesh.ibr.glyph(**how).index
+            counts = [TABLE[k].n_points for k in index]
+            wanted['heat'] = np.repeat(mesh['heat'], counts)  # of which PyVista's have no copy
+            pl.add_mesh(wanted, cmap='plasma', scalars=scalars or 'speed')
+        assert list(pl.scalar_bars.keys()) == [scalars or 'speed']
         pictures.append(shot(place(pl, (8.0, -14.0, 7.0), (1.5, 1, 1))))
         pl.close()
     assert (pictures[1] != pictures[1][0, 0]).any(2).mean() > 0.03
