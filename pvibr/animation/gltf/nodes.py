@@ -79,17 +79,20 @@ def _check_depth(parents):
 
 
 def shown_nodes(file: GltfFile, parents, scene):
-    """Return the nodes of a scene."""
+    """Return the nodes of a scene; its roots have no parents from now on."""
     document = file.document
     if scene is None and not document.scenes:
         roots = np.flatnonzero(parents < 0).tolist()
     else:
-        roots = _roots(document, parents, _scene_number(document, scene))
-    found, stack = [], roots[::-1]
+        roots = _roots(document, _scene_number(document, scene))
+    found, stack = {}, roots[::-1]
     while stack:
-        found.append(node := stack.pop())
-        stack += document.nodes[node].children[::-1]
-    return found
+        if (node := stack.pop()) not in found:
+            found[node] = parents[node]
+            stack += document.nodes[node].children[::-1]
+    # Exporters of game kits name nodes that have parents, which are in no scene.
+    parents[[node for node in roots if found[node] not in found]] = -1
+    return list(found)
 
 
 def drawn_nodes(file: GltfFile, parents, nodes):
@@ -128,14 +131,10 @@ def _scene_number(document, scene):
     raise ValueError(msg)
 
 
-def _roots(document, parents, number):
+def _roots(document, number):
     roots = list(dict.fromkeys(document.scenes[number].nodes))
     for i, node in enumerate(roots):
-        place = f'scenes[{number}].nodes[{i}]'
-        follow(document.nodes, node, place, 'nodes')
-        if parents[node] >= 0:
-            msg = f'{place} is {node}, which is a child of nodes[{parents[node]}].'
-            raise GltfError(msg)
+        follow(document.nodes, node, f'scenes[{number}].nodes[{i}]', 'nodes')
     return roots
 
 

@@ -95,6 +95,22 @@ def test_a_matrix_without_depth_is_flat(glb):
     assert shown(figure).any()
 
 
+@pytest.mark.parametrize(('roots', 'moved'), [([1], 0), ([2], 0), ([0, 1], 5), ([1, 0], 5)])
+def test_roots_of_a_scene_that_have_parents_are_drawn_once(glb, roots, moved):
+    """As exporters of game kits write: their parents are in no scene, or there already."""
+    glb.add('nodes', children=[1], translation=[5, 0, 0])
+    glb.add('nodes', children=[2])
+    glb.shown(glb.primitive())
+    glb.add('scenes', nodes=roots)
+    figure = pvibr.read_gltf(glb.write())
+    assert len(figure.meshes) == 1
+    np.testing.assert_allclose(figure.mesh().bounds, [moved, 1 + moved, 0, 1, 0, 0], atol=1e-6)
+    pl = pv.Plotter(off_screen=True)
+    instances = pl.ibr.add_instances(str(glb.write()), cache=False)
+    np.testing.assert_allclose(instances.bounds, [moved, 1 + moved, 0, 1, 0, 0], atol=1e-6)
+    pl.close()
+
+
 # Weights
 
 
