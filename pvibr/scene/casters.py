@@ -23,6 +23,8 @@ from pvibr.scene.actor_watch import ActorWatch
 from pvibr.scene.thing import Thing
 
 _FLAT, _WIREFRAME, _SURFACE = 0, 1, 2  # VTK_FLAT, VTK_WIREFRAME, VTK_SURFACE
+#: Steps of the depth buffer by which PyVista's affine widget lifts its arrows.
+_ON_TOP = -20_000
 _MAPPERS = ('vtkPolyDataMapper', 'vtkDataSetMapper', 'vtkGlyph3DMapper')
 
 
@@ -62,7 +64,11 @@ class Surfaces:
             self._free, self._last = free, {}
             self._scenery = {k for k, a in free.items() if not a.GetUseBounds()}
         parts = parts_of_widgets(widgets)
-        mine = {k for k, a in free.items() if parts and address(a.GetProperty()) in parts}
+        mine = {
+            k
+            for k, a in free.items()
+            if (parts and address(a.GetProperty()) in parts) or _is_on_top(a)
+        }
         self._others = {k: a for k, a in free.items() if k not in mine}
 
     def chosen(self, choice, things, *, handles=True) -> tuple[dict, list]:
@@ -160,6 +166,13 @@ def _is_surface(actor) -> bool:
         return False
     mapper = actor.GetMapper()
     return mapper is not None and any(mapper.IsA(name) for name in _MAPPERS)
+
+
+def _is_on_top(actor) -> bool:
+    """Return True if an actor is drawn over all others, as arrows are that move an actor."""
+    factor, units = _vtk.reference(0.0), _vtk.reference(0.0)
+    actor.GetMapper().GetRelativeCoincidentTopologyPolygonOffsetParameters(factor, units)
+    return float(units) <= _ON_TOP
 
 
 # Points as spheres are squares to VTK, which has only their normals and depth. Their bulge is told
