@@ -211,7 +211,7 @@ def _parsed(json) -> Gltf:
     try:
         document = _decoded_as(json, Gltf)
     except msgspec.ValidationError as error:
-        with suppress(msgspec.DecodeError, RecursionError):
+        with suppress(msgspec.DecodeError, RecursionError, UnicodeDecodeError):
             _check_version(_decoded_as(json, _Versioned).asset)
         fault, _, place = str(error).partition(' - at ')
         msg = f'{place.strip("`").removeprefix("$.") or "the file"}: {fault}.'

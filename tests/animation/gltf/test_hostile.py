@@ -343,6 +343,7 @@ def test_very_deep_nodes(glb):
         (b'{"asset": {"version": "2.0"}, "extras": ' + b'[' * 10**5, 'nested too deeply'),
         (b'{"asset": {"version": "2.0"}, "scene": NaN}', 'neither GLB nor JSON'),
         (b'{"asset": {"version": "\xff"}}', 'neither GLB nor JSON'),
+        (b'{"nodes": 3, "asset": {"version": "\xff"}}', 'nodes: Expected `array`, got `int`'),
         (struct.pack('<4sIII4s', b'glTF', 1, 20, 0, b'JSON'), 'version 1; only 2'),
         (struct.pack('<4sIII4s', b'glTF', 2, 99, 0, b'JSON'), 'says 99 bytes and has 20'),
         (struct.pack('<4sIII4s', b'glTF', 2, 20, 9, b'JSON'), 'chunk 0 .* ends at byte 29 of 20'),
