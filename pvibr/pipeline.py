@@ -12,7 +12,7 @@ from typing import Any
 from pvibr.core.effect import Effect, put_into
 from pvibr.core.errors import ClosedError, warn
 from pvibr.core.frame import Frame
-from pvibr.core.passes import is_llvmpipe, loses_depth, peels_samples
+from pvibr.core.passes import has_shadows, is_llvmpipe, loses_depth, peels_samples
 from pvibr.core.report import Report, Row
 from pvibr.effects import ORDER
 from pvibr.gl.annotations import Annotations
@@ -194,6 +194,7 @@ class Pipeline:
             self._observers = [
                 self.renderer.AddObserver('StartEvent', self._on_start, -1.0),
                 self.renderer.AddObserver('EndEvent', self._on_end, 1.0),
+                self.renderer.AddObserver('ActiveCameraEvent', self._on_camera),
             ]
         elif not self._entries:
             for tag in self._observers:
@@ -234,6 +235,19 @@ class Pipeline:
             turn.guard(images, self._stage.begin, turn.frame, effects, self.things)
         elif not frame.picking:
             self._stage.rest()
+        turn.camera = self.renderer.GetActiveCamera()
+
+    def _on_camera(self, _renderer, _event):
+        """Prepare things for a light of which VTK draws a shadow map, and for the eye again."""
+        turn, camera = self._turn, self.renderer.GetActiveCamera()
+        if turn is None or turn.camera is None or not has_shadows(self.renderer):
+            return
+        frame = turn.drawn
+        if camera is not turn.camera:
+            frame = frame.elsewhere(Frame.of(self.renderer).view, frame.size)
+        for entry in self._entries:
+            if entry.running and isinstance(entry.effect, Thing):
+                turn.guard([entry], entry.effect.prepare, frame)
 
     def _call_back(self, turn):
         """Prepare things again that an effect has drawn in other views."""
@@ -321,6 +335,7 @@ class _Turn:
         self.images: list[_Entry] = []
         self.failures: list[str] = []
         self.begun: Frame | None = None
+        self.camera: Any = None  # once all is prepared for it
         self.take(frame)
 
     def take(self, frame):

@@ -269,6 +269,61 @@ def test_shadows_of_vtk_are_drawn_as_without_pvibr(thing):
     np.testing.assert_array_equal(picture(thing), picture(None))
 
 
+CENTERS = np.array([[0, 0, 0], [2, 0, 0], [1, 1.5, 0.5]])
+ENDS = np.add(CENTERS, (-0.5, 0, 0)), np.add(CENTERS, (0.5, 0, 0))
+CASTERS = {  # what is added, and the mesh of one at the origin
+    'instances': (lambda ibr, **how: ibr.add_instances(CONE, CENTERS, **how), lambda: CONE),
+    'far instances': (
+        lambda ibr, **how: ibr.add_instances(
+            CONE, CENTERS, force_level='flat', cache=False, **how
+        ),
+        lambda: CONE,
+    ),
+    'spheres': (lambda ibr, **how: ibr.add_spheres(CENTERS, 0.5, **how), lambda: round_mesh()),
+    'cylinders': (
+        lambda ibr, **how: ibr.add_cylinders(*ENDS, 0.3, **how),
+        lambda: pv.Cylinder(radius=0.3, height=1, resolution=40),
+    ),
+    'ellipsoids': (
+        lambda ibr, **how: ibr.add_ellipsoids(CENTERS, (0.5, 0.3, 0.2), **how),
+        lambda: round_mesh().scale((1, 0.6, 0.4)),
+    ),
+}
+CONE = pv.Cone(resolution=20)
+
+
+def round_mesh():
+    return pv.Sphere(theta_resolution=40, phi_resolution=40)
+
+
+@pytest.mark.parametrize('kind', CASTERS)
+@pytest.mark.parametrize('lamp', [False, True])
+def test_things_cast_the_shadows_that_vtk_draws_of_their_meshes(kind, lamp):
+    def ground(add):
+        pl = plotter((200, 150))
+        pl.add_mesh(pv.Plane(center=(1, 0.7, -0.5), i_size=4, j_size=4), color='w')
+        add(pl)
+        if lamp:
+            pl.remove_all_lights()
+            spot = {'light_type': 'scene light', 'positional': True, 'cone_angle': 40}
+            pl.add_light(pv.Light(position=(3, -2, 6), focal_point=(1, 0.7, 0), **spot))
+        pl.enable_shadows()
+        pl.view_isometric()
+        picture = shown(pl)
+        np.testing.assert_array_equal(shot(pl), picture)
+        gray = (np.ptp(picture, 2) < 40) & (picture.max(2) < 250)
+        return gray, gray & (picture.max(2) < 150)
+
+    add, mesh = CASTERS[kind]
+    seen, dark = ground(lambda pl: add(pl.ibr, color='red'))
+    truth, wanted = ground(
+        lambda pl: [pl.add_mesh(mesh().translate(p), color='red') for p in CENTERS]
+    )
+    both = seen & truth
+    assert (wanted & both).sum() > 100
+    assert ((dark ^ wanted) & both).sum() < 0.15 * (wanted & both).sum()
+
+
 def test_depth_peeling_of_samples_is_warned_of_once_and_the_remedy_works():
     def red(pl):
         picture = shown(pl)

@@ -9,6 +9,7 @@ import numpy as np
 import pyvista as pv
 
 from pvibr.core.errors import ShaderError
+from pvibr.core.passes import has_shadows
 from pvibr.gl import enums as gl
 from pvibr.gl import shader_source
 from pvibr.gl.feature import Feature, sections
@@ -178,6 +179,8 @@ def seen_blocks(blocks, frame, shape) -> Seen:
     )
     modes[inside & (large <= _LARGEST_SMALL)] = DRAW_MODES.index(SMALL)
     modes[inside & (large <= 1.0)] = DRAW_MODES.index(DOTS)
+    if has_shadows(frame.renderer):  # VTK draws its shadow maps with the actors of the frame
+        modes[:] = DRAW_MODES.index(QUADS)
     modes[giant_blocks(blocks, frame, origins, index)] = DRAW_MODES.index(GIANTS)
     areas = shape.fill * BLOCK * np.pi / 16 * (small + np.minimum(large, frame.size[1])) ** 2
     return Seen(np.column_stack([origins, index]), modes, around, areas)
