@@ -125,8 +125,8 @@ class IBRComponent(
         """Add an effect or a thing to the active subplot.
 
         It replaces what has the name that it was given, effects of which a picture has one, such
-        as `Bloom`, replace one of their kind, and others one that was made of the same arguments
-        and was not changed since: a notebook cell may be run twice.
+        as `Bloom`, replace one of their kind, and others, such as `Outline`, one that was made of
+        the same arguments and was not changed since: a notebook cell may be run twice.
 
         Parameters
         ----------
@@ -362,4 +362,5 @@ class IBRComponent(
 def _replaces(effect, old) -> bool:
     """Return True if an effect takes the place of another: of its name, its kind, or its like."""
     same_kind = effect.single and type(effect) is type(old)
-    return old.name == effect.given_name or same_kind or effect.is_like(old)
+    same = effect.once and effect.is_like(old)
+    return old.name == effect.given_name or same_kind or same

@@ -74,6 +74,8 @@ class Effect(Spelled):
     before: str | None = None
     #: Whether a subplot has one of its kind: another one replaces it, as in a cell run twice.
     single = False
+    #: Whether an equal one more is of no use: it replaces the first, as in a cell run twice.
+    once = False
     #: Whether it also runs in frames that are drawn to pick.
     picks = False
     #: Whether `render` needs colours above 1.

@@ -80,6 +80,7 @@ class Glow(LightSpread):
     (1.0,)
     """
 
+    once = True
     presets = {
         'subtle': {'intensity': 0.5, 'spread': 0.3},
         'strong': {'intensity': 2.0, 'spread': 0.8},

@@ -55,6 +55,7 @@ class Outline(Effect):
     >>> pl.close()
     """
 
+    once = True
     web = 'baked', 'lines: silhouettes from the current camera, and creases'
     neutral = 'opacity', 0
     covers = True

@@ -81,6 +81,7 @@ class Flash(FullScreen):
     """
 
     parts = ('flash',)
+    once = True
     covers = True
 
     neutral = 'at', None
@@ -260,6 +261,7 @@ class ImageOverlay(FullScreenImage):
     'over'
     """
 
+    once = True
     mode = Param('over', 'Blend mode.', choices=_BLEND_MODES)
 
     @property

@@ -85,6 +85,7 @@ class ShaderEffect(Effect):
 
     source: str | Path = ''
     template = Path(__file__).with_name('template.glsl')
+    once = True
     neutral = 'intensity', 0
 
     intensity = Param(1.0, 'Opacity of the result.', range='[0, 1]')
