@@ -68,13 +68,19 @@ def read_only(array):
 def as_scalars(scalars, n):
     """Return per-instance scalars as floats, flags or words."""
     array = as_array('scalars', scalars)
-    if array.dtype.kind == 'O' and all(isinstance(value, str | None) for value in array.flat):
-        array = np.array([value or '' for value in array.flat], str).reshape(array.shape)
+    if array.dtype.kind == 'O' and all(map(_is_word, array.flat)):
+        words = [value if isinstance(value, str) else '' for value in array.flat]
+        array = np.array(words, str).reshape(array.shape)
     if array.dtype.kind not in 'fiubU' or array.shape != (n,):
         msg = f'scalars has shape {array.shape}, dtype {array.dtype}; '
         msg += f'it must be ({n},) numbers or words'
         raise ValueError(msg)
     return array.copy() if array.dtype.kind in 'bU' else array.astype(float)
+
+
+def _is_word(value) -> bool:
+    """Return True for a word, or a missing one: None, and NaN in a column of pandas."""
+    return isinstance(value, str | None) or (isinstance(value, float) and np.isnan(value))
 
 
 def numbered(scalars) -> tuple[np.ndarray, tuple[str, ...]]:

@@ -241,6 +241,11 @@ def test_scalars_that_do_not_fit(scalars):
         look.as_scalars(scalars, 2)
 
 
+def test_missing_words_are_empty():
+    given = np.array(['oak', None, np.nan, 'ash'], object)
+    assert look.as_scalars(given, 4).tolist() == ['oak', '', '', 'ash']
+
+
 def test_scalars_are_not_complex():
     with pytest.raises(TypeError, match=r'scalars = .*complex numbers, dates'):
         look.as_scalars([1j, 2], 2)
