@@ -228,8 +228,8 @@ def _read(path):
     try:
         with warnings.catch_warnings():  # of readers, which tell of damage and of each other
             warnings.simplefilter('ignore')
-            # Of bytes: readers that fail leave files open.
-            image = v3.imread(path.read_bytes(), extension=path.suffix.lower() or None)
+            hint = {'extension': path.suffix.lower()} if path.suffix else {}
+            image = v3.imread(path.read_bytes(), **hint)  # readers that fail leave files open
         return _as_rgba(image[0] if image.ndim == 4 else image)  # of a GIF the first
     except Exception as error:
         msg = f'image = {path}: imageio cannot read it as a picture: {error}'

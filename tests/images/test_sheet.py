@@ -112,8 +112,9 @@ def test_a_corrupt_file_is_refused(tmp_path):
         as_images(tmp_path / 'none.png')
 
 
-def test_of_a_picture_whose_description_is_damaged_nothing_is_said(tmp_path):
-    file = tmp_path / 'a.jpg'
+@pytest.mark.parametrize('name', ['a.jpg', 'a.JPG', 'a.png', 'a'])
+def test_of_a_picture_whose_description_is_damaged_nothing_is_said(tmp_path, name):
+    file = tmp_path / name
     file.write_bytes(damaged_jpeg())
     with warnings.catch_warnings():
         warnings.simplefilter('error')
