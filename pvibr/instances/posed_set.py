@@ -390,10 +390,7 @@ class PosedSet(ItemSet):
         """Return all looks with those of some instances changed."""
         changed = {}
         if scalars is not None:
-            before = np.full(len(self), np.nan) if self._scalars is None else self._scalars
-            new = as_array('scalars', scalars)
-            changed['scalars'] = before.astype(np.result_type(before, new))
-            changed['scalars'][ids] = new
+            changed['scalars'] = self._with_scalars(ids, as_array('scalars', scalars))
         if colors is not None:
             rows = np.atleast_2d(np.asarray(color_rows('colors', colors)))
             new = self._as_colors(rows, len(rows))
@@ -404,6 +401,18 @@ class PosedSet(ItemSet):
             mask = look.as_mask(visible, len(ids))
             changed['visible'] = self.visible.copy()
             changed['visible'][ids] = True if mask is None else mask
+        return changed
+
+    def _with_scalars(self, ids, new):
+        """Return all scalars with those of some instances changed, to words if these are words."""
+        words, before = new.dtype.kind in 'UO', self._scalars
+        if before is None:
+            before = np.full(len(self), '' if words else np.nan)
+        elif words != (before.dtype.kind == 'U'):
+            msg = f'scalars has dtype {new.dtype}; those of the others are of {before.dtype}'
+            raise ValueError(msg)
+        changed = before.astype(np.result_type(before, new))
+        changed[ids] = new
         return changed
 
     def _as_colors(self, colors, count=None) -> np.ndarray:

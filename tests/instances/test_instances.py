@@ -74,7 +74,7 @@ MODES = {
 @pytest.mark.parametrize('mode', MODES)
 def test_beside_what_plotters_enable(scenes, see, bean, mode, request):
     if mode == 'shadows':
-        reason = "cards cast nothing in VTK's own shadow maps"
+        reason = "shadows of VTK's own do not fall on cards"
         request.applymarker(pytest.mark.xfail(strict=True, reason=reason))
     pictures = []
     for make in (lambda: beans(scenes, bean)[0], lambda: plain(scenes, bean)):
@@ -544,7 +544,7 @@ UPDATES = {
     'index': ({'ids': [24], 'visible': False}, IndexError, '24'),
     'colors': ({'ids': [0, 1], 'colors': [[1.0, 0, 0]] * 3}, ValueError, 'colors|shape'),
     'scalars': ({'ids': [0, 1], 'scalars': [1.0, 2, 3]}, ValueError, 'shape|broadcast'),
-    'text': ({'ids': [0], 'scalars': 'a'}, ValueError, 'a'),
+    'text': ({'ids': [0], 'scalars': 'a'}, ValueError, 'dtype <U1; those of the others'),
 }
 
 
