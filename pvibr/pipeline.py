@@ -20,7 +20,7 @@ from pvibr.gl.fused import Fused
 from pvibr.gl.offscreen import RENDERERS
 from pvibr.gl.picture import Picture
 from pvibr.gl.scene_pass import ScenePass
-from pvibr.gl.texture import release
+from pvibr.gl.texture import nbytes_of, release
 from pvibr.scene.buffers import Buffers, Tap
 from pvibr.scene.casters import Surfaces
 from pvibr.scene.draw_order import DrawOrder
@@ -396,8 +396,7 @@ class _Stage:
 
     @property
     def nbytes(self) -> int:
-        owners = self._picture, self._scene, self._annotations
-        return sum(owner.nbytes for owner in owners if owner is not None)
+        return nbytes_of(self._picture, self._scene, self._annotations)
 
     def begin(self, frame, effects, things):
         """Before the renderer draws: flat props out, and what effects need besides colours in."""

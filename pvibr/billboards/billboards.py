@@ -11,7 +11,7 @@ from pvibr.core.errors import ShaderError
 from pvibr.core.frame import Frame
 from pvibr.core.params import Param
 from pvibr.core.signatures import takes
-from pvibr.gl import Texture, shader_source
+from pvibr.gl import Texture, nbytes_of, shader_source
 from pvibr.gl.feature import Feature, sections
 from pvibr.images.projected import is_live
 from pvibr.images.sheet import as_images
@@ -428,7 +428,7 @@ class Billboards(CardSet):
     def report(self) -> dict:
         """Return GPU memory, counts, and the size of the texture."""
         return {
-            'bytes': sum(t.nbytes for t in (*self.textures.values(), *self._both(), self._images)),
+            'bytes': nbytes_of(*self.textures.values(), *self._both(), self._images),
             'billboards': len(self),
             'drawn': self._drawn_count,
             'images': self.layout.n_images,

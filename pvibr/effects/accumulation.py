@@ -11,7 +11,7 @@ from pvibr.core import _vtk
 from pvibr.core.effect import Effect
 from pvibr.core.frame import Frame, Sample
 from pvibr.core.params import Param
-from pvibr.gl import Quad, Target, release, shader_source
+from pvibr.gl import Quad, Target, nbytes_of, release, shader_source
 from pvibr.gl.feature import sections
 from pvibr.gl.scene_pass import like_window
 from pvibr.maths.sequences import disk
@@ -265,7 +265,7 @@ class _Mean:
     @property
     def nbytes(self) -> int:
         """Bytes on the GPU."""
-        return sum(t.nbytes for t in (self.sum, self.first) if t is not None)
+        return nbytes_of(self.sum, self.first)
 
     def release(self):
         """Free the GPU's memory; the context must be alive."""

@@ -6,8 +6,9 @@ import numpy as np
 
 from pvibr.core.effect import Effect
 from pvibr.core.params import Param
-from pvibr.gl import Quad, Target, Texture, release, shader_source
+from pvibr.gl import Quad, Target, Texture, nbytes_of, release, shader_source
 from pvibr.gl.feature import sections
+from pvibr.gl.target import fitting_target
 from pvibr.scene.buffers import Drawn
 
 _STEPS = 16  # on either side of a pixel along a slice
@@ -136,9 +137,7 @@ class AmbientOcclusion(Effect):
                 n: Quad(window, common + t, f'ambient_occlusion.glsl, {n}')
                 for n, t in texts.items()
             }
-        if self._found is None or (self._found.width, self._found.height) != size:
-            release(self._found)
-            self._found = Target(window, size[0], size[1], ('r32f',), filter='nearest')
+        self._found = fitting_target(self._found, window, size, ('r32f',))
         return self._found
 
     def release(self):
@@ -148,7 +147,7 @@ class AmbientOcclusion(Effect):
 
     def report(self) -> dict:
         """Return the bytes of GPU memory."""
-        return {'bytes': sum(owner.nbytes for owner in (self._found, self._unlit) if owner)}
+        return {'bytes': nbytes_of(self._found, self._unlit)}
 
 
 def _keeps(actor) -> bool:

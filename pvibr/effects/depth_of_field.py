@@ -9,7 +9,7 @@ import numpy as np
 from pvibr.core import _vtk
 from pvibr.core.effect import Effect
 from pvibr.core.params import Param
-from pvibr.gl import Quad, Target, release, shader_source
+from pvibr.gl import Quad, Target, nbytes_of, release, shader_source
 from pvibr.gl.feature import sections
 from pvibr.maths.arguments import as_array
 from pvibr.scene.thing import Thing
@@ -275,7 +275,7 @@ class DepthOfField(Effect):
 
     def report(self) -> dict:
         """Return the bytes of GPU memory."""
-        return {'bytes': sum(t.nbytes for t in self._targets.values())}
+        return {'bytes': nbytes_of(*self._targets.values())}
 
 
 def _target(window, size, formats, filter) -> Target:

@@ -8,7 +8,7 @@ import numpy as np
 
 from pvibr.core.effect import Effect
 from pvibr.core.params import Param
-from pvibr.gl import release, shader_source
+from pvibr.gl import nbytes_of, release, shader_source
 from pvibr.gl.feature import sections
 from pvibr.gl.fused import Pointwise
 from pvibr.images.projected import Shown
@@ -59,7 +59,7 @@ class FullScreen(Effect):
 
     def report(self) -> dict:
         """Return the bytes of GPU memory."""
-        return {'bytes': self._image.nbytes if self._image else 0}
+        return {'bytes': nbytes_of(self._image)}
 
 
 class FullScreenImage(FullScreen):

@@ -10,7 +10,7 @@ from pvibr.core import _vtk
 from pvibr.core._vtk import address
 from pvibr.core.params import Param
 from pvibr.effects.light_spread import LightSpread
-from pvibr.gl import Quad, Target, release, set_fragment_uniforms, shader_source
+from pvibr.gl import Quad, Target, nbytes_of, release, set_fragment_uniforms, shader_source
 from pvibr.gl.blur import filtered
 from pvibr.gl.drawer import Drawer
 from pvibr.gl.feature import Feature, FeatureSet, replacements, sections
@@ -175,7 +175,7 @@ class Glow(LightSpread):
     def report(self) -> dict:
         """Return the bytes of GPU memory, and why no light was drawn."""
         details = super().report()
-        details['bytes'] += self._gpu.nbytes if self._gpu else 0
+        details['bytes'] += nbytes_of(self._gpu)
         return details
 
 
@@ -249,7 +249,7 @@ class Afterglow(Glow):
     def report(self) -> dict:
         """Return the bytes of GPU memory, and why no light was drawn."""
         details = super().report()
-        details['bytes'] += self._past.nbytes if self._past else 0
+        details['bytes'] += nbytes_of(self._past)
         return details
 
 

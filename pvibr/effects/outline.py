@@ -11,9 +11,10 @@ from pvibr.core._vtk import address
 from pvibr.core.colors import Color
 from pvibr.core.effect import Effect
 from pvibr.core.params import Param
-from pvibr.gl import Quad, Target, Texture, release, shader_source
+from pvibr.gl import Quad, Target, Texture, nbytes_of, release, shader_source
 from pvibr.gl.feature import sections
-from pvibr.gl.tiles import SIDE, Tiles, sized
+from pvibr.gl.target import fitting_target
+from pvibr.gl.tiles import SIDE, Tiles
 from pvibr.scene.buffers import Drawn
 from pvibr.scene.thing import Thing
 from pvibr.scene.veil import Veil
@@ -172,13 +173,13 @@ class Outline(Effect):
         """Draw edges, choose the tiles that lines reach, and return the texture of edges."""
         window, half = frame.window, [-(-n // 2) for n in picture.size]
         uniforms, textures = self._inputs(frame, picture)
-        self._candidates = sized(self._candidates, window, half)
+        self._candidates = fitting_target(self._candidates, window, half)
         self._candidates.draw(self._quad(window, 'candidates'), uniforms, textures)
         found = self._candidates.colors[0]
         tiles.find(found, picture.size, reach)
         if not self._asks_surfaces:
             return found
-        self._half = sized(self._half, window, half)
+        self._half = fitting_target(self._half, window, half)
         with self._half.drawing(clear=(0.0, 0.0, 0.0, 0.0)):
             textures |= {'candidates': found}
             tiles.draw(self._sparse(tiles, 'edges'), uniforms, textures)
@@ -261,7 +262,7 @@ class Outline(Effect):
 
     def report(self) -> dict:
         """Return the bytes of GPU memory."""
-        return {'bytes': sum(owner.nbytes for owner in self._targets() if owner is not None)}
+        return {'bytes': nbytes_of(*self._targets())}
 
     def _targets(self):
         return self._drawn, self._veil, self._candidates, self._half, self._tiles

@@ -10,7 +10,7 @@ from scipy.ndimage import distance_transform_edt, gaussian_filter
 from pvibr.core.colors import Color
 from pvibr.core.params import Param
 from pvibr.effects.full_screen import FullScreen, FullScreenImage
-from pvibr.gl import Texture, release
+from pvibr.gl import Texture, nbytes_of, release
 from pvibr.images.projected import as_rgba
 
 _BLACK = (0.0, 0.0, 0.0)
@@ -237,7 +237,7 @@ class Iris(FullScreen):
 
     def report(self) -> dict:
         """Return the bytes of GPU memory."""
-        return {'bytes': self._distances.nbytes if self._distances else 0}
+        return {'bytes': nbytes_of(self._distances)}
 
 
 class ImageOverlay(FullScreenImage):

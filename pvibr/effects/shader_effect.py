@@ -8,7 +8,7 @@ from pathlib import Path
 from pvibr.core.effect import Effect
 from pvibr.core.errors import ShaderError
 from pvibr.core.params import Param, params_of
-from pvibr.gl import Quad, release, shader_source
+from pvibr.gl import Quad, nbytes_of, release, shader_source
 from pvibr.gl.feature import sections
 from pvibr.images.projected import Shown
 from pvibr.maths.arguments import naming
@@ -218,7 +218,7 @@ class ShaderEffect(Effect):
 
     def report(self) -> dict:
         """Return the bytes of GPU memory."""
-        return {'bytes': sum(image.nbytes for image in self._images.values())}
+        return {'bytes': nbytes_of(*self._images.values())}
 
 
 def _shown(images) -> dict:

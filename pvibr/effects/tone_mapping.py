@@ -8,7 +8,7 @@ import numpy as np
 
 from pvibr.core.effect import Effect
 from pvibr.core.params import Param
-from pvibr.gl import Quad, Target, release, shader_source
+from pvibr.gl import Quad, Target, nbytes_of, release, shader_source
 from pvibr.gl.feature import sections
 from pvibr.gl.fused import Pointwise
 from pvibr.maths.tones import CURVES, MIDDLE_GREY
@@ -140,7 +140,7 @@ class ToneMapping(Effect):
 
     def report(self) -> dict:
         """Return the bytes of GPU memory and the exposure of the last frame in stops."""
-        return {'bytes': self._measured.nbytes if self._measured else 0, 'stops': self.stops}
+        return {'bytes': nbytes_of(self._measured), 'stops': self.stops}
 
 
 @cache

@@ -7,6 +7,7 @@ from dataclasses import asdict, dataclass
 
 from pvibr.core import _vtk
 from pvibr.core.errors import warn
+from pvibr.core.observers import weakly
 from pvibr.core.plotters import put_inner, trame_viewer
 
 #: Backends that show images rendered here, and those that send the scene as data.
@@ -163,10 +164,8 @@ class HandOver:
         """Be called when a page switches between images and data."""
         if viewer is self._viewer:
             return
-        self._viewer, warn = viewer, weakref.WeakMethod(self.warn)
-        viewer.server.state.change(viewer.SERVER_RENDERING)(
-            lambda **_: (found := warn()) is not None and found()
-        )
+        self._viewer, warn = viewer, weakly(self.warn)
+        viewer.server.state.change(viewer.SERVER_RENDERING)(lambda **_: warn())
 
 
 def warn_missing(report):

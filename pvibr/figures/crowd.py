@@ -9,6 +9,7 @@ from pvibr.core.signatures import takes
 from pvibr.figures.crowd_group import CrowdGroup, CrowdState, Playback
 from pvibr.figures.mesh_actors import as_mesh_actors, drawn_figure, moved_figure
 from pvibr.figures.pose_atlas import bake_pose_atlas
+from pvibr.gl import nbytes_of
 from pvibr.instances.instances import Instances
 from pvibr.maths.transforms import trs
 from pvibr.meshes.parts import as_parts
@@ -298,7 +299,7 @@ class Crowd(Instances):
 
     def report(self) -> dict:
         """Return the report of instances, with bytes on the GPU."""
-        return super().report() | {'bytes': sum(group.nbytes for group in self.groups)}
+        return super().report() | {'bytes': nbytes_of(*self.groups)}
 
 
 def _matrix(pose) -> np.ndarray:

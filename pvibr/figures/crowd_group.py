@@ -7,6 +7,7 @@ import numpy as np
 from pvibr.figures.mesh_actors import posed_part
 from pvibr.figures.player import Moment
 from pvibr.figures.posed_meshes import PosedPool
+from pvibr.gl import nbytes_of
 from pvibr.instances.group import InstanceGroup
 from pvibr.instances.near_meshes import NearMeshes
 from pvibr.instances.placement import spheres
@@ -128,7 +129,7 @@ class CrowdGroup(InstanceGroup):
     @property
     def nbytes(self) -> int:
         """Bytes on the GPU."""
-        return self.cards.nbytes + sum(pool.nbytes for pool in self.near.pools)
+        return nbytes_of(self.cards, *self.near.pools)
 
 
 class CrowdState:

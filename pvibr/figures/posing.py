@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import weakref
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
 import numpy as np
 
-from pvibr.core import _vtk
+from pvibr.core.observers import tell_programs
 from pvibr.figures.pose_sheet import SAMPLERS, WIDTH, sheet_with_room
 from pvibr.figures.shapes import MeshShapes, ShapeStore
 from pvibr.gl import release, shader_source, texture_limit
@@ -293,16 +292,7 @@ class PosedDraws:
 
     def watch(self, mapper):
         """Bind the textures whenever a mapper draws."""
-        # The mapper keeps the function, which must not keep the owner: no cycle through C++.
-        method = weakref.WeakMethod(self._bind)
-
-        @_vtk.calldata_type(_vtk.VTK_OBJECT)
-        def update(_mapper, _event, program):
-            alive = method()
-            if alive is not None:
-                alive(program)
-
-        mapper.AddObserver('UpdateShaderEvent', update)
+        tell_programs(mapper, self._bind)
 
     def _bind(self, program):
         if self.posing is not None:

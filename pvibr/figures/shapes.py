@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from pvibr.figures.pose_sheet import WIDTH, Rows
-from pvibr.gl import Texture, release
+from pvibr.gl import Texture, nbytes_of, release
 from pvibr.scene.shader_draws import pack
 
 #: Memory budget for the shapes of one mesh, in bytes.
@@ -93,7 +93,7 @@ class ShapeStore:
     @property
     def nbytes(self) -> int:
         """Bytes on the GPU."""
-        return self._held.nbytes + sum(t.nbytes for t in self._staging)
+        return nbytes_of(self._held, *self._staging)
 
     @property
     def share(self) -> float:

@@ -12,7 +12,7 @@ from pvibr.gl.feature import sections
 from pvibr.gl.fused import Pointwise
 from pvibr.gl.quad import Quad, shader_source
 from pvibr.gl.target import Target
-from pvibr.gl.texture import Texture, release
+from pvibr.gl.texture import Texture, nbytes_of, release
 
 # llvmpipe samples whole floats faster than half ones, and these images are small.
 _FORMAT = ('rgba32f',)
@@ -85,7 +85,7 @@ class Blur:
     @property
     def nbytes(self) -> int:
         """Bytes on the GPU."""
-        return sum(target.nbytes for target in self._targets())
+        return nbytes_of(*self._targets())
 
     def _targets(self):
         return [self.source, *(t for level in self._levels for t in level.targets)]

@@ -8,7 +8,12 @@ from pvibr.core import _vtk
 from pvibr.gl import enums as gl
 from pvibr.gl.doubles import Doubles
 
-_BLENDS = {'multiply': (gl.FUNC_ADD, gl.ZERO, gl.SRC_COLOR), 'least': (gl.MIN, gl.ONE, gl.ONE)}
+# How draws meet the target: an equation, and factors of colours and of alpha.
+_BLENDS = {
+    'multiply': (gl.FUNC_ADD, (gl.ZERO, gl.SRC_COLOR) * 2),
+    'least': (gl.MIN, (gl.ONE, gl.ONE) * 2),
+    'over': (gl.FUNC_ADD, gl.OVER),
+}
 
 
 class Drawer:
@@ -97,13 +102,13 @@ class Drawer:
 
     @contextmanager
     def blending(self, mode):
-        """Blend draws: multiply the target, or keep the minimum."""
+        """Blend draws: multiply the target, keep the minimum, or cover it by alpha."""
         state = self.window.GetState()
         state.vtkglDepthMask(False)
         state.SetEnumState(gl.BLEND, True)
-        equation, *factors = _BLENDS[mode]
+        equation, factors = _BLENDS[mode]
         state.vtkglBlendEquation(equation)
-        state.vtkglBlendFunc(*factors)
+        state.vtkglBlendFuncSeparate(*factors)
         yield
         state.vtkglBlendEquation(gl.FUNC_ADD)
         state.SetEnumState(gl.BLEND, False)

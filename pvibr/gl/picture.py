@@ -11,7 +11,7 @@ from pvibr.gl.fused import Pointwise
 from pvibr.gl.quad import Quad, shader_source
 from pvibr.gl.scene_pass import like_window
 from pvibr.gl.target import Target, WindowTarget, blit
-from pvibr.gl.texture import Texture, release
+from pvibr.gl.texture import Texture, nbytes_of, release
 
 
 class Picture:
@@ -47,7 +47,7 @@ class Picture:
     @property
     def nbytes(self) -> int:
         """Bytes on the GPU."""
-        return sum(t.nbytes for t in [*self._targets, self._own] if t is not None)
+        return nbytes_of(*self._targets, self._own)
 
     def take(self, scene, *, on_black=False):
         """Take colours and depth of a target: where that is all of it as it is, else copied."""

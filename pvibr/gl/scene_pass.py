@@ -8,7 +8,7 @@ from pvibr.core import _vtk
 from pvibr.core._vtk import method
 from pvibr.gl.enums import COLOR_BUFFER_BIT, DEPTH_BUFFER_BIT
 from pvibr.gl.target import Target, WindowTarget, blit
-from pvibr.gl.texture import Texture, release
+from pvibr.gl.texture import Texture, nbytes_of, release
 
 _MARK = 'pvibr: '  # begins the names of props that are no part of a scene
 _NAME = f'{_MARK}end of opaque props'
@@ -49,7 +49,7 @@ class ScenePass:
     @property
     def nbytes(self) -> int:
         """Bytes on the GPU."""
-        return sum(owner.nbytes for owner in (self._own, self._surfaces) if owner is not None)
+        return nbytes_of(self._own, self._surfaces)
 
     def begin(self, frame, needs_hdr, *, single=False):
         """Take the frame that VTK is about to draw, with the window's samples or a single one."""

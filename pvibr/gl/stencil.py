@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from pvibr.gl import enums as gl
 from pvibr.gl.quad import Quad
 from pvibr.gl.target import Target
-from pvibr.gl.texture import Texture, release
+from pvibr.gl.texture import Texture, nbytes_of, release
 
 _DARK = 'void main() { gl_FragData[0] = vec4(min(uv.x, 0.0)); }\n'
 
@@ -37,7 +37,7 @@ class StencilTarget:
     @property
     def nbytes(self) -> int:
         """Bytes on the GPU."""
-        return sum(t.nbytes for t in self._targets) + self._depth.nbytes
+        return nbytes_of(*self._targets, self._depth)
 
     @contextmanager
     def drawing(self):

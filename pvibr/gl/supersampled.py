@@ -11,7 +11,7 @@ from pvibr.gl.feature import sections
 from pvibr.gl.quad import Quad, shader_source
 from pvibr.gl.scene_pass import hidden_name
 from pvibr.gl.target import Target, WindowTarget, blit
-from pvibr.gl.texture import release
+from pvibr.gl.texture import nbytes_of, release
 
 _NAME = hidden_name('end of the overlay')
 # Passes inside vtkSSAAPass that draw annotations with its samples and leave them as they are.
@@ -113,7 +113,7 @@ class Supersampled:
     @property
     def nbytes(self) -> int:
         """Bytes on the GPU."""
-        return sum(t.nbytes for t in self._targets.values())
+        return nbytes_of(*self._targets.values())
 
     def _free(self):
         release(*self._targets.values())

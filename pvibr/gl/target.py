@@ -7,7 +7,7 @@ from typing import Any
 
 from pvibr.core import _vtk
 from pvibr.gl import enums as gl
-from pvibr.gl.texture import Texture
+from pvibr.gl.texture import Texture, nbytes_of, release
 
 
 class Target:
@@ -53,7 +53,7 @@ class Target:
     @property
     def nbytes(self) -> int:
         """Bytes on the GPU."""
-        return sum(t.nbytes for t in self._own())
+        return nbytes_of(*self._own())
 
     def _own(self):
         depth = [] if self.depth is None or self._shares_depth else [self.depth]
@@ -137,6 +137,14 @@ class WindowTarget(Target):
         self.depth = Texture.of(window, self.object.GetDepthAttachmentAsTextureObject())
         self._shares_depth = True
         self.width, self.height = self.colors[0].size
+
+
+def fitting_target(target, window, size, formats=('rgba8',), **how) -> Target:
+    """Return a target of a size: the given one where it has it, else a new one in its place."""
+    if target is not None and (target.width, target.height) == tuple(size):
+        return target
+    release(target)
+    return Target(window, size[0], size[1], formats, filter='nearest', **how)
 
 
 def blit(state, source, target, bits, source_rect, target_rect, filter=gl.NEAREST):

@@ -43,6 +43,11 @@ def release(*owners):
             owner.release()
 
 
+def nbytes_of(*owners) -> int:
+    """Return the bytes that owners hold on the GPU; None holds none."""
+    return sum(owner.nbytes for owner in owners if owner is not None)
+
+
 class Texture:
     """A 2D texture: made from an array or empty, sampled by a unit, released with its window."""
 

@@ -6,8 +6,8 @@ from typing import Any
 
 from pvibr.gl.feature import sections
 from pvibr.gl.quad import Quad, shader_source
-from pvibr.gl.target import Target
-from pvibr.gl.texture import release
+from pvibr.gl.target import fitting_target
+from pvibr.gl.texture import nbytes_of, release
 
 SIDE = 16  # pixels along a side of a square
 _MOST = 128  # tiles: what two triangles may become in core profile 3.2
@@ -27,14 +27,16 @@ class Tiles:
     @property
     def nbytes(self) -> int:
         """Bytes on the GPU."""
-        return sum(t.nbytes for t in (self._squares, self._tiles) if t is not None)
+        return nbytes_of(self._squares, self._tiles)
 
     def find(self, found, size, reach):
         """Choose the tiles near to something."""
         counts = tuple(-(-n // SIDE) for n in size)
         side = next(n for n in range(1, max(counts) + 1) if _tiles(counts, n) <= _MOST)
-        self._squares = sized(self._squares, self.window, counts)
-        self._tiles = sized(self._tiles, self.window, tuple(-(-n // side) for n in counts))
+        self._squares = fitting_target(self._squares, self.window, counts)
+        self._tiles = fitting_target(
+            self._tiles, self.window, tuple(-(-n // side) for n in counts)
+        )
         self._extent = tuple(2.0 * side * SIDE / n for n in size)
         step = -(-size[0] // found.size[0])
         self._draw('squares', self._squares, {'step': step, 'reach': reach}, found=found)
@@ -69,11 +71,3 @@ class Tiles:
 
 def _tiles(counts, side):
     return -(-counts[0] // side) * -(-counts[1] // side)
-
-
-def sized(target, window, size) -> Target:
-    """Return a target of 8 bits of a size: the given one where it has it."""
-    if target is not None and (target.width, target.height) == tuple(size):
-        return target
-    release(target)
-    return Target(window, size[0], size[1], filter='nearest')

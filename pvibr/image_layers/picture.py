@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from pvibr.core.costs import expected_seconds, timed
-from pvibr.gl import Quad, Target, shader_source, texture_limit
+from pvibr.gl import Quad, Target, nbytes_of, shader_source, texture_limit
 from pvibr.gl import enums as gl
 from pvibr.gl.feature import sections
 from pvibr.maths.layers import (
@@ -118,7 +118,7 @@ class LayerPicture:
     @property
     def nbytes(self) -> int:
         """Bytes on the GPU."""
-        return sum(target.nbytes for target in self._targets.values())
+        return nbytes_of(*self._targets.values())
 
     # -- whether it serves ------------------------------------------------------------------------
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
@@ -10,7 +9,7 @@ import numpy as np
 from pvibr.core import _vtk
 from pvibr.core.effect import Effect
 from pvibr.core.params import Param
-from pvibr.gl import MipTexture, Quad, Target, Texture, release
+from pvibr.gl import MipTexture, Quad, Target, Texture, nbytes_of, release
 from pvibr.gl import enums as gl
 from pvibr.gl.drawer import Drawer
 from pvibr.gl.mipmaps import copy
@@ -261,7 +260,7 @@ class LiveTexture(Effect):
             self._drawer.look(view, (0, 0, *seen.size))
             frame.window.GetState().vtkglBlendFuncSeparate(*gl.OVER)  # of soft edges
             self._drawer.draw([*casters.actors, *things])
-            with _blended(frame.window):
+            with self._drawer.blending('over'):
                 self._drawer.draw([*casters.translucent, *things], translucent=True)
         for effect in effects:
             effect.finish(seen)
@@ -332,9 +331,7 @@ class LiveTexture(Effect):
 
     def report(self) -> dict:
         """Return bytes, and the number of times that it was rendered."""
-        owners = [*self._targets.values(), self._texture]
-        held = sum(owner.nbytes for owner in owners if owner is not None)
-        return {'bytes': held, 'draws': self.draws}
+        return {'bytes': nbytes_of(*self._targets.values(), self._texture), 'draws': self.draws}
 
 
 class Mirror(LiveTexture):
@@ -431,18 +428,6 @@ def _farthest(view, bounds) -> float:
     low, high = bounds[:, 0::2].min(axis=0), bounds[:, 1::2].max(axis=0)
     ahead = -view[2, :3]
     return float(np.where(ahead > 0, high, low) @ ahead - view[2, 3])
-
-
-@contextmanager
-def _blended(window):
-    """Blend translucent props in the order in which they were added."""
-    state = window.GetState()
-    state.vtkglDepthMask(False)
-    state.SetEnumState(gl.BLEND, True)
-    state.vtkglBlendFuncSeparate(*gl.OVER)
-    yield
-    state.SetEnumState(gl.BLEND, False)
-    state.vtkglDepthMask(True)
 
 
 def _size(size) -> tuple[int, int]:

@@ -11,7 +11,7 @@ from pvibr.core._vtk import address
 from pvibr.core.effect import Effect
 from pvibr.core.params import Param
 from pvibr.core.progress import baking
-from pvibr.gl import release, set_fragment_uniforms, shader_source
+from pvibr.gl import nbytes_of, release, set_fragment_uniforms, shader_source
 from pvibr.gl.drawer import Drawer
 from pvibr.gl.feature import Feature, FeatureSet, declared_samplers, sections
 from pvibr.maths.cameras import as_camera
@@ -301,7 +301,7 @@ class Projector(Effect):
     def report(self) -> dict:
         """Return bytes, images, depth maps drawn so far, and the reduction of large images."""
         return {
-            'bytes': sum(s.nbytes for s in self._slides),
+            'bytes': nbytes_of(*self._slides),
             'pictures': len(self._slides),
             'views drawn': sum(s.bakes for s in self._slides),
             'receivers': len(self._attached),

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from pvibr.cameras.photos import Photo
-from pvibr.gl import MipTexture, Texture, texture_limit
+from pvibr.gl import MipTexture, Texture, nbytes_of, texture_limit
 from pvibr.images.projected import LivePictures, Pictures, is_live
 from pvibr.maths import depth_test
 from pvibr.maths.cameras import as_camera
@@ -53,7 +53,7 @@ class Slide:
     def nbytes(self) -> int:
         """Bytes on the GPU."""
         own = None if self.live is not None else self.texture
-        return sum(owner.nbytes for owner in (own, self.depth) if owner)
+        return nbytes_of(own, self.depth)
 
     def side(self, resolution) -> int:
         """Return the texels along a side of the depth view."""

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from pvibr.core.costs import Backoff
-from pvibr.gl import Quad, Target
+from pvibr.gl import Quad, Target, nbytes_of
 from pvibr.gl import enums as gl
 from pvibr.maths.occlusion import behind, likely_seen, on_screen
 from pvibr.quadrics.cards import DRAW_MODES, HIDING, QUADS, Layer
@@ -51,8 +51,8 @@ class Occlusion:
     @property
     def nbytes(self) -> int:
         """Bytes on the GPU."""
-        held = [self._gpu.target, self._gpu.coarse] if self._gpu is not None else []
-        return sum(one.nbytes for one in (*self.layers, *held))
+        held = () if self._gpu is None else (self._gpu.target, self._gpu.coarse)
+        return nbytes_of(*self.layers, *held)
 
     def hidden(self, owner, frame, seen) -> np.ndarray:
         """Return a mask of the hidden blocks."""

@@ -11,7 +11,7 @@ from pvibr.billboards.cards import as_points, checked_opacity
 from pvibr.core.colors import as_rgb
 from pvibr.core.params import checked_flag
 from pvibr.core.signatures import takes
-from pvibr.gl import Texture
+from pvibr.gl import Texture, nbytes_of, release
 from pvibr.maths.arguments import as_array, checked_lengths
 from pvibr.maths.blocks import BLOCK, Blocks, morton_order
 from pvibr.maths.quadric_rays import Meeting
@@ -387,16 +387,13 @@ class Quadrics(CardSet):
         for layer in self._layers:
             layer.release(self.window)
         self._occlusion.release(self.window)
-        for texture in self.textures.values():
-            texture.release()
+        release(*self.textures.values())
         self.textures, self.window, self._content_key = {}, None, None
 
     def report(self) -> dict:
         """Return GPU memory and counts by draw mode."""
-        textures = sum(texture.nbytes for texture in self.textures.values())
-        entries = sum(layer.nbytes for layer in self._layers)
         return {
-            'bytes': textures + entries + self._occlusion.nbytes,
+            'bytes': nbytes_of(*self.textures.values(), *self._layers, self._occlusion),
             self._noun: len(self),
             **{layer.mode.name: layer.drawn for layer in self._layers},
             'hidden': self._hidden,

@@ -10,10 +10,11 @@ import numpy as np
 from pvibr.core._vtk import address
 from pvibr.core.effect import Effect
 from pvibr.core.frame import Frame
-from pvibr.gl import Quad, Target, Texture, release, set_fragment_uniforms
+from pvibr.gl import Quad, Target, Texture, nbytes_of, release, set_fragment_uniforms
 from pvibr.gl.drawer import Drawer
 from pvibr.gl.feature import Feature, FeatureSet
 from pvibr.gl.scene_pass import is_marker
+from pvibr.gl.target import fitting_target
 from pvibr.scene.casters import Surfaces
 from pvibr.scene.draw_order import Stage
 from pvibr.scene.seen_from import seen_from
@@ -136,14 +137,16 @@ class Drawn:
     @property
     def nbytes(self) -> int:
         """Bytes on the GPU."""
-        return self._target.nbytes if self._target else 0
+        return nbytes_of(self._target)
 
     def draw(self, frame, things=(), choice=None) -> Geometry:
         """Draw a frame."""
         actors, chosen = self._surfaces.chosen(choice, things)
         seen = replace(frame, casting=True, own=False)
         ready = [t for t in chosen if t.enabled and t.needed(frame) is True]
-        target = self._sized_target(frame.size)
+        self._target = target = fitting_target(
+            self._target, self._drawer.window, frame.size, ('rgba8', 'rgba32f'), depth=True
+        )
         with seen_from(ready, seen), target.drawing(clear=(0.0, 0.0, 0.0, 0.0)):
             self._drawer.look(frame.view, (0, 0, *frame.size))
             for number, actor in enumerate(actors.values(), 1):
@@ -154,13 +157,6 @@ class Drawn:
                     self._draw(thing.draws(seen), number)
         self._drawer.done()
         return Geometry(target.colors[1], target.depth, [*actors.values(), *chosen])
-
-    def _sized_target(self, size):
-        if self._target is None or (self._target.width, self._target.height) != tuple(size):
-            release(self._target)
-            window, (width, height), formats = self._drawer.window, size, ('rgba8', 'rgba32f')
-            self._target = Target(window, width, height, formats, depth=True, filter='nearest')
-        return self._target
 
     def _draw(self, actors, number):
         self._numbers.put((actor, number) for actor in actors)
@@ -253,7 +249,7 @@ class Buffers:
     @property
     def nbytes(self) -> int:
         """Bytes on the GPU."""
-        return self._drawn.nbytes if self._drawn else 0
+        return nbytes_of(self._drawn)
 
     @property
     def numbered(self) -> list:

@@ -7,7 +7,7 @@ import weakref
 import pyvista as pv
 
 from pvibr.core import _vtk
-from pvibr.scene.stand_ins import weakly
+from pvibr.core.observers import weakly
 
 _MARK, _MESSAGE = '_pvibr_picked', '_pvibr_picking_message'
 

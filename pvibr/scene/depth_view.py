@@ -6,7 +6,14 @@ from typing import Any
 
 import numpy as np
 
-from pvibr.gl import Target, release, set_fragment_uniforms, shader_source, texture_limit
+from pvibr.gl import (
+    Target,
+    nbytes_of,
+    release,
+    set_fragment_uniforms,
+    shader_source,
+    texture_limit,
+)
 from pvibr.gl.enums import DEPTH_BUFFER_BIT
 from pvibr.gl.feature import Feature, FeatureSet, sections
 from pvibr.gl.target import blit
@@ -63,7 +70,7 @@ class DepthView:
     @property
     def nbytes(self) -> int:
         """Bytes on the GPU."""
-        return self.target.nbytes + sum(veil.nbytes for veil in self.veils)
+        return nbytes_of(self.target, *self.veils)
 
     @property
     def tint(self):

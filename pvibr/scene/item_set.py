@@ -8,13 +8,14 @@ from typing import Any
 import numpy as np
 import pyvista as pv
 
+from pvibr.core.observers import weakly
 from pvibr.gl import Texture
 from pvibr.gl.binder import Binder
 from pvibr.scene.clipping import ClippingPlanes
 from pvibr.scene.draw_order import depths_of, translucent
 from pvibr.scene.painted import Painted
 from pvibr.scene.placing import PlacedItems
-from pvibr.scene.stand_ins import StandIns, weakly
+from pvibr.scene.stand_ins import StandIns
 
 
 class ItemSet(PlacedItems, Painted):

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import weakref
 from itertools import pairwise
 
 import numpy as np
 import pyvista as pv
 
 from pvibr.core import _vtk
+from pvibr.core.observers import tell_programs, weakly
 from pvibr.gl import Texture, set_uniforms
 from pvibr.gl import enums as gl
 from pvibr.gl.binder import Binder
@@ -32,7 +32,7 @@ class ShaderDraws:
     ):
         self.mapper = _vtk.vtkPolyDataMapper()
         self.mapper.ScalarVisibilityOff()
-        self._observe()
+        tell_programs(self.mapper, self._set_shader)
         #: Most items of a draw.
         self.chunk = chunk
         #: Shared with whoever made it, or a copy of what is no material of cards.
@@ -44,7 +44,7 @@ class ShaderDraws:
         self.failure: str | None = None
         self._binder = binder or Binder()
         self._spans, self._used = [(0, 0)] * draws, 0
-        self._corners = 0
+        self._corners = self._watcher = 0
         self.feature: Feature | None = None
         self.landed = self._asked = False
         if feature is not None:
@@ -121,32 +121,15 @@ class ShaderDraws:
 
     # -- the GPU ------------------------------------------------------------------------------
 
-    def _observe(self):
-        # The mapper keeps the function, which must not keep the owner: no cycle through C++.
-        method = weakref.WeakMethod(self._set_shader)
-
-        @_vtk.calldata_type(_vtk.VTK_OBJECT)
-        def update(_mapper, _event, program):
-            alive = method()
-            if alive is not None:
-                alive(program)
-
-        self.mapper.AddObserver('UpdateShaderEvent', update)
-
     def _watch(self):
         """Note the next time that VTK draws, whether or not it has a program."""
-        self._asked, method = False, weakref.WeakMethod(self._note)
-
-        def note(mapper, _event):
-            alive = method()
-            if alive is not None:
-                alive()
-            mapper.RemoveObserver(tag)
-
-        tag = self.mapper.AddObserver('StartEvent', note)
+        self.mapper.RemoveObserver(self._watcher)
+        self._asked = False
+        self._watcher = self.mapper.AddObserver('StartEvent', weakly(self._note))
 
     def _note(self):
         self._asked = True
+        self.mapper.RemoveObserver(self._watcher)
 
     def _inputs(self) -> tuple[dict, dict]:
         """Return the textures and the uniforms of a program that is about to draw."""

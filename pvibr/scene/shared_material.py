@@ -5,6 +5,7 @@ from __future__ import annotations
 import weakref
 
 from pvibr.core import _vtk
+from pvibr.core.observers import weakly
 
 _LOOKS = (
     *('Ambient', 'Diffuse', 'Specular', 'SpecularPower', 'Opacity', 'Interpolation', 'Lighting'),
@@ -47,9 +48,7 @@ class SharedMaterial:
 
     def _watch(self, prop):
         self._prop = prop
-        # VTK keeps the function, which must not keep the actors: a cycle through C++ leaks.
-        apply = weakref.WeakMethod(self._apply)
-        self._tag = prop.AddObserver('ModifiedEvent', lambda *_: (found := apply()) and found())
+        self._tag = prop.AddObserver('ModifiedEvent', weakly(self._apply))
 
     def wear(self, prop):
         """Take over another property, all of it."""

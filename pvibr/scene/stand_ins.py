@@ -13,6 +13,7 @@ import pyvista as pv
 from pvibr.core import _vtk
 from pvibr.core.errors import warn
 from pvibr.core.frame import Frame
+from pvibr.core.observers import weakly
 from pvibr.core.plotters import put_inner
 from pvibr.gl.scene_pass import hidden_name
 from pvibr.scene.picking import pixel_ray
@@ -245,12 +246,6 @@ class StandIns:
         """Free GPU memory; the context is current."""
         for actor in self._drawn if window is not None else ():
             actor.ReleaseGraphicsResources(window)
-
-
-def weakly(method):
-    """Return an observer that calls a method while its owner lives."""
-    method = weakref.WeakMethod(method)
-    return lambda *_: (found := method()) and found()
 
 
 def _named(thing, index):

@@ -6,7 +6,7 @@ from typing import Any
 
 from pvibr.gl import enums as gl
 from pvibr.gl.scene_pass import like_window, volumes_of
-from pvibr.gl.texture import Texture, release
+from pvibr.gl.texture import Texture, nbytes_of, release
 
 
 class Veil:
@@ -19,7 +19,7 @@ class Veil:
     @property
     def nbytes(self) -> int:
         """Bytes on the GPU."""
-        return self._target.nbytes if self._target else 0
+        return nbytes_of(self._target)
 
     def draw(self, frame, picture) -> Texture | None:
         """Return a texture as large as the subplot's end, alpha the opacity; None without any."""

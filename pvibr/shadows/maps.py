@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from pvibr.core.errors import warn
-from pvibr.gl import release
+from pvibr.gl import nbytes_of, release
 from pvibr.gl.feature import DITHER, declared_samplers
 from pvibr.maths.kernels import vogel_disk
 from pvibr.maths.sequences import ball, disk
@@ -48,7 +48,7 @@ class LightMaps:
     @property
     def nbytes(self) -> int:
         """Bytes on the GPU."""
-        return _nbytes(self._owners())
+        return nbytes_of(*self._owners())
 
     def _owners(self):
         return self.moments, self.nearest, self.view
@@ -103,9 +103,9 @@ class LightMaps:
         """Make the maps of all views anew, with what the old ones show."""
         wanted, room, old = self.owner.resolution, self.owner.bytes_of_a_light, self.view
         made = self._maps(veiled, wanted)
-        first, taken = made[0].resolution, _nbytes(made)
-        while _nbytes(made) > room and made[0].resolution > _FEWEST:
-            side = int(0.98 * made[0].resolution * (room / _nbytes(made)) ** 0.5)
+        first, taken = made[0].resolution, nbytes_of(*made)
+        while nbytes_of(*made) > room and made[0].resolution > _FEWEST:
+            side = int(0.98 * made[0].resolution * (room / nbytes_of(*made)) ** 0.5)
             release(*made)
             made = self._maps(veiled, max(side, _FEWEST))
         view = made[0]
@@ -159,10 +159,6 @@ class LightMaps:
         self._released = self.bakes
         release(*self._owners())
         self.view = self.moments = self.nearest = None
-
-
-def _nbytes(owners) -> int:
-    return sum(owner.nbytes for owner in owners if owner)
 
 
 def filter_of(settings) -> tuple[str, int]:

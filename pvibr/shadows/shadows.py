@@ -11,7 +11,7 @@ from pvibr.core._vtk import address
 from pvibr.core.effect import Effect
 from pvibr.core.params import Param
 from pvibr.core.passes import has_shadows
-from pvibr.gl import release, set_fragment_uniforms, shader_source, texture_units
+from pvibr.gl import nbytes_of, release, set_fragment_uniforms, shader_source, texture_units
 from pvibr.gl.drawer import Drawer
 from pvibr.gl.feature import Feature, FeatureSet, declared_samplers, sections
 from pvibr.scene.casters import Casters, Choice, set_surface_uniforms, surface_features
@@ -380,7 +380,7 @@ class Shadows(Effect):
                 | dark
             )
         return {
-            'bytes': sum(m.nbytes for m in self._lights),
+            'bytes': nbytes_of(*self._lights),
             'lights': len(views),
             'views': sum(len(v.views) for v in views),
             'texels': min((v.resolution for v in views), default=0),

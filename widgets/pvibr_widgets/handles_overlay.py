@@ -10,6 +10,7 @@ import numpy as np
 import pyvista as pv
 
 from pvibr.core import _vtk
+from pvibr.core.observers import weakly
 from pvibr_widgets.handles_marks import Marks
 from pvibr_widgets.handles_stage import Pointer
 
@@ -190,15 +191,3 @@ class Touch:
         self._widget.RemoveAllObservers()
         self._widget.SetInteractor(None)
         self._stage.renderer.RemoveViewProp(self._rep)
-
-
-def weakly(method):
-    """Return an observer that holds only a weak reference."""
-    found = weakref.WeakMethod(method)
-
-    def call(*_):
-        bound = found()
-        if bound is not None:
-            bound()
-
-    return call

@@ -6,9 +6,9 @@ import contextlib
 import math
 import re
 import warnings
-import weakref
 
 from pvibr.core.errors import ClosedError, PvibrWarning
+from pvibr.core.observers import weakly
 from pvibr.core.params import params_of
 from pvibr.plain_renderer import attach
 from pvibr_widgets.presets import Presets
@@ -127,12 +127,7 @@ class Model:
 
     def _watch(self):
         """Refresh after each frame and when the plotter closes, as long as someone holds this."""
-        refresh = weakref.WeakMethod(self.refresh)
-
-        def look(*_):
-            if (method := refresh()) is not None:
-                method()
-
+        look = weakly(self.refresh)
         self.ibr.on_close(look)
         self.each_frame(look)
 
