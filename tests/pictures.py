@@ -52,6 +52,12 @@ def shot(pl, **how):
     return pl.screenshot(None, return_img=True, **how).astype(int)
 
 
+def uncut(pl):
+    """Return a screenshot of a new frame that no clipping plane cuts."""
+    pl.renderer.ResetCameraClippingRange()
+    return shot(pl)
+
+
 def read(window):
     """Return the colours that a window holds, (h, w, 3), whole numbers to 255, top row first."""
     width, height = window.GetSize()
@@ -111,3 +117,10 @@ def centroid(coverage):
     """Return the middle of what is covered, in pixels: x, y."""
     y, x = np.indices(coverage.shape)
     return np.array([(coverage * x).sum(), (coverage * y).sum()]) / coverage.sum()
+
+
+def pixel_of(pl, point):
+    """Return the pixel of a point of the world."""
+    pl.renderer.SetWorldPoint(*point, 1.0)
+    pl.renderer.WorldToDisplay()
+    return tuple(int(v) for v in pl.renderer.GetDisplayPoint()[:2])

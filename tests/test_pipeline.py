@@ -16,7 +16,7 @@ from pvibr.core.effect import Effect
 from pvibr.core.errors import ClosedError, PvibrWarning
 from pvibr.core.params import Param
 from pvibr.gl import Quad
-from pvibr.gl.offscreen import read_rgba
+from pvibr.gl.offscreen import read_pixels
 from pvibr.pipeline import Pipeline
 from tests.pictures import depth_buffer
 
@@ -117,7 +117,7 @@ def pl():
 def grab(pl):
     """Return what one new frame holds: (height, width, 4) uint8, and depth; row 0 below."""
     pl.render_window.Render()
-    return read_rgba(pl.render_window), depth_buffer(pl)[::-1]
+    return read_pixels(pl.render_window, alpha=True), depth_buffer(pl)[::-1]
 
 
 def show(pl):

@@ -7,8 +7,9 @@ from functools import cached_property
 
 import numpy as np
 
-from pvibr.animation.pose import check_finite, unchecked_pose
+from pvibr.animation.pose import unchecked_pose
 from pvibr.maths import quaternions
+from pvibr.maths.arguments import check_finite
 from pvibr.maths.keyframes import checked_keys
 
 #: Components of a value by property; weights have any number.

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pvibr.maths import quaternions
+from pvibr.maths.arguments import check_finite, place_of
 
 #: Largest cosine between two axes of a matrix that counts as free of shear.
 _SHEAR = 1e-6
@@ -166,7 +167,7 @@ def as_matrices(matrices, name):
     if off.any():
         wrong = np.argwhere(off.any(-1))
         row = matrices[tuple(wrong[0])][3].tolist()
-        msg = f'{name}[{_place(wrong[0])}] has the last row {row}; it must be [0, 0, 0, 1].'
+        msg = f'{name}[{place_of(wrong[0])}] has the last row {row}; it must be [0, 0, 0, 1].'
         raise ValueError(msg)
     return matrices
 
@@ -190,23 +191,9 @@ def _fitted(name, values, shape):
         raise ValueError(msg) from None
 
 
-def check_finite(name, values):
-    """Raise a ValueError that names the first value that is not finite."""
-    finite = np.isfinite(values)
-    if not finite.all():
-        bad = np.argwhere(~finite)
-        place = f'[{_place(bad[0])}]' if values.ndim else ''
-        msg = f'{name}{place} is {values[tuple(bad[0])]}; it must be finite.'
-        raise ValueError(msg)
-
-
 def _refuse(words, bad, matrices):
     places = np.argwhere(bad)
     if len(places):
         matrix = matrices[tuple(places[0])].tolist()
-        msg = f'{words.format(_place(places[0]))}: {matrix}.'
+        msg = f'{words.format(place_of(places[0]))}: {matrix}.'
         raise ValueError(msg)
-
-
-def _place(index):
-    return ', '.join(str(int(i)) for i in index)

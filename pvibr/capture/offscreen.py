@@ -9,6 +9,7 @@ import pyvista as pv
 
 from pvibr.core import _vtk
 from pvibr.core.frame import Frame
+from pvibr.gl.offscreen import read_pixels
 from pvibr.instances.atlas import bounding_sphere
 from pvibr.maths.image_error import box_reduce
 
@@ -112,11 +113,8 @@ class Stage:
 
     def pixels(self) -> np.ndarray:
         """Return the samples of the last frame, (h * samples, w * samples, 3), uint8."""
-        data = _vtk.vtkUnsignedCharArray()
-        width, height = self.window.GetSize()
         # The back buffer: reading the front buffer may render again.
-        self.window.GetPixelData(0, 0, width - 1, height - 1, 0, data, 0)
-        return _vtk.vtk_to_numpy(data).reshape(height, width, 3)[::-1]
+        return read_pixels(self.window, shown=False)[::-1]
 
     def depth(self) -> np.ndarray:
         """Return the depth buffer of the last frame, (h * samples, w * samples)."""

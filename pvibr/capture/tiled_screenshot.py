@@ -9,13 +9,13 @@ import numpy as np
 
 from pvibr.capture.montage import save
 from pvibr.capture.samples import sampled
-from pvibr.core import _vtk
 from pvibr.core.errors import ClosedError
 from pvibr.core.files import in_a_folder
 from pvibr.core.frame import Frame
 from pvibr.core.params import checked_flag
 from pvibr.core.passes import passes_of
 from pvibr.core.plotters import is_closed, is_never_shown
+from pvibr.gl.offscreen import read_pixels
 from pvibr.maths.arguments import naming
 
 #: Reach in pixels of VTK's own passes, such as FXAA and EDL.
@@ -50,7 +50,7 @@ def picture(window, scale, effects, draw, *, transparent=False) -> np.ndarray:
             for left, first, last in columns:
                 _look(window, cameras, (left, bottom), size, scale)
                 draw(window)
-                tile = _pixels(window, size, transparent)
+                tile = read_pixels(window, size, alpha=transparent)
                 kept = tile[low - bottom : high - bottom, first - left : last - left]
                 whole[low:high, first:last] = kept
     return whole[::-1]
@@ -132,18 +132,6 @@ def _reach_of_passes(renderer, frame):
     # At the near plane, where it is widest.
     scale = frame.pixel_scale / (1 if frame.parallel else frame.near)
     return _NEIGHBOURS + sum(p.GetRadius() * scale for p in found)
-
-
-def _pixels(window, size, transparent):
-    """Return the pixels of the window, (h, w, 3 or 4), bottom row first."""
-    data = _vtk.vtkUnsignedCharArray()
-    # The front buffer, as in PyVista: VTK averages samples of the back buffer without gamma.
-    area = (0, 0, size[0] - 1, size[1] - 1, 1, data)
-    if transparent:
-        window.GetRGBACharPixelData(*area)
-    else:
-        window.GetPixelData(*area, 0)
-    return _vtk.vtk_to_numpy(data).reshape(size[1], size[0], -1)
 
 
 class TiledScreenshot:

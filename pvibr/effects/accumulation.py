@@ -11,8 +11,8 @@ from pvibr.core import _vtk
 from pvibr.core.effect import Effect
 from pvibr.core.frame import Frame, Sample
 from pvibr.core.params import Param
-from pvibr.gl import Quad, Target, nbytes_of, release, shader_source
-from pvibr.gl.feature import sections
+from pvibr.gl import Quad, Target, nbytes_of, release
+from pvibr.gl.quad import quads_of
 from pvibr.gl.scene_pass import like_window
 from pvibr.maths.sequences import disk
 from pvibr.scene.buffers import Tap
@@ -163,8 +163,7 @@ class Accumulation(Effect):
         """Add the picture to the sum, and show the mean."""
         mean, kept = self._mean, self._asked is None
         if not self._quads:
-            texts = sections(shader_source(__file__))
-            self._quads = {n: Quad(frame.window, t, f'Accumulation {n}') for n, t in texts.items()}
+            self._quads = quads_of(frame.window, __file__)
         mean.allocate(frame.window, picture.size, keeps_first=kept)
         if mean.sample is not None:
             self._add(mean, picture)

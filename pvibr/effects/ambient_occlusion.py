@@ -6,8 +6,8 @@ import numpy as np
 
 from pvibr.core.effect import Effect
 from pvibr.core.params import Param
-from pvibr.gl import Quad, Target, Texture, nbytes_of, release, shader_source
-from pvibr.gl.feature import sections
+from pvibr.gl import Quad, Target, Texture, nbytes_of, release
+from pvibr.gl.quad import quads_of
 from pvibr.gl.target import fitting_target
 from pvibr.scene.buffers import Drawn
 
@@ -131,12 +131,7 @@ class AmbientOcclusion(Effect):
 
     def _allocate(self, window, size) -> Target:
         if not self._quads:
-            texts = sections(shader_source(__file__))
-            common = texts.pop('common')
-            self._quads = {
-                n: Quad(window, common + t, f'ambient_occlusion.glsl, {n}')
-                for n, t in texts.items()
-            }
+            self._quads = quads_of(window, __file__, 'common')
         self._found = fitting_target(self._found, window, size, ('r32f',))
         return self._found
 

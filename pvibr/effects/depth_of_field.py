@@ -9,8 +9,8 @@ import numpy as np
 from pvibr.core import _vtk
 from pvibr.core.effect import Effect
 from pvibr.core.params import Param
-from pvibr.gl import Quad, Target, nbytes_of, release, shader_source
-from pvibr.gl.feature import sections
+from pvibr.gl import Quad, Target, nbytes_of, release
+from pvibr.gl.quad import quads_of
 from pvibr.maths.arguments import as_array
 from pvibr.scene.thing import Thing
 
@@ -231,8 +231,7 @@ class DepthOfField(Effect):
 
     def _allocate(self, window, size):
         if not self._quads:
-            entries = sections(shader_source(__file__))
-            self._quads = {n: Quad(window, t, f'DepthOfField {n}') for n, t in entries.items()}
+            self._quads = quads_of(window, __file__)
         if self._size == size:
             return
         self._free()

@@ -6,7 +6,6 @@ import math
 
 import numpy as np
 
-from pvibr.core import _vtk
 from pvibr.core._vtk import address
 from pvibr.core.colors import Color
 from pvibr.core.effect import Effect
@@ -15,7 +14,9 @@ from pvibr.gl import Quad, Target, Texture, nbytes_of, release, shader_source
 from pvibr.gl.feature import sections
 from pvibr.gl.target import fitting_target
 from pvibr.gl.tiles import SIDE, Tiles
+from pvibr.maths.arguments import checked_each
 from pvibr.scene.buffers import Drawn
+from pvibr.scene.casters import is_prop
 from pvibr.scene.thing import Thing
 from pvibr.scene.veil import Veil
 
@@ -130,7 +131,7 @@ class Outline(Effect):
 
     def needed(self, frame) -> bool | str:
         """Return True if the effect must run."""
-        if self._actors == []:
+        if self._actors == ():
             return 'no actors'
         if not (self._asks_surfaces or self.luminance):
             return 'no kind of edge'
@@ -205,8 +206,8 @@ class Outline(Effect):
 
     def _marks_of(self, window, numbered):
         """Return a texture that tells by id which actors are outlined."""
-        chosen = {_identity(item) for item in self._actors or ()}
-        marks = bytes([0, *(255 * (_identity(item) in chosen) for item in numbered)])
+        chosen = {address(item) for item in self._actors or ()}
+        marks = bytes([0, *(255 * (address(item) in chosen) for item in numbered)])
         if self._marks is None or self._marks[0] != marks:
             if self._marks is not None:
                 self._marks[1].release()
@@ -275,19 +276,10 @@ for _program in ('candidates', 'edges'):
     _TEXTS[_program] = _TEXTS['surfaces'] + _TEXTS[_program]
 
 
-def _identity(item):
-    return address(item) if hasattr(item, 'GetAddressAsString') else id(item)
-
-
-def _checked(actors) -> list | None:
+def _checked(actors) -> tuple | None:
     if actors is None:
         return None
-    chosen = list(actors) if isinstance(actors, (list, tuple, set)) else [actors]
-    for item in chosen:
-        if not isinstance(item, Thing | _vtk.vtkProp):
-            msg = f'actors has {item!r:.80}: must be actors, as add_mesh returns, or None for all'
-            raise TypeError(msg)
-    return chosen
+    return checked_each('actors', actors, is_prop, 'actors, as add_mesh returns, or None for all')
 
 
 def _check_here(actors, pipeline):

@@ -246,18 +246,14 @@ def chosen(choice):
         return lambda surface: True
     if callable(choice):
         return lambda surface: bool(choice(surface.owner))
-    wanted = {_key(one) for one in choice}
-    return lambda surface: _key(surface.owner) in wanted
+    wanted = {address(one) for one in choice}
+    return lambda surface: address(surface.owner) in wanted
 
 
 def names_of(renderer) -> dict:
     """Return the names of a renderer's actors by address."""
     actors = getattr(renderer, 'actors', None)
     return {address(a): n for n, a in actors.items()} if isinstance(actors, dict) else {}
-
-
-def _key(one):
-    return address(one) if hasattr(one, 'GetAddressAsString') else id(one)
 
 
 def _has_surface(prop) -> bool:

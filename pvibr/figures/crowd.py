@@ -39,24 +39,10 @@ class Crowd(Instances):
         Linear blend or dual quaternion skinning.
     max_error : float
         Largest error of an outline in pixels, relative to the posed mesh.
-    name : str, optional
-        Name in the plotter and in reports.
     scalars : array_like, shape (n,), or str, optional
         Values per figure, mapped by `cmap`; a name selects an array of the meshes.
     colors : array_like, shape (n, 3), optional
         Colours per figure, uint8 or float.
-    blend : {'replace', 'multiply'}
-        How colours per figure combine with those of the meshes.
-    cmap, clim : optional
-        As in ``add_mesh``.
-    pickable : bool
-        Whether pickers find the figures.
-    cache : bool or path
-        Cache atlases on disk, or the folder for them.
-    progress : bool, optional
-        Show a progress bar of a long bake; by default in terminals and notebooks.
-    theme : pyvista.plotting.themes.Theme, optional
-        Defaults of the looks.
     **mesh_kwargs
         Keywords of :meth:`pyvista.Plotter.add_mesh`, which override the looks of the meshes.
 
@@ -132,9 +118,6 @@ class Crowd(Instances):
         self._share_material()
         self._shown_material = 0
         self._paint(scalars, colors)
-
-    def _now(self) -> float:
-        return 0.0 if self.pipeline is None else self.pipeline.time
 
     def _numbers(self, clips, count, known) -> tuple[np.ndarray, list]:
         """Return the index of each figure's clip, and the clips known with the new ones."""

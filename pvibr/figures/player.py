@@ -199,9 +199,6 @@ class FigurePlayer(Thing):
         """Hold the current pose."""
         self.driver = None
 
-    def _now(self) -> float:
-        return 0.0 if self.pipeline is None else self.pipeline.time
-
     @property
     def pose(self):
         """The current pose: a Pose, or ``figure_from_joint`` matrices (n, 4, 4) of a simulator.

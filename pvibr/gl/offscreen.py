@@ -91,10 +91,14 @@ def rasterize_views(actors, views, size, formats=('rgba8',), *, samples=1, blend
             drawer.release()
 
 
-def read_rgba(window, *, shown=True) -> np.ndarray:
-    """Return the picture of a window that was just rendered, as shown or as means of samples."""
-    width, height = window.GetSize()
+def read_pixels(window, size=None, *, alpha=False, shown=True) -> np.ndarray:
+    """Return the pixels of a frame, bottom row first, as shown or as means of samples."""
+    width, height = window.GetSize() if size is None else size
     pixels = _vtk.vtkUnsignedCharArray()
     # The front buffer is what is shown: VTK averages samples of the back buffer without gamma.
-    window.GetRGBACharPixelData(0, 0, width - 1, height - 1, int(shown), pixels)
-    return _vtk.vtk_to_numpy(pixels).reshape(height, width, 4).copy()
+    area = 0, 0, width - 1, height - 1, int(shown), pixels
+    if alpha:
+        window.GetRGBACharPixelData(*area)
+    else:
+        window.GetPixelData(*area, 0)
+    return _vtk.vtk_to_numpy(pixels).reshape(height, width, -1)

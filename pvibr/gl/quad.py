@@ -8,6 +8,7 @@ from pathlib import Path
 from pvibr.core import _vtk
 from pvibr.core.errors import ShaderError
 from pvibr.gl import enums as gl
+from pvibr.gl.feature import sections
 from pvibr.gl.texture import SPARE_UNIT
 from pvibr.gl.uniforms import set_uniforms
 
@@ -36,6 +37,13 @@ def shader_source(module_file, stem=None) -> str:
     """Return the source of the shader beside a module."""
     path = Path(module_file)
     return path.with_name(f'{stem or path.stem}.glsl').read_text(encoding='utf-8')
+
+
+def quads_of(window, module_file, shared='') -> dict[str, Quad]:
+    """Return the programs of the shader beside a module; a shared section begins each."""
+    texts, name = sections(shader_source(module_file)), Path(module_file).stem
+    head = texts.pop(shared, '')
+    return {n: Quad(window, head + text, f'{name}.glsl, {n}') for n, text in texts.items()}
 
 
 def _log(fragment):

@@ -7,8 +7,7 @@ from typing import Any
 from pvibr.core import _vtk
 from pvibr.core.passes import passes_of
 from pvibr.gl import enums as gl
-from pvibr.gl.feature import sections
-from pvibr.gl.quad import Quad, shader_source
+from pvibr.gl.quad import Quad, quads_of
 from pvibr.gl.scene_pass import hidden_name
 from pvibr.gl.target import Target, WindowTarget, blit
 from pvibr.gl.texture import nbytes_of, release
@@ -86,9 +85,7 @@ class Supersampled:
         if not self._taken or self._made[1] != tuple(size):
             return False
         if not self._quads:
-            texts = sections(shader_source(__file__))
-            shared = texts.pop('filtered')
-            self._quads = {n: Quad(window, shared + t, n) for n, t in texts.items()}
+            self._quads = quads_of(window, __file__, 'filtered')
         scene, drawn, across, picture = self._targets.values()
         state, whole = window.GetState(), (0, 0, drawn.width, drawn.height)
         with drawn.drawing((0.0, 0.0, 0.0, 0.0)):

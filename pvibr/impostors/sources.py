@@ -5,6 +5,7 @@ from __future__ import annotations
 from itertools import product
 
 import numpy as np
+import pyvista as pv
 
 from pvibr.core import _vtk
 from pvibr.maths.impostors import dop_corners
@@ -96,9 +97,7 @@ class Source:
             return
         data = self.actor.GetMapper().GetInput()
         self._measure(data, dops)
-        matrix = self.actor.GetMatrix()
-        rows = [[matrix.GetElement(i, j) for j in range(4)] for i in range(3)]
-        world = np.array(rows)
+        world = pv.array_from_vtkmatrix(self.actor.GetMatrix())[:3]
         if not np.isfinite(world).all():
             self.why = NOT_FINITE
             return

@@ -10,7 +10,7 @@ from pvibr.core import _vtk
 from pvibr.core.errors import ShaderError
 from pvibr.core.frame import Frame
 from pvibr.gl.binder import Binder
-from pvibr.gl.offscreen import hidden_window, read_rgba
+from pvibr.gl.offscreen import hidden_window, read_pixels
 from pvibr.instances.card_layers import PATCH_SIDE, PATCHES
 from pvibr.instances.cards import ALL_CARD_SHADERS, CARD_SHADERS
 from pvibr.instances.group import InstanceGroup
@@ -374,7 +374,7 @@ class _Sheet:
     def _picture(self, *, shown=True):
         self.window.Render()
         self.group.cards.binder.unbind()
-        return read_rgba(self.window, shown=shown)
+        return read_pixels(self.window, alpha=True, shown=shown)
 
     def release(self):
         self.group.release()

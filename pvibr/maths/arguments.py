@@ -46,6 +46,21 @@ def as_array(name, values, dtype=None) -> np.ndarray:
         return array if dtype is None else array.astype(dtype, copy=False)
 
 
+def check_finite(name, values: np.ndarray):
+    """Raise a ValueError that names the first value that is not finite."""
+    finite = np.isfinite(values)
+    if not finite.all():
+        bad = np.argwhere(~finite)[0]
+        place = f'[{place_of(bad)}]' if values.ndim else ''
+        msg = f'{name}{place} is {values[tuple(bad)]}; it must be finite.'
+        raise ValueError(msg)
+
+
+def place_of(index) -> str:
+    """Return a place in an array as errors write it."""
+    return ', '.join(str(int(i)) for i in index)
+
+
 def checked_number(name, value, low=-np.inf, high=np.inf) -> float:
     """Return a finite number within bounds."""
     real = isinstance(value, Real) and not isinstance(value, (bool, np.bool_))

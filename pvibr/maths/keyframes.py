@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from pvibr.maths.arguments import check_finite
 from pvibr.maths.vectors import unit_vectors
 
 SLOTS = {'step': 1, 'linear': 2, 'quadratic': 3, 'cubic': 4}
@@ -96,10 +97,7 @@ def checked_keys(keys, name='keys'):
     if keys.ndim != 1 or not keys.size:
         msg = f'{name} has the shape {keys.shape}; it must be (f,), with at least one time.'
         raise ValueError(msg)
-    bad = np.flatnonzero(~np.isfinite(keys))
-    if bad.size:
-        msg = f'{name}[{bad[0]}] is {keys[bad[0]]}; it must be finite.'
-        raise ValueError(msg)
+    check_finite(name, keys)
     bad = np.flatnonzero(np.diff(keys) <= 0)
     if bad.size:
         i = bad[0] + 1

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from pvibr.maths.arguments import place_of
+
 _LEAST = 1e-280  # square; those of what is shorter, or longer than the inverse, are inexact
 
 
@@ -101,8 +103,8 @@ def as_units(name, vectors) -> np.ndarray:
     largest = np.abs(given).max(-1, keepdims=True)
     good = (largest > 0) & np.isfinite(largest)
     if not good.all():
-        place = tuple(int(i) for i in np.argwhere(~good[..., 0])[0])
-        where = f'{name}[{", ".join(map(str, place))}]' if place else name
+        place = tuple(np.argwhere(~good[..., 0])[0])
+        where = f'{name}[{place_of(place)}]' if place else name
         msg = f'{where} is {given[place].tolist()}; it must be finite and not zero.'
         raise ValueError(msg)
     scaled = given / largest

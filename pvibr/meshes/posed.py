@@ -13,7 +13,7 @@ from pvibr.core import _vtk
 from pvibr.core.errors import warn
 from pvibr.core.spelling import nearest
 from pvibr.formats.tables import columns_table
-from pvibr.maths.arguments import as_array, checked_number, naming
+from pvibr.maths.arguments import as_array, check_finite, checked_number, naming
 from pvibr.maths.quaternions import to_matrices
 from pvibr.maths.transforms import trs
 from pvibr.maths.vectors import unit_vectors
@@ -310,9 +310,5 @@ def _numbers(name, values):
     except (TypeError, ValueError) as error:
         msg = f'{name} is {values!r:.80}; it must be numbers'
         raise TypeError(msg) from error
-    bad = np.argwhere(~np.isfinite(array))
-    if len(bad):
-        place = f'[{", ".join(map(str, bad[0]))}]' if array.ndim else ''
-        msg = f'{name}{place} is {array[tuple(bad[0])]}; it must be finite'
-        raise ValueError(msg)
+    check_finite(name, array)
     return array

@@ -13,8 +13,7 @@ from pvibr.gl import MipTexture, Quad, Target, Texture, nbytes_of, release
 from pvibr.gl import enums as gl
 from pvibr.gl.drawer import Drawer
 from pvibr.gl.mipmaps import copy
-from pvibr.maths._checks import numbers
-from pvibr.maths.arguments import as_array
+from pvibr.maths._checks import numbers, size_of
 from pvibr.maths.cameras import as_camera
 from pvibr.maths.reflections import through_rectangle
 from pvibr.maths.vectors import unit_vectors
@@ -106,7 +105,7 @@ class LiveTexture(Effect):
     actors = Choice()
 
     def __init__(self, camera, actors=None, size=(512, 512), **settings):
-        self.camera, self.actors, self.size = camera, actors, _size(size)
+        self.camera, self.actors, self.size = camera, actors, size_of(size)
         super().__init__(**settings)
         if camera is not None:
             as_camera(camera, self.size)
@@ -428,14 +427,6 @@ def _farthest(view, bounds) -> float:
     low, high = bounds[:, 0::2].min(axis=0), bounds[:, 1::2].max(axis=0)
     ahead = -view[2, :3]
     return float(np.where(ahead > 0, high, low) @ ahead - view[2, 3])
-
-
-def _size(size) -> tuple[int, int]:
-    found = as_array('size', size)
-    if found.shape != (2,) or found.dtype.kind not in 'iu' or found.min() < 1:
-        msg = f'size = {size!r}: must be width and height in texels, two positive integers'
-        raise ValueError(msg)
-    return int(found[0]), int(found[1])
 
 
 def _sides(actor):

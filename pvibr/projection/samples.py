@@ -122,8 +122,7 @@ def surface_of(thing) -> pv.PolyData:
     """Return the surface of a mesh or an actor in world units, without data."""
     matrix = None
     if hasattr(thing, 'GetMapper'):
-        matrix = thing.GetMatrix()
-        matrix = np.array([[matrix.GetElement(i, j) for j in range(4)] for i in range(4)])
+        matrix = pv.array_from_vtkmatrix(thing.GetMatrix())
         mapper = thing.GetMapper()
         mapper.Update()
         thing = pv.wrap(mapper.GetInput())

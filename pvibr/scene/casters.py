@@ -10,6 +10,7 @@ from itertools import compress
 from typing import Any
 
 import numpy as np
+import pyvista as pv
 
 from pvibr.core import _vtk
 from pvibr.core._vtk import address
@@ -129,7 +130,7 @@ class Choice:
 
     def __set__(self, instance, choice):
         if choice is not None and (not callable(choice) or isinstance(choice, type)):
-            several = checked_each(self._name, choice, _is_prop, _CHOSEN)
+            several = checked_each(self._name, choice, is_prop, _CHOSEN)
             choice = choice if isinstance(choice, (list, set)) else several
         instance.__dict__[self._name] = choice
 
@@ -137,7 +138,8 @@ class Choice:
 _CHOSEN = 'None for all, actors or things, or a function that returns True for them'
 
 
-def _is_prop(one) -> bool:
+def is_prop(one) -> bool:
+    """Return whether something is an actor or a thing."""
     return isinstance(one, Thing | _vtk.vtkProp)
 
 
@@ -232,8 +234,7 @@ def is_smooth(actor) -> bool:
 
 def _tells_bulge(actor, point_data) -> bool:
     """Return whether normals have unit length at points and equal scale in all directions."""
-    matrix = actor.GetMatrix()
-    axes = np.array([[matrix.GetElement(i, j) for j in range(3)] for i in range(3)])
+    axes = pv.array_from_vtkmatrix(actor.GetMatrix())[:3, :3]
     square = axes.T @ axes
     if not np.allclose(square, np.trace(square) / 3 * np.eye(3), rtol=0, atol=1e-5 * square.max()):
         return False  # as short as the actor is large, another way in each direction

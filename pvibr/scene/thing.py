@@ -176,6 +176,10 @@ class Thing(Effect, pv.Actor):
         """Return True if it is visible."""
         return self.visibility or 'not visible'
 
+    def _now(self) -> float:
+        """Return the time of its subplot, 0 in none."""
+        return 0.0 if self.pipeline is None else self.pipeline.time
+
     def follow(self):
         """Take over a new time of the pipeline."""
 

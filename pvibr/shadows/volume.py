@@ -83,7 +83,7 @@ class ShadowVolumes:
             key, data = (None, None) if actor is None else _source(actor)
             if key is None:
                 continue
-            world, flat = _world_from_model(actor), None
+            world, flat = np.reshape(actor.GetMatrix().GetData(), (4, 4)), None
             if np.linalg.matrix_rank(world[:3, :3]) < 3:  # no way back: its shape is the world's
                 world, flat = np.eye(4), world
                 key = (*key, flat.tobytes())
@@ -379,11 +379,6 @@ def _cut(cells, pattern):
     for size in np.unique(sizes[sizes > 2]):
         starts = offsets[:-1][sizes == size]
         yield ids[(starts[:, None, None] + np.array(pattern(size))).reshape(-1, 3)]
-
-
-def _world_from_model(actor) -> np.ndarray:
-    matrix = actor.GetMatrix()
-    return np.array([[matrix.GetElement(i, j) for j in range(4)] for i in range(4)])
 
 
 def _is_whole(actor) -> bool:

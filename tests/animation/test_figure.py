@@ -12,6 +12,7 @@ from pvibr import Figure
 from pvibr.animation import Clip, FigureMesh, Morphs, Pose, Skeleton, Skin, Track
 from pvibr.animation.vertex_animation import VertexAnimation
 from pvibr.maths.transforms import transform_normals, transform_points
+from tests.makers import sheet
 
 SEEDS = st.integers(0, 2**32 - 1)
 
@@ -24,12 +25,6 @@ def random_pose(rng, n, lead=(), scale=0.0, weights=0):
         rng.normal(size=(*lead, weights)),
         rng.random(lead),
     )
-
-
-def sheet(points):
-    """Return triangles between each three neighbours of a list of points."""
-    rows = np.arange(len(points) - 2)[:, None] + range(3)
-    return pv.PolyData.from_regular_faces(points, rows)
 
 
 def random_figure(rng, n=6, v=30, k=4, targets=3, scale=0.0, frames=None):

@@ -14,7 +14,7 @@ import pvibr
 from pvibr.bench.effects.bloom import natural as natural_spectrum
 from pvibr.gl import Target, Texture
 from pvibr.gl.fused import Fused
-from pvibr.gl.offscreen import hidden_window, read_rgba
+from pvibr.gl.offscreen import hidden_window, read_pixels
 from pvibr.maths.tones import LUMINANCE
 
 SIZE = (160, 96)
@@ -347,7 +347,7 @@ def test_white_light_and_screen(window):
 def grab(pl):
     """Return what a new frame holds, (height, width, 4) uint8, row 0 below."""
     pl.render_window.Render()
-    return read_rgba(pl.render_window)
+    return read_pixels(pl.render_window, alpha=True)
 
 
 def bright(size=(320, 192), text=False):

@@ -7,7 +7,7 @@ import pytest
 import pyvista as pv
 
 import pvibr
-from pvibr.gl.offscreen import read_rgba
+from pvibr.gl.offscreen import read_pixels
 
 pytestmark = pytest.mark.sampled
 
@@ -15,7 +15,7 @@ pytestmark = pytest.mark.sampled
 def grab(pl):
     """Return what a new frame holds, (height, width, 4) float, row 0 below."""
     pl.render_window.Render()
-    return read_rgba(pl.render_window).astype(float)
+    return read_pixels(pl.render_window, alpha=True).astype(float)
 
 
 def lamps(size=(320, 192), *, hide=False, parallel=False, samples=0, opacity=1.0):

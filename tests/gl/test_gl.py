@@ -8,7 +8,7 @@ import pyvista as pv
 
 from pvibr.core.errors import ShaderError
 from pvibr.gl import Quad, Target, Texture, texture_limit
-from pvibr.gl.offscreen import hidden_window, read_rgba
+from pvibr.gl.offscreen import hidden_window, read_pixels
 
 COPY = 'uniform sampler2D image; void main() { gl_FragData[0] = texture(image, uv); }'
 
@@ -123,5 +123,5 @@ def test_a_hidden_window_is_transparent_black(window):
         renderer.SetBackground(0, 0, 0)
         renderer.SetBackgroundAlpha(0.0)
         own.Render()
-        assert read_rgba(own).shape == (4, 6, 4)
-        assert read_rgba(own).max() == 0
+        assert read_pixels(own, alpha=True).shape == (4, 6, 4)
+        assert read_pixels(own, alpha=True).max() == 0

@@ -7,15 +7,9 @@ import pytest
 import pyvista as pv
 
 from pvibr.core import _vtk
+from tests.makers import plane
 
 CAMERA = [(14, -12, 9), (2, 2, 2), (0, 0, 1)]
-
-
-def plane(origin, normal):
-    made = _vtk.vtkPlane()
-    made.SetOrigin(*origin)
-    made.SetNormal(*normal)
-    return made
 
 
 def shot(pl):

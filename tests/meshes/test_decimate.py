@@ -9,6 +9,7 @@ import pyvista as pv
 from pvibr.meshes.decimate import lighter
 from pvibr.meshes.parts import as_parts
 from pvibr.meshes.surface_distance import Surface, hausdorff
+from tests.makers import soup
 
 
 def light(mesh, share=0.25, **looks):
@@ -40,13 +41,6 @@ def ball(n=50):
 
 def prism():
     return pv.Cylinder(resolution=6, capping=True).triangulate().subdivide(4, 'linear')
-
-
-def soup(mesh):
-    """Return triangles that share no points."""
-    return pv.PolyData.from_regular_faces(
-        mesh.points[mesh.regular_faces].reshape(-1, 3), np.arange(3 * mesh.n_cells).reshape(-1, 3)
-    )
 
 
 def test_smooth_surfaces_stay_in_place_and_smooth():

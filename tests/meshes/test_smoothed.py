@@ -10,13 +10,7 @@ from pvibr.instances.levels import make_model
 from pvibr.meshes.decimate import lighter
 from pvibr.meshes.parts import as_parts
 from pvibr.meshes.smoothed import interpolated, smoothed
-
-
-def soup(mesh):
-    """Return triangles that share no points."""
-    return pv.PolyData.from_regular_faces(
-        mesh.points[mesh.regular_faces].reshape(-1, 3), np.arange(3 * mesh.n_cells).reshape(-1, 3)
-    )
+from tests.makers import soup
 
 
 def ball(sides):

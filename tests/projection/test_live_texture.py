@@ -209,7 +209,7 @@ def test_removed_and_added_again():
 
 @pytest.mark.parametrize('size', [(0, 4), (4,), 'big', (4.5, 4)])
 def test_bad_sizes(size):
-    with pytest.raises(ValueError, match='size = '):
+    with pytest.raises(ValueError, match='size is'):
         pvibr.LiveTexture(camera(), size=size)
 
 

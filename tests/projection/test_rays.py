@@ -9,19 +9,9 @@ import pyvista as pv
 import pvibr
 from pvibr.maths.pinhole import Pinhole
 from tests.figures.makers import worm
+from tests.makers import grid, lamp
 
 pytest.importorskip('embreex')
-
-
-def grid(size=2.0, count=40):
-    return pv.Plane(i_size=size, j_size=size, i_resolution=count, j_resolution=count)
-
-
-def lamp(position, focus=(0, 0, 0), cone=None):
-    light = pv.Light(position=position, focal_point=focus, light_type='scene light')
-    if cone is not None:
-        light.positional, light.cone_angle = True, cone
-    return light
 
 
 def crossed(points, ways, mesh):

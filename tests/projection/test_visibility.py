@@ -13,12 +13,9 @@ from pvibr.maths.pinhole import Pinhole
 from pvibr.projection import rays
 from pvibr.projection.depth_maps import view_of
 from pvibr.projection.samples import Samples, sides_of
+from tests.makers import grid, lamp
 
 ABOVE = Orthographic.from_extent(-1, 1, -1, 1, zmax=5)
-
-
-def grid(size=2.0, count=40):
-    return pv.Plane(i_size=size, j_size=size, i_resolution=count, j_resolution=count)
 
 
 def bumpy(offset=0.0):
@@ -27,13 +24,6 @@ def bumpy(offset=0.0):
     points[2] = 0.8 * np.sin(2 * x) * np.cos(1.7 * y)
     mesh.points = points.T + offset * np.array([1.0, -0.7, 0.3]) * 6
     return mesh
-
-
-def lamp(position, focus=(0, 0, 0), cone=None):
-    light = pv.Light(position=position, focal_point=focus, light_type='scene light')
-    if cone is not None:
-        light.positional, light.cone_angle = True, cone
-    return light
 
 
 def looking(eye, focus, size=(200, 150)):

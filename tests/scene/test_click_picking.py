@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 import pyvista as pv
 
+from tests.pictures import pixel_of
+
 SIZE = (150, 110)
 PLACES = np.array([[-1.0, 0.0, 0.0], [1.0, 0.0, 0.3]])
 
@@ -17,12 +19,6 @@ def pl():
     pl.camera_position = [(0, -6, 0), (0, 0, 0), (0, 0, 1)]
     pl.render()
     return pl
-
-
-def pixel_of(pl, point):
-    pl.renderer.SetWorldPoint(*point, 1.0)
-    pl.renderer.WorldToDisplay()
-    return tuple(int(v) for v in pl.renderer.GetDisplayPoint()[:2])
 
 
 def send(pl, event, pixel, key=''):

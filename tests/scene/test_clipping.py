@@ -9,6 +9,8 @@ import pyvista as pv
 import pvibr
 from pvibr.core import _vtk
 from tests.figures.makers import bending, worm
+from tests.makers import plane
+from tests.pictures import uncut
 
 pytestmark = pytest.mark.sampled
 
@@ -19,13 +21,6 @@ SIZES = RNG.uniform(0.4, 0.7, (8, 3))
 BALL = pv.Sphere(radius=1.0, theta_resolution=32, phi_resolution=32)
 IMAGE = np.full((8, 8, 3), 180, np.uint8)
 LOOK = {'color': 'white', 'reset_camera': False}
-
-
-def plane(origin, normal):
-    made = _vtk.vtkPlane()
-    made.SetOrigin(*origin)
-    made.SetNormal(*normal)
-    return made
 
 
 PLANES = plane((0.2, 0, 0), (-1, 0.3, 0)), plane((0, 0, -0.9), (0.1, 0, 2))
@@ -73,12 +68,6 @@ def stage(add, away=1.0, **how):
     return pl, thing
 
 
-def picture(pl):
-    pl.renderer.ResetCameraClippingRange()
-    pl.render()
-    return pl.screenshot(None, return_img=True).astype(int)
-
-
 def both(kind, away=1.0):
     add, mesh = KINDS[kind]
     smooth = {} if kind == 'cards' else {'split_sharp_edges': True, 'smooth_shading': True}
@@ -89,7 +78,7 @@ def both(kind, away=1.0):
 
 
 def unlike(pl, other):
-    one, two = picture(pl), picture(other)
+    one, two = uncut(pl), uncut(other)
     return (np.abs(one - two).max(2) > 40).mean()
 
 
@@ -97,20 +86,20 @@ def unlike(pl, other):
 @pytest.mark.parametrize('kind', KINDS)
 def test_cut_as_meshes_are(kind, away):
     pl, thing, other, actor = both(kind, away)
-    before = picture(pl)
+    before = uncut(pl)
     most = unlike(pl, other) + 0.01
     for cut in PLANES:
         thing.mapper.AddClippingPlane(cut)
         actor.mapper.AddClippingPlane(cut)
         assert unlike(pl, other) < most
-    cut = picture(pl)
+    cut = uncut(pl)
     assert (cut != before).any(2).sum() > 3
     thing.user_matrix = actor.user_matrix = pv.Transform().rotate_z(40).scale(1.1).matrix
     assert unlike(pl, other) < most
     thing.user_matrix = np.eye(4)
-    np.testing.assert_array_equal(picture(pl), cut)
+    np.testing.assert_array_equal(uncut(pl), cut)
     thing.mapper.RemoveAllClippingPlanes()
-    np.testing.assert_array_equal(picture(pl), before)
+    np.testing.assert_array_equal(uncut(pl), before)
 
 
 @pytest.mark.parametrize('kind', ['spheres', 'cards'])
@@ -120,14 +109,14 @@ def test_planes_that_move_are_followed_and_added_things_stay_cut(kind):
     other, cut = stage(lambda pl: add(pl.ibr))
     moving = plane((0, 0, 9), (0, 0, -1))
     thing.mapper.AddClippingPlane(moving)
-    picture(pl)
+    uncut(pl)
     moving.SetOrigin(0, 0, 0.3)
     cut.mapper.AddClippingPlane(plane((0, 0, 0.3), (0, 0, -1)))
-    np.testing.assert_array_equal(picture(pl), picture(other))
-    wanted = picture(other)
+    np.testing.assert_array_equal(uncut(pl), uncut(other))
+    wanted = uncut(other)
     pl.ibr.remove(thing)
     pl.ibr.add(thing)
-    np.testing.assert_array_equal(picture(pl), wanted)
+    np.testing.assert_array_equal(uncut(pl), wanted)
     assert thing.mapper.clipping_planes.GetNumberOfItems() == 1
     for actor in thing.picked():
         assert actor.GetMapper().GetClippingPlanes().GetNumberOfItems() == 1
@@ -139,8 +128,8 @@ def test_picked_where_it_is_left(kind):
     for cut in PLANES:
         thing.mapper.AddClippingPlane(cut)
         actor.mapper.AddClippingPlane(cut)
-    shown = picture(other)
-    picture(pl)
+    shown = uncut(other)
+    uncut(pl)
     pickers = _vtk.vtkCellPicker(), _vtk.vtkCellPicker()
     found, same = 0, []
     for y, x in np.argwhere((shown != shown[0, 0]).any(2))[::293]:
@@ -166,8 +155,8 @@ def test_figures_are_picked_where_they_are_left():
     for cut in PLANES[:1]:
         thing.mapper.AddClippingPlane(cut)
         actor.mapper.AddClippingPlane(cut)
-    picture(pl)
-    picture(other)
+    uncut(pl)
+    uncut(other)
     picker = _vtk.vtkCellPicker()
     picker.SetTolerance(0.0)
     found = []
@@ -189,14 +178,14 @@ def test_shadows_are_of_what_is_left():
         pl.ibr.add(pvibr.Shadows(resolution=512))
         pl.camera_position = [(0, -9, -0.5), (0, -1, -3), (0, 0, 1)]
         thing = pl.ibr.add_spheres([[0, 0, 0.0]], 1.5, reset_camera=False)
-        before = picture(pl)
+        before = uncut(pl)
         if clips:
             thing.mapper.AddClippingPlane(plane((0, 0, 0), (1, 0, 0)))
         else:
             pl.remove_actor(thing)
             half = pv.Sphere(radius=1.5, theta_resolution=60, phi_resolution=60)
             pl.add_mesh(half.clip('x', invert=False), reset_camera=False, color='white')
-        return before, picture(pl)
+        return before, uncut(pl)
 
     (before, cut), (_, meshes) = lit(True), lit(False)
     ground = slice(45, None)  # rows below the ball

@@ -10,7 +10,7 @@ import pyvista as pv
 
 import pvibr
 from pvibr.core import _vtk
-from tests.pictures import plotter, shot
+from tests.pictures import pixel_of, plotter, shot
 from tests.test_every_thing import EVERY, PLACES, SIZE, drawn
 
 pytestmark = pytest.mark.sampled
@@ -163,7 +163,7 @@ def test_each_of_several_sets_is_found_as_a_mesh_of_pyvistas():
     for _ in range(2):
         for thing, height in zip(sets, (0, 2, -2), strict=True):
             for index, point in enumerate(points + np.array((0, -0.3, height))):
-                actor, _, _ = picked(pl, _pixel(pl, point), picker := _vtk.vtkCellPicker())
+                actor, _, _ = picked(pl, pixel_of(pl, point), picker := _vtk.vtkCellPicker())
                 assert thing.instance_of(actor) == index
                 assert isinstance(picker.GetDataSet(), pv.PolyData)
 
@@ -177,7 +177,7 @@ def test_far_instances_are_found_and_too_many_are_told():
     pl.camera_position = [(0, 0, 40), (0, 0, 0), (0, 1, 0)]
     shot(pl)
     for index in (3, 700, 1499):
-        pixel = _pixel(pl, places[index] + (0, 0, 0.5))
+        pixel = pixel_of(pl, places[index] + (0, 0, 0.5))
         assert things.pick(*pixel) is not None
         actor, _, _ = picked(pl, pixel, _vtk.vtkCellPicker())
         assert things.instance_of(actor) == things.pick(*pixel).index
@@ -187,9 +187,3 @@ def test_far_instances_are_found_and_too_many_are_told():
     with warnings.catch_warnings():
         warnings.simplefilter('error')
         rectangle(pl, 'enable_rectangle_visible_picking', area)
-
-
-def _pixel(pl, point):
-    pl.renderer.SetWorldPoint(*point, 1.0)
-    pl.renderer.WorldToDisplay()
-    return tuple(int(v) for v in pl.renderer.GetDisplayPoint()[:2])

@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 
 import pvibr
 from pvibr.animation import FigureMesh, Skeleton
+from tests.pictures import uncut
 
 pytestmark = pytest.mark.sampled
 
@@ -84,12 +85,6 @@ def stage(matrix=None):
     return pl
 
 
-def picture(pl):
-    pl.renderer.ResetCameraClippingRange()
-    pl.render()
-    return pl.screenshot(None, return_img=True).astype(int)
-
-
 def unlike(one, other):
     """Share of pixels that differ by more than edges do."""
     return (np.abs(one - other).max(2) > 24).mean()
@@ -112,12 +107,12 @@ def test_what_moves_with_the_camera_looks_the_same(kind, scale, far):
     scale = 1.0 if kind == NOT_SCALED else scale
     pl = stage()
     thing = bound(pl, kind)
-    before, bounds = picture(pl), thing.bounds
+    before, bounds = uncut(pl), thing.bounds
     matrix = similarity(5, scale, far)
     other = stage(matrix)
     moved = bound(other, kind)
     moved.user_matrix = matrix
-    after = picture(other)
+    after = uncut(other)
     assert shown(before) > 0.02
     assert unlike(before, after) < 0.01
     assert moved.bounds != pytest.approx(bounds, abs=0.1)
@@ -125,7 +120,7 @@ def test_what_moves_with_the_camera_looks_the_same(kind, scale, far):
     assert moved.bounds == pytest.approx(bounds)
     thing.user_matrix = matrix  # seen from where it was
     if far:
-        assert shown(picture(pl)) == 0
+        assert shown(uncut(pl)) == 0
 
 
 def plain_of(kind):
@@ -171,7 +166,7 @@ def test_moved_as_a_plain_actor_is(kind):
     put(actor, matrix)
     put(thing, matrix)
     np.testing.assert_allclose(thing.GetMatrix().GetData(), actor.GetMatrix().GetData())
-    wanted, found = picture(plain), picture(pl)
+    wanted, found = uncut(plain), uncut(pl)
     shape = (wanted != wanted[0, 0]).any(2), (found != found[0, 0]).any(2)
     assert shape[0].mean() > 0.02
     assert (shape[0] != shape[1]).mean() < (0.02 if kind == 'cards' else 0.006)
@@ -186,7 +181,7 @@ def test_items_set_later_are_placed_by_it(kind):
     pl, other = stage(), stage()
     one, two = bound(pl, kind), bound(other, kind)
     one.user_matrix = matrix
-    picture(pl)
+    uncut(pl)
     for thing in (one, two):
         if kind == 'matrices':
             thing.update([2, 3], poses=[[0.1, 0.2, 0.3], [-1.0, 0.5, 0.4]])
@@ -200,7 +195,7 @@ def test_items_set_later_are_placed_by_it(kind):
             elif kind == 'spheres':
                 thing.radius = RADII[:, 1]
     two.user_matrix = matrix
-    np.testing.assert_array_equal(picture(pl), picture(other))
+    np.testing.assert_array_equal(uncut(pl), uncut(other))
     assert one.bounds == pytest.approx(two.bounds)
     name = {'matrices': 'poses', 'cylinders': 'points_a'}.get(kind, 'points')
     np.testing.assert_array_equal(getattr(one, name), getattr(two, name))
@@ -213,7 +208,7 @@ def test_picked_where_it_is(kind):
     matrix = similarity(13, 1.1)
     matrix[:3, 3] = 0.4, 0.2, -0.3
     thing.user_matrix = matrix
-    seen = picture(pl)
+    seen = uncut(pl)
     ids = pl.ibr.buffer('id')
     middles = np.asarray(thing.dataset().points) if kind != 'points' else thing.item_spheres()[0]
     own = PLACES if kind != 'capsules' else (PLACES + PLACES[::-1]) / 2
@@ -244,7 +239,7 @@ def test_written_where_it_is(kind):
     thing.user_matrix = similarity(4, 1.2)
     thing.position = (0.3, 0.0, 0.2)
     plain = pl.ibr.to_plain_plotter()
-    wanted, found = picture(pl), picture(plain)
+    wanted, found = uncut(pl), uncut(plain)
     plain.close()
     assert shown(found) > 0.02
     assert ((wanted != wanted[0, 0]).any(2) != (found != found[0, 0]).any(2)).mean() < 0.02
@@ -261,10 +256,10 @@ def test_shadows_follow():
         balls = pl.ibr.add_spheres(PLACES + (0 if moved else place), 0.4, reset_camera=False)
         pl.ibr.add(pvibr.Shadows(resolution=256))
         pl.camera_position = [(0, -12, 12), (0, 0, -2), UP]
-        first = picture(pl)
+        first = uncut(pl)
         if moved:
             balls.position = place
-        return first, picture(pl)
+        return first, uncut(pl)
 
     np.testing.assert_array_equal(dark(True)[1], dark(False)[1])
     assert (dark(True)[0] != dark(False)[0]).any()
@@ -274,7 +269,7 @@ def test_shadows_follow():
 def test_clipping_range_follows(kind):
     pl = stage()
     thing = bound(pl, kind)
-    before = shown(picture(pl))
+    before = shown(uncut(pl))
     toward = (FOCUS - EYE) / np.linalg.norm(FOCUS - EYE)
     thing.SetPosition(*(8 * toward))
     pl.render()
@@ -286,16 +281,16 @@ def test_a_matrix_changed_in_place_is_followed():
     balls, others = bound(pl, 'spheres'), bound(other, 'spheres')
     matrix = pv.vtkmatrix_from_array(np.eye(4))
     balls.SetUserMatrix(matrix)
-    picture(pl)
+    uncut(pl)
     matrix.SetElement(0, 3, 0.7)
     others.SetPosition(0.7, 0, 0)
-    np.testing.assert_array_equal(picture(pl), picture(other))
+    np.testing.assert_array_equal(uncut(pl), uncut(other))
     matrix.SetElement(0, 0, 3.0)
     others.SetScale(3.0, 1.0, 1.0)
-    np.testing.assert_array_equal(picture(pl), picture(other))
+    np.testing.assert_array_equal(uncut(pl), uncut(other))
     matrix.SetElement(0, 0, 0.0)
     with pytest.warns(pvibr.PvibrWarning, match='must have an inverse'):
-        picture(pl)
+        uncut(pl)
 
 
 REFUSED = {
@@ -309,7 +304,7 @@ def test_what_cannot_be_stretched_says_why(kind):
     pl = stage()
     thing = bound(pl, kind)
     thing.scale = 1.5
-    before = picture(pl), thing.bounds
+    before = uncut(pl), thing.bounds
     for change in ({'scale': (1, 2, 1)}, {'user_matrix': np.diag([1.0, 1.0, 3.0, 1.0])}):
         with pytest.raises(ValueError, match=f'must scale all axes alike: .*{REFUSED[kind]}'):
             setattr(thing, *next(iter(change.items())))
@@ -317,7 +312,7 @@ def test_what_cannot_be_stretched_says_why(kind):
         thing.SetScale(0.0, 0.0, 0.0)
     with pytest.raises(ValueError, match='scale or user_matrix'):
         thing.scale = 1e300
-    np.testing.assert_array_equal(picture(pl), before[0])
+    np.testing.assert_array_equal(uncut(pl), before[0])
     assert thing.bounds == before[1]
 
 
@@ -354,9 +349,9 @@ def test_scaled_by_the_plotter_as_meshes_are():
         else:
             things = [bound(pl, kind) for kind in ('points', 'spheres')]
             pl.ibr.add_impostor(next(iter(pl.actors.values())))
-        picture(pl)
+        uncut(pl)
         pl.set_scale(zscale=1.8, xscale=0.6, reset_camera=False)
-        image = picture(pl)
+        image = uncut(pl)
         if not plain:
             later = pl.ibr.add_spheres(PLACES, RADII[:, 0], reset_camera=False)
             assert later.bounds == pytest.approx(things[1].bounds)
@@ -371,9 +366,9 @@ def test_scaled_by_the_plotter_as_meshes_are():
 def test_stretched_spheres_are_picked_written_and_spheres_again():
     pl = stage()
     thing = bound(pl, 'spheres')
-    before = picture(pl)
+    before = uncut(pl)
     thing.scale = (1.0, 1.0, 2.5)
-    seen = picture(pl)
+    seen = uncut(pl)
     top = int(np.argmax(PLACES[:, 2]))
     away = PLACES[top] * (1, 1, 2.5) - EYE
     pl.renderer.SetWorldPoint(*(EYE + away), 1.0)
@@ -382,12 +377,12 @@ def test_stretched_spheres_are_picked_written_and_spheres_again():
     local = (np.array(hit.point) / (1, 1, 2.5) - PLACES[hit.index]) / RADII[hit.index, 0]
     assert np.linalg.norm(local) == pytest.approx(1.0, abs=1e-6)
     plain = pl.ibr.to_plain_plotter()
-    written = picture(plain)
+    written = uncut(plain)
     plain.close()
     assert ((seen != seen[0, 0]).any(2) != (written != written[0, 0]).any(2)).mean() < 0.01
     assert 'spheres' in thing.report()
     pl.ibr.remove(thing)
     pl.ibr.add(thing)
-    np.testing.assert_array_equal(picture(pl), seen)
+    np.testing.assert_array_equal(uncut(pl), seen)
     thing.scale = 1.0
-    np.testing.assert_array_equal(picture(pl), before)
+    np.testing.assert_array_equal(uncut(pl), before)

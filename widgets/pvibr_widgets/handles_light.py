@@ -213,14 +213,12 @@ class _LightHandles(Handles):
             msg = 'a light must aim somewhere'
             raise ValueError(msg)
         matrix = self.thing.GetTransformMatrix()
-        inverse = np.eye(4) if matrix is None else np.linalg.inv(_numbers(matrix))
+        inverse = (
+            np.eye(4) if matrix is None else np.linalg.inv(np.reshape(matrix.GetData(), (4, 4)))
+        )
         position, aim = (inverse[:3, :3] @ p + inverse[:3, 3] for p in (position, aim))
         self.thing.SetPosition(*position.tolist())
         self.thing.SetFocalPoint(*aim.tolist())
-
-
-def _numbers(matrix):
-    return np.array([[matrix.GetElement(i, j) for j in range(4)] for i in range(4)])
 
 
 def _edges(views):

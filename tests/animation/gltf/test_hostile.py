@@ -20,6 +20,7 @@ from hypothesis import strategies as st
 
 import pvibr
 from pvibr.animation import GltfError
+from tests.animation.gltf.fuzz import places
 
 SQUARE = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
 
@@ -499,18 +500,11 @@ NUMBERS = st.one_of(
 @given(seed=st.integers(0, 10**6), value=NUMBERS)
 @example(seed=0, value=None)
 def test_any_value_replaced(rich, seed, value):
-    sound, places = rich.json, list(_places(rich.json))
-    way = places[seed % len(places)]
+    sound, ways = rich.json, list(places(rich.json))
+    way = ways[seed % len(ways)]
     rich.json = copy.deepcopy(sound)
     try:
         functools.reduce(operator.getitem, way[:-1], rich.json)[way[-1]] = value
         survives(rich.write())
     finally:
         rich.json = sound
-
-
-def _places(value, way=()):
-    if isinstance(value, dict | list):
-        for key in value if isinstance(value, dict) else range(len(value)):
-            yield (*way, key)
-            yield from _places(value[key], (*way, key))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import base64
-import io
 import itertools
 import json
 import warnings
@@ -11,18 +10,12 @@ import warnings
 import numpy as np
 import pytest
 import pyvista as pv
-from PIL import Image
 
 import pvibr
+from tests.makers import png
 from tests.pictures import damaged_jpeg
 
 CLAMP, MIRROR, REPEAT = 33071, 33648, 10497
-
-
-def png(pixels):
-    file = io.BytesIO()
-    Image.fromarray(np.asarray(pixels, np.uint8)).save(file, 'PNG')
-    return file.getvalue()
 
 
 def textured(glb, picture, coordinates, **sampler):

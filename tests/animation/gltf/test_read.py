@@ -18,6 +18,7 @@ import pvibr
 from pvibr.formats.gltf_accessors import Accessors
 from pvibr.formats.gltf_file import GltfFile
 from pvibr.maths.tones import to_display
+from tests.makers import png
 
 HALF = math.sqrt(0.5)
 #: Points of the square that primitives show where a test says nothing else.
@@ -26,12 +27,6 @@ SQUARE = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
 
 def figure(glb, **options):
     return pvibr.read_gltf(glb.write(), **options)
-
-
-def png(pixels):
-    file = io.BytesIO()
-    Image.fromarray(np.asarray(pixels, np.uint8)).save(file, 'PNG')
-    return file.getvalue()
 
 
 def uri(data, kind='application/octet-stream'):

@@ -16,13 +16,9 @@ from pvibr import Figure, PvibrWarning, read_gltf
 from pvibr.animation import Clip, FigureMesh, Morphs, Pose, Skeleton, Skin, Track
 from pvibr.animation.vertex_animation import VertexAnimation
 from pvibr.core import _vtk
+from tests.makers import sheet
 
 SEEDS = st.integers(0, 2**32 - 1)
-
-
-def strip(points):
-    rows = np.arange(len(points) - 2)[:, None] + range(3)
-    return pv.PolyData.from_regular_faces(points, rows)
 
 
 def random_track(rng, node, path, width):
@@ -44,7 +40,7 @@ def random_figure(rng, n=4, v=12):
         Morphs(sparse, [None, None, rng.normal(size=(v, 3))], weights=rng.normal(size=3)),
         Morphs(rng.normal(size=(2, v, 3))),
     ]
-    mesh = strip(rng.normal(size=(v, 3)))
+    mesh = sheet(rng.normal(size=(v, 3)))
     bodies = [
         FigureMesh(mesh, skin=skin, morphs=morphs[0], name='skinned'),
         FigureMesh(mesh, node=1, morphs=morphs[1], name='joint1'),
@@ -123,7 +119,7 @@ def test_key_frames_become_morph_targets(tmp_path):
     for how in ('linear', 'step'):
         frames = VertexAnimation([0.0, 0.5, 2.0, 3.0], shapes, None, how)
         morphs = Morphs(rng.normal(size=(1, 9, 3)), weights=[0.5])
-        figure = Figure([FigureMesh(strip(shapes[0]), frames=frames, morphs=morphs, name='x')])
+        figure = Figure([FigureMesh(sheet(shapes[0]), frames=frames, morphs=morphs, name='x')])
         assert_same(figure, written(figure, tmp_path), None, [0.1, 0.7, 2.9])
     short = Figure(figure.meshes, clips=[Clip('short', [], 1.25)])
     assert_same(short, written(short, tmp_path), 'short', [0.1, 0.7, 1.2, 1.4])
@@ -132,7 +128,7 @@ def test_key_frames_become_morph_targets(tmp_path):
 def test_several_tracks_of_weights_become_one(tmp_path):
     rng = np.random.default_rng(0)
     body = FigureMesh(
-        strip(np.eye(3)), morphs=Morphs(rng.normal(size=(3, 3, 3)), weights=[1, 2, 3])
+        sheet(np.eye(3)), morphs=Morphs(rng.normal(size=(3, 3, 3)), weights=[1, 2, 3])
     )
     tracks = [Track(i, 'weights', [0, 1], rng.normal(size=(2, 1))) for i in (2, 0)]
     figure = Figure([body], clips=[Clip('x', tracks, duration=2.0)])
@@ -145,7 +141,7 @@ def test_several_tracks_of_weights_become_one(tmp_path):
 def test_a_track_may_drive_several_bodies(tmp_path):
     rng = np.random.default_rng(0)
     bodies = [
-        FigureMesh(strip(np.eye(3)), morphs=Morphs(rng.normal(size=(n, 3, 3))), name=str(n))
+        FigureMesh(sheet(np.eye(3)), morphs=Morphs(rng.normal(size=(n, 3, 3))), name=str(n))
         for n in (1, 3, 2)
     ]
     track = Track(0, 'weights', [0, 1], rng.normal(size=(2, 5)))
@@ -209,7 +205,7 @@ def test_physically_based_looks_come_back(tmp_path):
 
 
 def test_what_is_left_out_is_said(tmp_path):
-    mesh = strip(np.eye(3))
+    mesh = sheet(np.eye(3))
     mesh['heat'] = [1.0, 2.0, 3.0]
     morphs = Morphs(np.ones((1, 3, 3)), colors=np.ones((1, 3, 3)))
     bodies = [FigureMesh(mesh, look={'scalars': 'heat'}), FigureMesh(mesh, morphs=morphs)]
@@ -225,7 +221,7 @@ def test_what_is_left_out_is_said(tmp_path):
 
 def test_what_gltf_cannot_say_is_refused(tmp_path):
     body = FigureMesh(
-        strip(np.eye(3)), frames=VertexAnimation([0, 1], np.stack([np.eye(3)] * 2), None, 'cubic')
+        sheet(np.eye(3)), frames=VertexAnimation([0, 1], np.stack([np.eye(3)] * 2), None, 'cubic')
     )
     path = tmp_path / 'x.glb'
     path.write_bytes(b'before')
@@ -236,7 +232,7 @@ def test_what_gltf_cannot_say_is_refused(tmp_path):
     with pytest.raises(ValueError, match=r"clip 'up' ends at 0.5 s, before its last key at 1.0"):
         Figure([], skeleton, [Clip('up', [up], 0.5)]).save(path)
     two = [Track(i, 'weights', [0, i + 1.0], np.ones((2, 1))) for i in range(2)]
-    twice = FigureMesh(strip(np.eye(3)), morphs=Morphs(np.ones((2, 3, 3))))
+    twice = FigureMesh(sheet(np.eye(3)), morphs=Morphs(np.ones((2, 3, 3))))
     with pytest.raises(ValueError, match='tracks with different keys'):
         Figure([twice], clips=[Clip('x', two)]).save(path)
     with pytest.raises(ValueError, match=r'must end in .glb'):
