@@ -87,19 +87,19 @@ class IBRAccessor:
         geom : mesh or sequence of meshes, optional
             Any meshes that ``add_instances`` takes; an arrow by default.
         indices : sequence of int, optional
-            Place of each mesh in the table, 0 to their number.
+            Position of each mesh in the table, from 0.
         tolerance : float, optional
-            Distance of points that are merged, a fraction of the bounding box's diagonal.
+            Distance within which points are merged, a fraction of the bounding box's diagonal.
         absolute : bool
             Whether `tolerance` is in world units.
         clamping : bool
-            Map sizes from `rng` to 0 to 1.
+            Map sizes from `rng` to [0, 1].
         rng : sequence of float, shape (2,), optional
             Range of the scalars; 0 to 1 by default.
         color_mode : {'scale', 'scalar', 'vector'}
             Colour by the size, the scalars, or the length of the vectors.
         progress_bar : bool
-            Only False: nothing takes long.
+            Accepted for compatibility; only False is allowed.
 
         Returns
         -------

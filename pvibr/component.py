@@ -124,9 +124,9 @@ class IBRComponent(
     def add(self, effect):
         """Add an effect or a thing to the active subplot.
 
-        It replaces what has the name that it was given, effects of which a picture has one, such
-        as `Bloom`, replace one of their kind, and others, such as `Outline`, one that was made of
-        the same arguments and was not changed since: a notebook cell may be run twice.
+        It replaces what has the same given name. Effects of which a subplot has only one, such as
+        `Bloom`, replace the one that is there; others, such as `Outline`, replace one that was made
+        of the same arguments and has not been changed since. So a notebook cell may be run twice.
 
         Parameters
         ----------

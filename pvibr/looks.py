@@ -12,7 +12,7 @@ import pvibr
 from pvibr.core.facade import Facade
 from pvibr.core.params import checked_flag
 from pvibr.core.spelling import nearest
-from pvibr.maths._checks import direction
+from pvibr.maths.arguments import checked_direction
 from pvibr.maths.vectors import unit_vectors
 
 if TYPE_CHECKING:
@@ -164,16 +164,17 @@ class LooksFacade(Facade):
             self._looks.pop(pipeline).remove()
 
     def look(self, name, *, up=None, ground=True):
-        """Wear a look: sky, sun, ground, shadows, ambient occlusion and tone in one call.
+        """Apply a look: sky, sun, ground, shadows, ambient occlusion and tone in one call.
 
-        It fits itself to what is in the active subplot, also to what is added later, and replaces
-        a look that is worn. Its effects are in :attr:`effects`, where each can be changed. The
-        sun stands to the left of where the camera is now, and stays there.
+        It adapts to what is in the active subplot, also to what is added later, and replaces the
+        current look. Its effects are in :attr:`effects`, where each can be changed. The sun stands
+        to the left of where the camera is now, and stays there.
 
         Parameters
         ----------
         name : {'studio', 'daylight', 'dusk', 'paper'} or None
-            The look; None takes off the one that is worn: lights and effects are as before it.
+            The look; None removes the current one and restores the lights and effects from before
+            it.
         up : array_like, shape (3,), optional
             Up direction in world space; by default the axis that points up for the camera.
         ground : bool, optional
@@ -182,7 +183,7 @@ class LooksFacade(Facade):
         Returns
         -------
         pvibr.looks.Look or None
-            What is worn: ``effects`` by class name, ``lights``, and ``remove()``.
+            The look: ``effects`` by class name, ``lights``, and ``remove()``.
 
         Raises
         ------
@@ -230,7 +231,7 @@ def up_of(camera, up):
         seen = np.array(camera.GetViewUp())
         axis = np.abs(seen).argmax()
         return tuple(float(x) for x in np.eye(3)[axis] * np.sign(seen[axis]))
-    return tuple(direction('up', up).tolist())
+    return tuple(checked_direction('up', up).tolist())
 
 
 def _lights(recipe, renderer, up):

@@ -154,7 +154,7 @@ def test_wrong_arguments_leave_what_is_worn():
         ({'name': 'studo'}, "did you mean 'studio'"),
         ({'name': 3}, 'name = 3'),
         ({'name': 'dusk', 'up': (0, 0, 0)}, 'up is'),
-        ({'name': 'dusk', 'up': (0, np.nan, 0)}, 'up is'),
+        ({'name': 'dusk', 'up': (0, np.nan, 0)}, r'up\[1\] is nan'),
         ({'name': 'dusk', 'up': 'z'}, 'up is'),
     ):
         with pytest.raises(ValueError, match=error):

@@ -9,7 +9,7 @@ import numpy as np
 
 from pvibr.animation.pose import unchecked_pose
 from pvibr.maths import quaternions
-from pvibr.maths.arguments import check_finite
+from pvibr.maths.arguments import check_finite, check_one_of
 from pvibr.maths.keyframes import checked_keys
 
 #: Components of a value by property; weights have any number.
@@ -54,8 +54,8 @@ class Track:
     interpolation: str = 'linear'
 
     def __post_init__(self):
-        _one_of('path', self.path, tuple(WIDTHS))
-        _one_of('interpolation', self.interpolation, INTERPOLATIONS)
+        check_one_of('path', self.path, tuple(WIDTHS))
+        check_one_of('interpolation', self.interpolation, INTERPOLATIONS)
         if self.node < 0:
             msg = f'node is {self.node}; it must be 0 or more.'
             raise ValueError(msg)
@@ -193,7 +193,7 @@ class Clip:
         count : float, optional
             Cycles until the last moment is held; default no end.
         """
-        _one_of('loop', loop, (True, False, 'pingpong'))
+        check_one_of('loop', loop, (True, False, 'pingpong'))
         span = 2 * self.duration if loop == 'pingpong' else self.duration
         if loop is False:
             count = 1
@@ -305,9 +305,3 @@ def _hermite(path, before, after, part, step):
     value = (2 * t3 - 3 * t2 + 1) * a + (t3 - 2 * t2 + part) * leaving
     value = value + (3 * t2 - 2 * t3) * b + (t3 - t2) * arriving
     return quaternions.normalized(value) if path == 'rotation' else value
-
-
-def _one_of(name, value, allowed):
-    if value not in allowed:
-        msg = f'{name} is {value!r}; it must be one of {", ".join(map(repr, allowed))}.'
-        raise ValueError(msg)

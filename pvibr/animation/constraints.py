@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from pvibr.animation.rig import Step, as_point, placed
+from pvibr.animation.rig import Step, placed
 from pvibr.maths import quaternions
+from pvibr.maths.arguments import check_one_of, checked_direction, checked_number, checked_numbers
 from pvibr.maths.transforms import inverses
 
 
@@ -42,14 +43,14 @@ class Aim(Step):
 
     def __init__(self, joint, at, axis=(0, 0, 1), *, up=None, up_axis=(0, 1, 0), weight=1.0):
         self.joint = joint
-        self.at = at if isinstance(at, str) else as_point(at, 'at')
-        self.axis = _direction(axis, 'axis')
-        self.up = None if up is None else _direction(up, 'up')
-        self.up_axis = _direction(up_axis, 'up_axis')
+        self.at = at if isinstance(at, str) else checked_numbers('at', at, (3,))
+        self.axis = checked_direction('axis', axis)
+        self.up = None if up is None else checked_direction('up', up)
+        self.up_axis = checked_direction('up_axis', up_axis)
         if self.up is not None and np.linalg.norm(np.cross(self.axis, self.up_axis)) < 1e-6:
             msg = f'up_axis {up_axis} is parallel to axis {axis}; choose another up_axis.'
             raise ValueError(msg)
-        self.weight = _share(weight)
+        self.weight = checked_number('weight', weight, 0, 1)
         self.asks = (at,) if isinstance(at, str) else ()
 
     def bound(self, rig):
@@ -124,11 +125,9 @@ class CopyTransform(Step):
         if not (rotation or position):
             msg = 'rotation and position are both False; set at least one of them.'
             raise ValueError(msg)
-        if space not in ('figure', 'local'):
-            msg = f"space is {space!r}; it must be 'figure' or 'local'."
-            raise ValueError(msg)
+        check_one_of('space', space, ('figure', 'local'))
         self.space = space
-        self.weight = _share(weight)
+        self.weight = checked_number('weight', weight, 0, 1)
 
     def bound(self, rig):
         """Return this step bound to the joints of a rig."""
@@ -194,18 +193,3 @@ def _rotation(matrix):
     """Return the rotation nearest to a matrix that may scale, mirror or shear."""
     u, _, v = np.linalg.svd(matrix[:3, :3] * np.sign(np.linalg.det(matrix[:3, :3])))
     return quaternions.from_matrices(u @ v)
-
-
-def _direction(vector, name):
-    vector = as_point(vector, name)
-    if not vector.any():
-        msg = f'{name} is {vector.tolist()}; it must not be zero.'
-        raise ValueError(msg)
-    return vector / np.linalg.norm(vector)
-
-
-def _share(weight):
-    if not 0 <= weight <= 1:
-        msg = f'weight is {weight}; it must be from 0 to 1.'
-        raise ValueError(msg)
-    return float(weight)

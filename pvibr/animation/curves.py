@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from pvibr.maths.arguments import check_finite, checked_positive
 from pvibr.maths.keyframes import blend, checked_keys, frame_weights
 
 
@@ -38,9 +39,7 @@ class Curve:
         if self.values.shape[:1] != self.times.shape:
             msg = f'values have the shape {self.values.shape} for {len(self.times)} times.'
             raise ValueError(msg)
-        if not np.isfinite(self.values).all():
-            msg = f'values are {self.values.tolist()}; they must be finite.'
-            raise ValueError(msg)
+        check_finite('values', self.values)
 
     def __repr__(self):
         return f'Curve({len(self.times)} times, {self.times[0]:g} to {self.times[-1]:g} s)'
@@ -105,9 +104,7 @@ class Curve:
         if not self.times[0] <= at < np.inf:
             msg = f'at is {at}; it must be finite and not before the first key, {self.times[0]} s.'
             raise ValueError(msg)
-        if not 0 < fade < np.inf:
-            msg = f'fade is {fade}; it must be above 0 seconds and finite.'
-            raise ValueError(msg)
+        checked_positive('fade', fade)
         kept = self.times < at
         value = np.broadcast_to(np.asarray(value, dtype=np.float64), self.values.shape[1:])
         ends = np.stack([self.at(at), value])

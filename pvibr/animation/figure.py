@@ -13,6 +13,7 @@ from pvibr.animation.figure_mesh import FigureMesh
 from pvibr.animation.model import Model
 from pvibr.animation.normals import turned
 from pvibr.animation.vertex_animation import VertexAnimation
+from pvibr.maths.arguments import checked_positive
 
 # Imported when a figure is saved: file formats stand above figure data.
 _WRITER = 'pvibr.animation.gltf.write'
@@ -424,9 +425,7 @@ class Figure(Model):
         ValueError
             If there is no such clip or ``fps`` is not above 0.
         """
-        if not 0 < fps < np.inf:
-            msg = f'fps is {fps}; it must be above 0.'
-            raise ValueError(msg)
+        checked_positive('fps', fps)
         found = self.clip(clip)
         duration = 0.0 if found is None else found.duration
         # A step just past the end by rounding still counts.

@@ -15,6 +15,7 @@ from pvibr.animation.skeleton import whole_numbers
 from pvibr.animation.textures import storable
 from pvibr.animation.vertex_animation import VertexAnimation
 from pvibr.maths import skinning
+from pvibr.maths.arguments import check_one_of
 from pvibr.maths.transforms import signs_of
 
 SKINNINGS = ('linear', 'dual')
@@ -97,9 +98,7 @@ class Skin:
 
         Shape (v, 3, 4), from ``figure_from_joint`` of the whole skeleton, (n, 4, 4).
         """
-        if how not in SKINNINGS:
-            msg = f"skinning is {how!r}; it must be 'linear' or 'dual'."
-            raise ValueError(msg)
+        check_one_of('skinning', how, SKINNINGS)
         matrices = self.matrices(world)
         if how == 'linear':
             return skinning.linear_blend(matrices, self.joints, self.weights)

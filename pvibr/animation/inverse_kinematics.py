@@ -6,7 +6,8 @@ import numpy as np
 
 from pvibr.animation.chain import Chain
 from pvibr.animation.kinematics import METHODS, solve
-from pvibr.animation.rig import Step, as_point, placed
+from pvibr.animation.rig import Step, placed
+from pvibr.maths.arguments import check_one_of, checked_numbers
 from pvibr.maths.transforms import inverses
 
 _EVEN = 1e-3  # relative difference between the axes of a scale: files round them
@@ -51,16 +52,16 @@ class InverseKinematics(Step):
     ):
         self.effectors = (effectors,) if isinstance(effectors, (str, int)) else tuple(effectors)
         self.root = root
-        if method not in METHODS:
-            msg = f'method is {method!r}; it must be one of {", ".join(METHODS)}.'
-            raise ValueError(msg)
+        check_one_of('method', method, METHODS)
         self.method = method
         self.weights = (1.0,) * len(self.effectors) if weights is None else tuple(weights)
         if len(self.weights) != len(self.effectors):
             msg = f'weights has {len(self.weights)} for {len(self.effectors)} effectors.'
             raise ValueError(msg)
         self.poles = {
-            name: pole if isinstance(pole, str) else as_point(pole, f'poles[{name!r}]')
+            name: pole
+            if isinstance(pole, str)
+            else checked_numbers(f'poles[{name!r}]', pole, (3,))
             for name, pole in (poles or {}).items()
         }
         for name in self.poles:

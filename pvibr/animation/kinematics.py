@@ -10,6 +10,7 @@ from pvibr.animation import damped
 from pvibr.animation.chain import Chain
 from pvibr.animation.sweeps import Sweeps
 from pvibr.maths import quaternions
+from pvibr.maths.arguments import check_one_of
 
 #: Ways to solve, see :func:`solve`.
 METHODS = ('damped', 'ccd', 'fabrik', 'two_bone')
@@ -50,9 +51,7 @@ def solve(
     iterations=100,
 ):
     """Return rotations within the joints' limits that bring effectors to their targets."""
-    if method not in METHODS:
-        msg = f'method is {method!r}; it must be one of {", ".join(METHODS)}.'
-        raise ValueError(msg)
+    check_one_of('method', method, METHODS)
     task = _task(chain, effectors, targets, weights, tolerance)
     rotations = _start(chain, rotations)
     found, done = _run(task, rotations, method, iterations)

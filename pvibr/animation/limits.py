@@ -10,6 +10,7 @@ import numpy as np
 
 from pvibr.animation.batched_quaternions import cross, product
 from pvibr.maths import quaternions
+from pvibr.maths.arguments import checked_direction
 
 _AT = 1e-9  # radians from a bound that count as on it
 _CONJUGATE = np.array([[1.0], [-1.0], [-1.0], [-1.0]])
@@ -47,10 +48,6 @@ class JointLimit:
     twist: tuple = (-math.pi, math.pi)
 
     def __post_init__(self):
-        axis = np.asarray(self.axis, dtype=np.float64)
-        if axis.shape != (3,) or not np.isfinite(axis).all() or not axis.any():
-            msg = f'axis is {self.axis}; it must be three finite numbers, not all zero.'
-            raise ValueError(msg)
         if not 0 <= self.swing <= math.pi:
             msg = f'swing is {self.swing}; it must be from 0 to pi, in radians.'
             raise ValueError(msg)
@@ -58,8 +55,7 @@ class JointLimit:
         if not 0 <= high - low <= 2 * math.pi * (1 + 1e-12):
             msg = f'twist is {self.twist}; it must be (low, high), at most 2 pi apart.'
             raise ValueError(msg)
-        axis = axis / np.abs(axis).max()
-        object.__setattr__(self, 'axis', tuple((axis / np.linalg.norm(axis)).tolist()))
+        object.__setattr__(self, 'axis', tuple(checked_direction('axis', self.axis).tolist()))
         object.__setattr__(self, 'swing', float(self.swing))
         object.__setattr__(self, 'twist', (low, high))
 

@@ -7,6 +7,7 @@ import numpy as np
 from pvibr.animation.blending import PoseSum, added, crossfade, difference, shares, unit_range
 from pvibr.animation.curves import Curve
 from pvibr.animation.pose import Pose
+from pvibr.maths.arguments import checked_positive
 
 
 class Source:
@@ -63,9 +64,8 @@ class ClipSource(Source):
     """
 
     def __init__(self, figure, clip=None, speed=1.0, offset=0.0, loop=True, root=None, count=None):
-        if count is not None and not 0 < count < np.inf:
-            msg = f'count is {count}; it must be above 0, or None to play on and on.'
-            raise ValueError(msg)
+        if count is not None:
+            checked_positive('count', count)
         self.figure = figure
         self.clip = figure.clip(clip)
         self.speed, self.offset, self.loop, self.count = speed, offset, loop, count

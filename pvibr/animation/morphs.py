@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from pvibr.animation.normals import normals_at
+from pvibr.maths.arguments import check_finite
 
 #: Attributes of a target, and their possible numbers of components.
 WIDTHS = {'positions': (3,), 'normals': (3,), 'tangents': (3,), 'colors': (3, 4)}
@@ -58,9 +59,7 @@ class Morphs:
             if np.shape(value) != (n,):
                 msg = f'{name} has the shape {np.shape(value)} for {n} morph targets.'
                 raise ValueError(msg)
-        if not np.isfinite(self.weights).all():
-            msg = f'weights is {self.weights.tolist()}; it must be finite.'
-            raise ValueError(msg)
+        check_finite('weights', self.weights)
 
     def __len__(self):
         return len(self.weights)

@@ -10,6 +10,7 @@ import numpy as np
 from pvibr.animation.limits import Limits
 from pvibr.animation.mixer import PoseSource, Source, revision_of
 from pvibr.animation.pose import Pose
+from pvibr.maths.arguments import checked_numbers
 from pvibr.maths.transforms import trs
 
 
@@ -140,7 +141,7 @@ class Rig:
                 wanted = ', '.join(sorted(map(str, asked))) or 'none'
                 msg = f'no step uses the target {name!r}; targets in use: {wanted}.'
                 raise ValueError(msg)
-            points[name] = as_point(point, f'targets[{name!r}]')
+            points[name] = checked_numbers(f'targets[{name!r}]', point, (3,))
         return points
 
 
@@ -170,15 +171,6 @@ class Rigged(Source):
             pose = self.rig.solve(pose, targets)
             rotation[place], translation[place] = pose.rotation, pose.translation
         return poses.replaced(rotation=rotation, translation=translation)
-
-
-def as_point(point, name):
-    """Return a checked point, shape (3,)."""
-    values = np.asarray(point, dtype=np.float64)
-    if values.shape != (3,) or not np.isfinite(values).all():
-        msg = f'{name} is {point}; it must be three finite numbers.'
-        raise ValueError(msg)
-    return values
 
 
 def placed(skeleton, pose, joint):

@@ -10,6 +10,7 @@ import numpy as np
 from pvibr.animation.blending import PoseSum
 from pvibr.animation.mixer import Source
 from pvibr.animation.pose import Pose
+from pvibr.maths.arguments import check_finite, checked_number
 
 
 class Visit(NamedTuple):
@@ -46,9 +47,9 @@ class States:
             msg = 'states is empty; give at least one state.'
             raise ValueError(msg)
         self.start = self._known(next(iter(self.states)) if start is None else start)
-        self.fade = _seconds('fade', fade)
+        self.fade = checked_number('fade', fade, 0)
         self.fades = {
-            (self._known(a), self._known(b)): _seconds('fades', seconds)
+            (self._known(a), self._known(b)): checked_number('fades', seconds, 0)
             for (a, b), seconds in (fades or {}).items()
         }
         self.then = {self._ending(a, b): self._known(b) for a, b in (then or {}).items()}
@@ -71,14 +72,14 @@ class States:
         return len(self._orders)
 
     def go(self, state, at=None, fade=None):
-        """Order a change of state; no effect if the state is the current one.
+        """Request a change of state; no effect if the state is the current one.
 
         Parameters
         ----------
         state : str
             Next state.
         at : float, optional
-            Time of the order in seconds; default the time sampled last.
+            Time of the request in seconds; default the time sampled last.
         fade : float, optional
             Duration of the fade in seconds; default that of the graph.
 
@@ -87,7 +88,7 @@ class States:
         ValueError
             If the state is unknown, the time is not finite or the fade is negative.
         """
-        fade = None if fade is None else _seconds('fade', fade)
+        fade = None if fade is None else checked_number('fade', fade, 0)
         self._order(at, (self._known(state), fade))
 
     def set(self, at=None, **parameters):
@@ -139,10 +140,7 @@ class States:
         return self.visits(time)[-1].name
 
     def _order(self, at, order):
-        at = self.time if at is None else float(at)
-        if not np.isfinite(at):
-            msg = f'at is {at}; it must be finite.'
-            raise ValueError(msg)
+        at = self.time if at is None else checked_number('at', at)
         self._orders.append((at, order))
         self._orders.sort(key=lambda timed: timed[0])  # stable: equal times keep their order
         self._good_until = -np.inf
@@ -199,9 +197,7 @@ class States:
 
     def _shown(self, times):
         """Return the visible states at times (t,): names, time indices, clocks and weights."""
-        if not np.isfinite(times).all():
-            msg = 'times must be finite.'
-            raise ValueError(msg)
+        check_finite('times', times)
         self.time = float(times.max(initial=-np.inf)) if times.size else self.time
         self.visits(self.time)
         names, begins, fades, stops = self._table
@@ -311,11 +307,3 @@ def _reshaped(pose, shape):
     """Return poses (t,) reshaped."""
     parts = (pose.translation, pose.rotation, pose.scale, pose.weights, pose.time)
     return Pose(*(part.reshape((*shape, *part.shape[1:])) for part in parts))
-
-
-def _seconds(name, value):
-    value = float(value)
-    if not 0 <= value < np.inf:
-        msg = f'{name} is {value}; it must be at least 0 seconds and finite.'
-        raise ValueError(msg)
-    return value

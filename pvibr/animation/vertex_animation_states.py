@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pvibr.animation.states import States
+from pvibr.maths.arguments import check_one_of, checked_positive
 from pvibr.maths.keyframes import SLOTS, frame_weights
 
 
@@ -44,9 +45,7 @@ class FrameRange:
         if not 0 <= self.first <= self.last:
             msg = f'first is {self.first}, last {self.last}; it must be 0 <= first <= last.'
             raise ValueError(msg)
-        if not 0 < self.fps < np.inf:
-            msg = f'fps is {self.fps}; it must be positive and finite.'
-            raise ValueError(msg)
+        checked_positive('fps', self.fps)
 
     @property
     def duration(self):
@@ -77,8 +76,8 @@ class FrameRange:
 class VertexAnimationStates(States):
     """States of a vertex animation, with blends between them.
 
-    A transition blends from the frames shown when the order came to the first frame of the next
-    state, which starts playing when the blend ends.
+    A transition blends from the frames shown at the time of the request to the first frame of the
+    next state, which starts playing when the blend ends.
 
     Parameters
     ----------
@@ -112,9 +111,7 @@ class VertexAnimationStates(States):
 
     def __init__(self, states, start=None, *, interpolation='linear', **options):
         super().__init__(states, start, **options)
-        if interpolation not in SLOTS:
-            msg = f'interpolation is {interpolation!r}; it must be one of {", ".join(SLOTS)}.'
-            raise ValueError(msg)
+        check_one_of('interpolation', interpolation, SLOTS)
         self.interpolation = interpolation
 
     @property

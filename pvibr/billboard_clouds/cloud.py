@@ -14,6 +14,7 @@ from pvibr.billboard_clouds.patches import NO_PATCHES, closing_patches
 from pvibr.billboard_clouds.texture import arranged, draw, opaque_texels
 from pvibr.gl import shader_source
 from pvibr.gl.feature import Feature, sections
+from pvibr.maths.arguments import check_one_of, checked_number, checked_whole
 from pvibr.maths.billboard_clouds import Planes, greedy_planes, kmeans_planes
 from pvibr.meshes.parts import as_parts, check_triangles
 
@@ -264,18 +265,12 @@ def _with_patches(sides, patches):
 
 
 def _check(epsilon, planes, size, supersample):
-    if planes is None and not (np.isreal(epsilon) and 1e-4 <= epsilon <= 1):
-        msg = f'epsilon is {epsilon!r}; it must be a share of the diagonal from 0.0001 to 1.'
-        raise ValueError(msg)
-    if planes is not None and not (np.isreal(planes) and int(planes) == planes >= 1):
-        msg = f'planes is {planes!r}; it must be a whole number from 1, or None.'
-        raise ValueError(msg)
-    if not (np.isreal(size) and int(size) == size and 16 <= size <= 8192):
-        msg = f'size is {size!r}; it must be a whole number from 16 to 8192.'
-        raise ValueError(msg)
-    if supersample not in (1, 2, 4, 8):
-        msg = f'supersample is {supersample!r}; it must be 1, 2, 4 or 8.'
-        raise ValueError(msg)
+    if planes is None:
+        checked_number('epsilon', epsilon, 1e-4, 1)
+    else:
+        checked_whole('planes', planes, 1, np.inf)
+    checked_whole('size', size, 16, 8192)
+    check_one_of('supersample', supersample, (1, 2, 4, 8))
 
 
 def _sides(planes, points, faces, solid, apart):

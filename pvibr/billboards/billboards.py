@@ -90,8 +90,7 @@ class Billboards(CardSet):
     theme : pyvista.plotting.themes.Theme, optional
         Defaults of the colour map.
     **table
-        ``cmap``, ``clim``, ``n_colors``, ``nan_color``, ``below_color``, ``above_color``,
-        ``log_scale``, ``flip_scalars``, ``categories``, ``annotations`` as in ``add_mesh``.
+        Colour map of the scalars, as in ``add_mesh``.
 
     Raises
     ------

@@ -7,7 +7,7 @@ import numpy as np
 from pvibr.core.frame import Frame
 from pvibr.core.params import checked_flag
 from pvibr.formats.tables import columns_table
-from pvibr.maths.arguments import as_array, checked_lengths, checked_number, naming
+from pvibr.maths.arguments import as_array, check_one_of, checked_lengths, checked_number, naming
 from pvibr.maths.blocks import BLOCK, Blocks, morton_order
 from pvibr.maths.facing import FACINGS, TOWARDS, azimuths, cards, turned_azimuths
 from pvibr.maths.quaternions import from_matrices, multiply
@@ -42,9 +42,9 @@ class BillboardLayout:
         yaw=0.0,
     ):
         self.points = self.own_points = as_points(points)
-        _one_of('facing', facing, FACINGS)
-        _one_of('towards', towards, TOWARDS)
-        _one_of('size_unit', size_unit, UNITS)
+        check_one_of('facing', facing, FACINGS)
+        check_one_of('towards', towards, TOWARDS)
+        check_one_of('size_unit', size_unit, UNITS)
         self.facing, self.towards, self.size_unit, self.anchor = facing, towards, size_unit, anchor
         self.views = _checked_views(views, facing, len(images))
         self.blend_views = checked_flag('blend_views', blend_views)
@@ -357,12 +357,6 @@ def checked_opacity(opacity, count, cut) -> np.ndarray:
         msg = 'opacity of each needs cutout=None: cut-outs are there or not'
         raise ValueError(msg)
     return values
-
-
-def _one_of(name, value, allowed):
-    if not isinstance(value, str) or value not in allowed:
-        msg = f'{name} is {value!r}; it must be one of {", ".join(map(repr, allowed))}'
-        raise ValueError(msg)
 
 
 def _numbers(name, values, count):

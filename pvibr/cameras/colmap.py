@@ -64,10 +64,8 @@ def _entry(place, name, pose, origin, model, size, numbers):
 
 
 def _rotation(place, quaternion):
-    try:
+    with place.named():
         return to_matrices(quaternion)
-    except ValueError as error:
-        raise place.error(error) from None
 
 
 def model_camera(place, model, numbers, pose, size):
@@ -101,10 +99,8 @@ def shape_of(place, model, k):
             'equidistant', (), k[:6], (k[7], k[6]), k[8:], late=True
         ),
     }
-    try:
+    with place.named():
         return lenses.get(model, lambda: Lens('equidistant', (), k))()
-    except ValueError as error:
-        raise place.error(error) from None
 
 
 def _rig_poses(tables) -> dict:

@@ -18,15 +18,15 @@ class CameraFacade(Facade):
         Parameters
         ----------
         camera : Photo, pyvista.Camera, Pinhole, LensCamera or Orthographic
-            Where to; in a window of its picture's proportions the plotter then shows what the
-            photograph shows, but for the lens (see :meth:`Photo.to_pyvista`).
+            Target; in a window of its picture's aspect ratio the plotter then shows what the
+            photograph shows, except for the lens (see :meth:`Photo.to_pyvista`).
         frames : int, optional
-            Over how many frames; 1 to jump.
+            Number of frames of the flight; 1 to jump.
 
         Raises
         ------
         TypeError, ValueError
-            If `camera` is none, or `frames` is no whole number of at least 1.
+            If `camera` is not a camera, or `frames` is not an integer of at least 1.
 
         Examples
         --------

@@ -6,6 +6,7 @@ import json
 import math
 import mmap
 import struct
+from contextlib import contextmanager
 from pathlib import Path
 from xml.parsers import expat
 
@@ -26,6 +27,14 @@ class Place:
     def error(self, what) -> ValueError:
         """Return an error about what is here."""
         return fault(self.path, self.where, what)
+
+    @contextmanager
+    def named(self):
+        """Have errors of values name the place."""
+        try:
+            yield
+        except ValueError as error:
+            raise self.error(error) from None
 
 
 class Cursor:

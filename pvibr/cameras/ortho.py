@@ -97,14 +97,12 @@ def _entry(path, place, matrix, crs):
         right, down = matrix[:, 0] * size[0], matrix[:, 1] * size[1]
         corner = np.append(matrix[:, 2] + down, 0.0)
         width, height = np.hypot(*right), np.hypot(*down)
-        try:
-            if right[0] * down[1] - right[1] * down[0] >= 0:
-                msg = f'the picture is mirrored: {matrix.tolist()}'
-                raise ValueError(msg)
-            sides = np.append(right, 0.0), np.append(-down, 0.0)
+        if right[0] * down[1] - right[1] * down[0] >= 0:
+            msg = f'the picture is mirrored: {matrix.tolist()}'
+            raise place.error(msg)
+        sides = np.append(right, 0.0), np.append(-down, 0.0)
+        with place.named():
             return Orthographic(corner, *sides, width, height, size=size)
-        except ValueError as error:
-            raise place.error(error) from None
 
     return Entry(place, path.name, None, make, crs)
 

@@ -11,8 +11,7 @@ import numpy as np
 
 from pvibr.cameras.files import Place
 from pvibr.images.projected import as_rgba, decoded, resized
-from pvibr.maths import _checks
-from pvibr.maths.arguments import naming
+from pvibr.maths.arguments import checked_numbers, checked_whole, naming
 from pvibr.maths.draping import sample
 from pvibr.maths.lens_camera import LensCamera
 from pvibr.maths.lenses import Lens
@@ -27,19 +26,19 @@ _ROWS = 256  # of a picture that are resampled at once
 class Photo:
     """A photograph and its calibrated camera.
 
-    The camera's axes are x right, y down, z ahead; whole numbers are centres of pixels, as in
-    OpenCV, whatever the file counts.
+    The camera's axes are x right, y down, z ahead; integer coordinates are pixel centres, as in
+    OpenCV, whatever the convention of the file.
 
     Parameters
     ----------
     name : str
         As the file names it.
     camera : Pinhole, LensCamera or Orthographic
-        Of that size in pixels.
+        The calibrated camera, whose size is that of the picture.
     path : pathlib.Path, optional
         The picture, if it was found.
     crs : str, optional
-        Coordinate reference system, if the file tells.
+        Coordinate reference system, if the file gives one.
 
     Examples
     --------
@@ -130,8 +129,8 @@ class Photo:
         Parameters
         ----------
         size : tuple of 2 int, optional
-            Width and height in which it is wanted; by default its own. JPEG files are decoded
-            faster where it is smaller.
+            Width and height of the result; by default those of the picture. Smaller JPEG images
+            are decoded faster.
 
         Returns
         -------
@@ -141,7 +140,7 @@ class Photo:
         Raises
         ------
         ValueError
-            If there is none, it cannot be read, or it is of another size than the camera's.
+            If there is no picture, it cannot be read, or its size is not the camera's.
         """
         if self.path is None:
             msg = f'{self.name!r} has no picture: read_cameras(..., images=) names their folder'
@@ -185,9 +184,9 @@ class Photo:
     def to_pyvista(self):
         """Return PyVista's camera with this view.
 
-        In a window of the picture's proportions it shows what the photograph shows, but for the
-        lens: VTK has no distortion, one focal length (the vertical one) and no skew. Panoramas
-        look ahead with 90 degrees.
+        In a window of the picture's aspect ratio it shows what the photograph shows, except for
+        the lens: VTK has no distortion, one focal length (the vertical one) and no skew. Panoramas
+        look ahead with a view angle of 90 degrees.
 
         Returns
         -------
@@ -235,12 +234,12 @@ class Photo:
         Returns
         -------
         Photo
-            That sees the moved world as this sees the old one.
+            The photograph, which sees the moved world as this one sees the old.
 
         Raises
         ------
         ValueError
-            If the matrix does more, or this is an orthophoto.
+            If the matrix is no similarity, or this is an orthophoto.
 
         Examples
         --------
@@ -250,7 +249,7 @@ class Photo:
         >>> photo.transformed(np.diag([2.0, 2.0, 2.0, 1.0])).position.tolist()
         [0.0, 0.0, -10.0]
         """
-        matrix = _checks.numbers('matrix', matrix, (4, 4))
+        matrix = checked_numbers('matrix', matrix, (4, 4))
         turn, scale = similarity(matrix[:3, :3], 'matrix')
         if isinstance(self.camera, Orthographic) or matrix[3].tolist() != [0, 0, 0, 1]:
             msg = f'matrix is {matrix.tolist()}, of {self!r}; perspective and orthophotos are not'
@@ -336,18 +335,19 @@ class Photos(tuple):
         return np.array([photo.position for photo in self]).reshape(-1, 3)
 
     def frustums(self, size=None):
-        """Return the fields of view as lines, to show where photographs were taken from.
+        """Return the cameras' frustums as lines, to show where photographs were taken from.
 
         Parameters
         ----------
         size : float, optional
-            Their length in world units; by default a tenth of the extent of the positions.
+            Length of the frustums in world units; by default a tenth of the extent of the
+            positions.
 
         Returns
         -------
         pyvista.PolyData
-            A pyramid of each camera, or the rectangle of an orthophoto; the cell array
-            ``'photo'`` is its index.
+            A pyramid per camera, or the rectangle of an orthophoto; the cell array ``'photo'`` is
+            the index of the photograph.
 
         Examples
         --------
@@ -386,8 +386,8 @@ class Photos(tuple):
         Returns
         -------
         pyvista.PolyData
-            A rectangle of each photograph that has a picture; the cell array ``'photo'`` is its
-            index.
+            A rectangle per photograph that has a picture; the cell array ``'photo'`` is the index
+            of the photograph.
         numpy.ndarray, shape (h, w, 4), uint8
             The texture, row 0 at the top.
 
@@ -413,9 +413,7 @@ class Photos(tuple):
         """
         import pyvista as pv
 
-        if not 1 <= texels <= _MOST_TEXELS:
-            msg = f'texels is {texels!r}; it must be from 1 to {_MOST_TEXELS}.'
-            raise ValueError(msg)
+        texels = checked_whole('texels', texels, 1, _MOST_TEXELS)
         shown = [k for k, photo in enumerate(self) if photo.path is not None]
         if not shown:
             msg = 'no photograph has a picture: read_cameras(..., images=) names their folder'
@@ -464,14 +462,12 @@ def similarity(matrix, name):
 
 def camera_of(place, K, pose, size, distortion=(), lens: Lens | None = None):
     """Return the camera of a file's numbers; errors name their place."""
-    try:
-        R, t = pose
+    R, t = pose
+    with place.named():
         R, _ = similarity(R, 'the rotation')
         if lens is None:
             return Pinhole(K, R, t, size, distortion)
         return LensCamera(K, R, t, size, lens)
-    except (ValueError, np.linalg.LinAlgError) as error:
-        raise place.error(error) from None
 
 
 def pinhole_matrix(fx, fy, cx, cy, skew=0.0) -> np.ndarray:
@@ -481,10 +477,8 @@ def pinhole_matrix(fx, fy, cx, cy, skew=0.0) -> np.ndarray:
 
 def posed(place, R, position):
     """Return the rotation and translation of a camera at a position; errors name their place."""
-    try:
+    with place.named():
         R, _ = similarity(np.reshape(R, (3, 3)), 'the rotation')
-    except (ValueError, np.linalg.LinAlgError) as error:
-        raise place.error(error) from None
     return R, -R @ np.asarray(position, float)
 
 

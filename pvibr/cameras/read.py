@@ -10,7 +10,7 @@ from pvibr.cameras import colmap, metashape, ortho, programs, projects
 from pvibr.cameras.photos import Photo, Photos
 from pvibr.cameras.pictures import PictureFolders, size_of_picture
 from pvibr.core.errors import warn
-from pvibr.maths.arguments import naming
+from pvibr.maths.arguments import check_one_of, naming
 
 _HEAD = 65536  # bytes that tell a format
 _READERS = {
@@ -120,9 +120,8 @@ def read_cameras(path, images=None, *, format=None):
         if not images.is_dir():
             msg = f'images is {str(images)!r}; there is no such folder.'
             raise FileNotFoundError(msg)
-    if format is not None and not (isinstance(format, str) and format in _READERS):
-        msg = f'format is {format!r}; it must be one of {", ".join(_READERS)}.'
-        raise ValueError(msg)
+    if format is not None:
+        check_one_of('format', format, _READERS)
     found, file = _located(path, format)
     with np.errstate(all='ignore'):
         entries = _READERS[found](file)

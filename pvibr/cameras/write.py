@@ -12,6 +12,7 @@ import numpy as np
 from pvibr.cameras.colmap import EQUIRECTANGULAR, MODELS
 from pvibr.cameras.photos import Photo
 from pvibr.core.files import replacing
+from pvibr.maths.arguments import check_one_of
 from pvibr.maths.cameras import as_camera
 from pvibr.maths.lens_camera import LensCamera
 from pvibr.maths.orthographic import Orthographic
@@ -30,7 +31,8 @@ def write_cameras(path, cameras, *, size=None, format=None):
         A folder, for COLMAP's ``cameras``, ``images`` and empty ``points3D``, or a ``.json`` file.
     cameras : plotter, Photo, camera, or sequence of these
         A plotter gives the camera of its active subplot; a camera may be a ``pyvista.Camera``, a
-        :class:`Pinhole` or a :class:`LensCamera`. What has no name is ``'0000.png'`` and so on.
+        :class:`Pinhole` or a :class:`LensCamera`. Cameras without a name are named ``'0000.png'``
+        and so on.
     size : tuple of 2 int, optional
         Width and height in pixels of the pictures of ``pyvista.Camera``; by default those of the
         plotter's subplot.
@@ -40,7 +42,7 @@ def write_cameras(path, cameras, *, size=None, format=None):
     Raises
     ------
     ValueError
-        If there is no camera, a size is unknown, or the format has no such projection.
+        If there is no camera, a size is unknown, or the format lacks the projection.
 
     Examples
     --------
@@ -59,9 +61,7 @@ def write_cameras(path, cameras, *, size=None, format=None):
     path = Path(path).expanduser()
     if format is None:
         format = 'transforms' if path.suffix.lower() == '.json' else 'colmap'
-    if format not in _FORMATS:
-        msg = f'format is {format!r}; it must be one of {", ".join(_FORMATS)}.'
-        raise ValueError(msg)
+    check_one_of('format', format, _FORMATS)
     photos = _photos(cameras, size)
     if format == 'transforms':
         _write_transforms(path, photos)

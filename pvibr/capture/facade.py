@@ -77,7 +77,7 @@ class CaptureFacade(Facade):
         Raises
         ------
         TypeError, ValueError
-            If a number is none, or out of range.
+            If an argument is not a number, or out of range.
 
         Examples
         --------

@@ -17,18 +17,19 @@ class deterministic(ContextDecorator):
 
     For pictures that are compared with earlier ones. While it is on,
 
-    - no frame is of less quality because the view moves (``pl.ibr.interactive_frame_ms`` is 0);
-    - what is drawn as an image and what as a mesh is chosen by costs that are written down, not
-      by those of this machine, and budgets in milliseconds have no end;
-    - ``pl.ibr.play()`` goes on by a sixtieth of a second at each look at the clock.
+    - quality is not reduced while the view moves (``pl.ibr.interactive_frame_ms`` is 0);
+    - what is drawn as an image and what as a mesh is chosen by fixed costs, not by those measured
+      on this machine, and budgets in milliseconds are unlimited;
+    - ``pl.ibr.play()`` advances by a sixtieth of a second each time the clock is read.
 
-    Seeds and dithers are always fixed. The same bits come from the same driver on the same
-    machine; what others may differ by, see ``docs/regression.md``.
+    Seeds and dithers are always fixed. The same driver on the same machine gives the same bits; by
+    how much others may differ, see ``docs/regression.md``.
 
     Parameters
     ----------
     on : bool
-        Whether it is on from now on: at once, and until the end of a ``with`` block.
+        Whether it is on: from the call on, or, as a context manager, until the end of the ``with``
+        block.
 
     Examples
     --------

@@ -19,7 +19,7 @@ class PvibrWarning(UserWarning):
 
 
 class PvibrError(Exception):
-    """Base of the errors that are pvibr's own.
+    """Base class of pvibr's own errors.
 
     Examples
     --------
@@ -29,14 +29,14 @@ class PvibrError(Exception):
 
 
 class ShaderError(PvibrError, RuntimeError):
-    """A shader does not compile on this driver; the message holds what the driver says first.
+    """A shader does not compile on this driver; the message quotes the driver's log.
 
     Parameters
     ----------
     message : str
         What is wrong.
     log : str, optional
-        All that the driver says.
+        The driver's whole log.
     """
 
     def __init__(self, message, log=''):

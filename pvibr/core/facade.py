@@ -118,7 +118,7 @@ class StateFacade(Facade):
         Parameters
         ----------
         path : str or os.PathLike
-            The file, in a folder that is there; an existing file is replaced once the new one is
+            The file, in an existing folder; an existing file is replaced once the new one is
             complete.
 
         Raises

@@ -28,15 +28,14 @@ class Accumulation(Effect):
 
     Each sample has its own place within the pixels, and varies what else is sampled: the eye
     within the lens of `DepthOfField`, the point of a light that casts ``Shadows(method='pcss')``,
-    the directions of `AmbientOcclusion`. It begins when nothing has changed for a frame, and again
-    after each change; while the view moves it costs nothing. Windows and pages draw by themselves
-    until it is done; text and scalar bars stay as sharp as they are, and picks find what they
-    find without it.
+    the directions of `AmbientOcclusion`. It begins once a frame is unchanged, and again after each
+    change; while the view moves it costs nothing. Windows and pages keep drawing until it is done;
+    text, scalar bars and picking are unaffected.
 
     Parameters
     ----------
     samples : int, optional
-        Samples of each pixel until it is done.
+        Samples per pixel until the picture is done.
 
     See Also
     --------
@@ -62,7 +61,7 @@ class Accumulation(Effect):
     presets = {'fast': {'samples': 16}, 'fine': {'samples': 256}}
     web = 'lost', 'browsers draw a frame at a time'
 
-    samples = Param(64, 'Samples of each pixel until the picture is done.', range='[1, 65536]')
+    samples = Param(64, 'Samples per pixel until the picture is done.', range='[1, 65536]')
 
     def __init__(self, samples=samples.default, **settings):
         super().__init__(samples=samples, **settings)

@@ -40,8 +40,9 @@ _FADES = Feature(
 class Ground(Effect):
     """A ground under everything in the scene, which fades into the horizon.
 
-    It receives light and shadows like any surface and casts none. Its size follows the scene, of
-    whose bounds it is no part: resetting the camera does not see it. From below it is invisible.
+    It receives light and shadows like any surface and casts none. Its size follows the scene, but
+    it is not part of the scene's bounds, so resetting the camera ignores it. From below it is
+    invisible.
 
     Parameters
     ----------
@@ -117,7 +118,7 @@ class Ground(Effect):
         super().detach()
 
     def needed(self, frame) -> bool | str:
-        """Return True if there is a scene to be under."""
+        """Return True if there is a scene above it."""
         why = super().needed(frame)
         if why is True and not np.any(self.up):
             why = 'up is (0, 0, 0): give a direction'
@@ -193,7 +194,7 @@ class Ground(Effect):
             camera.SetClippingRange(*self._planes[0])
 
     def prepare(self, frame):
-        """Have the colour that it fades into."""
+        """Set the colour that it fades into."""
         span = _FADE, max(_FADED * self.size, 2 * _FADE)
         uniforms = {
             'ibr_horizon': self.pipeline.horizon_color(frame),

@@ -13,6 +13,7 @@ from pvibr.core.frame import Frame
 from pvibr.core.plotters import border_of, renderers_of
 from pvibr.export.scene import BakedScene, names_of
 from pvibr.export.web_report import web_report
+from pvibr.maths.arguments import checked_number, checked_whole
 from pvibr.scene.thing import Thing
 
 _LIMITS = {'triangles': (1, 10**9), 'texture': (0, 16_384)}
@@ -56,16 +57,8 @@ def to_plain_plotter(host, pipelines, *, triangles, texture, detail):
 
 def _check(triangles, texture, detail):
     for name, value in (('triangles', triangles), ('texture', texture)):
-        low, high = _LIMITS[name]
-        if isinstance(value, bool) or not isinstance(value, int | np.integer):
-            msg = f'{name} is {value!r}; it must be an integer'
-            raise TypeError(msg)
-        if not low <= value <= high:
-            msg = f'{name} is {value}; it must be from {low} to {high}'
-            raise ValueError(msg)
-    if not (np.isreal(detail) and 1e-5 <= detail <= 1):
-        msg = f'detail is {detail!r}; it must be a fraction of the diagonal from 1e-05 to 1'
-        raise ValueError(msg)
+        checked_whole(name, value, *_LIMITS[name])
+    checked_number('detail', detail, 1e-5, 1)
 
 
 def _like(host, renderers) -> pv.Plotter:

@@ -9,6 +9,7 @@ from pvibr.core import _vtk
 from pvibr.core.errors import warn
 from pvibr.core.observers import weakly
 from pvibr.core.plotters import put_inner, trame_viewer
+from pvibr.maths.arguments import check_one_of
 
 #: Backends that show images rendered here, and those that send the scene as data.
 PICTURES = ('static', 'server', 'none')
@@ -56,10 +57,7 @@ class WebReport:
 
 def web_report(subplots, backend) -> WebReport:
     """Return what a browser shows."""
-    if backend not in PICTURES + DATA:
-        known = ', '.join(map(repr, PICTURES + DATA))
-        msg = f'backend is {backend!r}; it must be one of {known}'
-        raise ValueError(msg)
+    check_one_of('backend', backend, PICTURES + DATA)
     rows = [
         _row(effect, number, backend)
         for number, effects in sorted(subplots.items())

@@ -19,6 +19,7 @@ from pvibr.figures.mesh_actors import (
 from pvibr.figures.picking import nearest_hit, stand_in
 from pvibr.figures.player import FigurePlayer
 from pvibr.figures.posing import Posing, draw_together
+from pvibr.maths.arguments import checked_numbers
 from pvibr.maths.transforms import transform_normals, transform_points
 from pvibr.meshes.parts import as_parts
 from pvibr.scene.picking import pixel_ray
@@ -157,10 +158,7 @@ class AnimatedActor(FigurePlayer, Placed):
         (0.0, 0.0, 3.0)
         >>> pl.close()
         """
-        offset = np.eye(4) if offset is None else np.array(offset, dtype=np.float64)
-        if offset.shape != (4, 4) or not np.isfinite(offset).all():
-            msg = f'offset has shape {offset.shape}: must be finite and (4, 4)'
-            raise ValueError(msg)
+        offset = np.eye(4) if offset is None else checked_numbers('offset', offset, (4, 4))
         if prop is self or not (hasattr(prop, 'SetUserMatrix') or isinstance(prop, pv.Light)):
             msg = f'prop = {prop!r}: must be an actor, a light or another thing that can be moved'
             raise TypeError(msg)

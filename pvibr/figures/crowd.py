@@ -11,6 +11,7 @@ from pvibr.figures.mesh_actors import as_mesh_actors, drawn_figure, moved_figure
 from pvibr.figures.pose_atlas import bake_pose_atlas
 from pvibr.gl import nbytes_of
 from pvibr.instances.instances import Instances
+from pvibr.maths.arguments import check_one_of
 from pvibr.maths.transforms import trs
 from pvibr.meshes.parts import as_parts
 from pvibr.meshes.posed import posed
@@ -100,9 +101,7 @@ class Crowd(Instances):
         mesh_kwargs |= {'cmap': cmap, 'clim': clim}
         self._theme = theme
         asked = self._ask(count, scalars, colors, blend, mesh_kwargs)
-        if skinning not in ('linear', 'dual'):
-            msg = f"skinning is {skinning!r}; it must be 'linear' or 'dual'"
-            raise ValueError(msg)
+        check_one_of('skinning', skinning, ('linear', 'dual'))
         self.figure = figure = drawn_figure(figure, asked, theme)
         playback = Playback(count)
         playback.clip, self._clips = self._numbers(clips, count, [])

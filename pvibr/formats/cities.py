@@ -29,32 +29,32 @@ def is_city(path) -> bool:
 def read_city(path, lod=None):
     """Read the objects of a CityJSON file, as meshes and places.
 
-    What the file has as a template is one mesh with many places. Objects with a geometry of
-    their own, of which no second one is alike, are one mesh of all objects of a type.
+    Each geometry template of the file becomes one mesh with many instances. Objects with a
+    geometry of their own are merged into one mesh per type.
 
     Parameters
     ----------
     path : str or pathlib.Path
-        A CityJSON file of version 1.0 or later (older ones are brought to 2.0).
+        A CityJSON file of version 1.0 or later (older ones are upgraded to 2.0).
     lod : str, optional
         Level of detail, such as ``'1.2'``; by default the finest of each object.
 
     Returns
     -------
     meshes : list of pyvista.PolyData
-        Triangles, about an origin of their own. Field data ``'type'`` is the type of the objects,
-        such as ``'Building'``. Cell data are ``'object'``, the row of the object in the file, and
-        each attribute that is a number anywhere, float64, NaN where an object has none; those of
-        templates have none, and -1.
+        Triangles, each mesh about its own origin. Field data ``'type'`` is the type of the
+        objects, such as ``'Building'``. Cell data are ``'object'``, the index of the object in the
+        file, and every numeric attribute as float64, NaN where an object lacks it; for templates
+        the index is -1 and attributes are NaN.
     index : numpy.ndarray, shape (n,), int64
-        Which of `meshes` each instance is.
+        Mesh of each instance, an index into `meshes`.
     matrices : numpy.ndarray, shape (n, 4, 4), float64
         World from model of each instance, in the file's own units.
 
     Raises
     ------
     ValueError
-        If the file is no CityJSON, is broken, or has no geometry.
+        If the file is not CityJSON, is broken, or has no geometry.
     FileNotFoundError
         If there is no such file.
     ImportError

@@ -47,7 +47,7 @@ class ImageLayers(Substitute):
     Raises
     ------
     TypeError
-        If an actor is none.
+        If `groups` has something that is not an actor.
     ValueError
         If a layer is empty, an actor is given twice, or a setting is out of range.
 

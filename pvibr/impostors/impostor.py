@@ -52,9 +52,9 @@ class Impostor(Substitute):
     Raises
     ------
     TypeError
-        If one is neither.
+        If `actors` has something that is neither an actor nor instances.
     ValueError
-        If there is none, one is given twice, instances are given without `hierarchical`, or a
+        If `actors` is empty or has one twice, instances are given without `hierarchical`, or a
         setting is out of range.
 
     Examples
@@ -157,14 +157,14 @@ class Impostor(Substitute):
         Parameters
         ----------
         actors : vtkActor, pvibr.Instances, or sequence of these
-            Actors of its subplot; instances have all images taken anew.
+            Actors of its subplot; adding instances renews all images.
 
         Raises
         ------
         TypeError
-            If one is neither.
+            If `actors` has something that is neither an actor nor instances.
         ValueError
-            If an impostor stands for one already, or one is in another subplot.
+            If an impostor replaces one already, or one is in another subplot.
 
         Examples
         --------
@@ -203,7 +203,7 @@ class Impostor(Substitute):
         Raises
         ------
         ValueError
-            If it does not stand for one.
+            If it does not replace one of them.
         """
         if actors is None:
             super().remove()

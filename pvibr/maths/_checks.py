@@ -27,40 +27,6 @@ def freeze(camera, **values):
         object.__setattr__(camera, name, value)
 
 
-def finite(name, values):
-    """Return values; raise ValueError if one is not finite."""
-    if not np.isfinite(values).all():
-        msg = f'{name} is {values.tolist()}; all numbers must be finite.'
-        raise ValueError(msg)
-    return values
-
-
-def numbers(name, values, shape):
-    """Return finite float64 numbers of a shape."""
-    try:
-        found = as_array(name, values, np.float64).copy()
-    except (TypeError, ValueError) as error:
-        msg = f'{name} is {values!r:.200}; it must be numbers of the shape {shape}.'
-        raise ValueError(msg) from error
-    # OpenCV hands vectors out as columns.
-    found = found.reshape(shape) if found.size == np.prod(shape) else found
-    if found.shape != shape:
-        msg = f'{name} has the shape {found.shape}; it must be {shape}.'
-        raise ValueError(msg)
-    return finite(name, found)
-
-
-def direction(name, vector):
-    """Return a unit vector."""
-    vector = numbers(name, vector, (3,))
-    largest = np.abs(vector).max()
-    if not largest:
-        msg = f'{name} is zero; it must have a direction.'
-        raise ValueError(msg)
-    vector = vector / largest
-    return vector / np.linalg.norm(vector)
-
-
 def size_of(size):
     """Return width and height in pixels."""
     found = as_array('size', size)

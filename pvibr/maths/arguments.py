@@ -61,11 +61,47 @@ def place_of(index) -> str:
     return ', '.join(str(int(i)) for i in index)
 
 
+def checked_numbers(name, values, shape) -> np.ndarray:
+    """Return finite float64 numbers of a shape."""
+    try:
+        found = as_array(name, values, np.float64).copy()
+    except (TypeError, ValueError) as error:
+        msg = f'{name} is {values!r:.200}; it must be numbers of the shape {shape}.'
+        raise ValueError(msg) from error
+    # OpenCV hands vectors out as columns.
+    found = found.reshape(shape) if found.size == np.prod(shape) else found
+    if found.shape != shape:
+        msg = f'{name} has the shape {found.shape}; it must be {shape}.'
+        raise ValueError(msg)
+    check_finite(name, found)
+    return found
+
+
+def checked_direction(name, vector) -> np.ndarray:
+    """Return a unit vector."""
+    vector = checked_numbers(name, vector, (3,))
+    largest = np.abs(vector).max()
+    if not largest:
+        msg = f'{name} is zero; it must have a direction.'
+        raise ValueError(msg)
+    vector = vector / largest
+    return vector / np.linalg.norm(vector)
+
+
+def check_one_of(name, value, allowed):
+    """Raise a ValueError unless a value is one of those allowed."""
+    allowed = tuple(allowed)
+    if np.ndim(value) or value not in allowed:
+        msg = f'{name} is {value!r:.80}; it must be one of {", ".join(map(repr, allowed))}'
+        raise ValueError(msg)
+
+
 def checked_number(name, value, low=-np.inf, high=np.inf) -> float:
     """Return a finite number within bounds."""
     real = isinstance(value, Real) and not isinstance(value, (bool, np.bool_))
     if not real or not abs(value) <= _LARGEST or not low <= value <= high:
         bounds = '' if low == -np.inf else f' from {low:g} to {high:g}'
+        bounds = f' of at least {low:g}' if bounds and high == np.inf else bounds
         msg = f'{name} is {value!r:.80}; it must be a finite number{bounds}'
         several = isinstance(value, (list, tuple, np.ndarray))
         raise (ValueError if real or several else TypeError)(msg)

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pvibr.maths.arguments import checked_positive
 from pvibr.maths.slabs import Cover, hemisphere, turned
 from pvibr.maths.vectors import unit_vectors
 
@@ -110,10 +111,7 @@ def greedy_planes(points, faces, epsilon) -> Planes:
     >>> len(greedy_planes(points, [[0, 1, 2], [1, 3, 2]], 0.02))
     1
     """
-    if not (np.isfinite(epsilon) and epsilon > 0):
-        msg = f'epsilon is {epsilon!r}; it must be a finite length above 0.'
-        raise ValueError(msg)
-    surface = _Surface(points, faces, float(epsilon))
+    surface = _Surface(points, faces, checked_positive('epsilon', epsilon))
     finest = _FINEST * surface.radius
     if epsilon < finest:
         msg = f'epsilon is {epsilon!r}; for this mesh it must be at least {finest:.3g}.'

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from pvibr.maths import _checks
-from pvibr.maths.arguments import checked_positive
+from pvibr.maths.arguments import checked_direction, checked_numbers, checked_positive
 from pvibr.maths.lens_camera import LensCamera
 from pvibr.maths.orthographic import Orthographic
 from pvibr.maths.pinhole import GUESSED, Pinhole, check_principal_point
@@ -65,10 +65,10 @@ def as_camera(camera, size):
 
 def _from_view(camera, size):
     """Return the camera equal to a ``pyvista.Camera``, read by its attributes."""
-    position = _checks.numbers('camera.position', camera.position, (3,))
-    focal = _checks.numbers('camera.focal_point', camera.focal_point, (3,))
-    ahead = _checks.direction('camera.focal_point - camera.position', focal - position)
-    up = _checks.direction('camera.up', camera.up)
+    position = checked_numbers('camera.position', camera.position, (3,))
+    focal = checked_numbers('camera.focal_point', camera.focal_point, (3,))
+    ahead = checked_direction('camera.focal_point - camera.position', focal - position)
+    up = checked_direction('camera.up', camera.up)
     right = np.cross(ahead, up)
     if np.linalg.norm(right) < _checks.ROTATION_TOLERANCE:
         msg = f'camera.up is {up.tolist()}; it must not be along the view {ahead.tolist()}.'

@@ -9,8 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.polynomial import Polynomial
 
-from pvibr.maths import _checks
-from pvibr.maths.arguments import as_array
+from pvibr.maths.arguments import as_array, check_finite
 
 _TERMS = (0, 4, 5, 8)
 
@@ -158,7 +157,9 @@ def coefficients(distortion):
     if len(terms) not in _TERMS:
         msg = f'distortion has {len(terms)} numbers; it must have 0, 4, 5 or 8: k1, k2, p1, p2, ..'
         raise ValueError(msg)
-    return _checks.finite('distortion', np.pad(terms, (0, 8 - len(terms))))
+    terms = np.pad(terms, (0, 8 - len(terms)))
+    check_finite('distortion', terms)
+    return terms
 
 
 def _distorted(xy, lens):

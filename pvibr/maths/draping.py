@@ -7,6 +7,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from pvibr.maths.arguments import check_one_of, checked_number
+
 #: Gains are thought to be within this of 1, as a natural logarithm, before any overlap is seen.
 PRIOR = 0.5
 #: Overlaps are never trusted beyond this: their samples are neighbours, not independent.
@@ -48,9 +50,7 @@ def sample(image, uv, filter='linear'):
     if image.ndim != 3 or not image.size:
         msg = f'image has the shape {image.shape}; it must be (h, w) or (h, w, c), not empty.'
         raise ValueError(msg)
-    if filter not in ('linear', 'nearest'):
-        msg = f"filter is {filter!r}; it must be 'linear' or 'nearest'."
-        raise ValueError(msg)
+    check_one_of('filter', filter, ('linear', 'nearest'))
     uv = np.asarray(uv, dtype=np.float64)
     inside = ((uv >= 0) & (uv <= 1)).all(axis=1)
     high, wide, channels = image.shape
@@ -99,9 +99,7 @@ def border(uv, width):
     >>> border([[0.5, 0.5], [0.05, 0.5], [0.0, 0.5], [1.5, 0.5]], 0.1).tolist()
     [1.0, 0.5, 0.0, 0.0]
     """
-    if not 0 <= width <= 0.5:
-        msg = f'width is {width}; it must be between 0 and 0.5 of the picture.'
-        raise ValueError(msg)
+    checked_number('width', width, 0, 0.5)
     uv = np.asarray(uv, dtype=np.float64)
     inward = np.minimum(uv, 1 - uv).min(axis=-1)
     if not width:
@@ -143,12 +141,8 @@ def weights(cosines, texels=None, borders=None, masks=None, method='feather', po
     >>> weights([[1.0, -1.0], [1.0, -1.0]], texels=[[1.0, 1.0], [2.0, 2.0]]).tolist()
     [[0.8, 0.0], [0.2, 0.0]]
     """
-    if method not in ('feather', 'best'):
-        msg = f"method is {method!r}; it must be 'feather' or 'best'."
-        raise ValueError(msg)
-    if not 0 <= power < np.inf:
-        msg = f'power is {power}; it must be 0 or more and finite.'
-        raise ValueError(msg)
+    check_one_of('method', method, ('feather', 'best'))
+    checked_number('power', power, 0)
     cosines = np.asarray(cosines, dtype=np.float64)
     if cosines.ndim != 2:
         msg = f'cosines have the shape {cosines.shape}; it must be (views, points).'

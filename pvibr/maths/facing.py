@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from pvibr.maths.arguments import check_one_of
 from pvibr.maths.quaternions import to_matrices
 from pvibr.maths.vectors import as_units, unit_vectors
 
@@ -122,8 +123,8 @@ def cards(
     >>> cards([[0, 0, 0]], view, 'cylindrical')[0].T.round(3).tolist()
     [[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]]
     """
-    _check('facing', facing, FACINGS)
-    _check('towards', towards, TOWARDS)
+    check_one_of('facing', facing, FACINGS)
+    check_one_of('towards', towards, TOWARDS)
     points = np.asarray(points, float).reshape(-1, 3)
     eye = eye_of(view_from_world)
     if facing == 'world':
@@ -207,12 +208,6 @@ def _azimuth_zero(axis):
 def _azimuths(toward, axis):
     first = _azimuth_zero(axis)
     return np.arctan2((toward * np.cross(axis, first)).sum(1), (toward * first).sum(1))
-
-
-def _check(name, value, allowed):
-    if value not in allowed:
-        msg = f'{name} is {value!r}; it must be one of {", ".join(map(repr, allowed))}'
-        raise ValueError(msg)
 
 
 def _toward(points, eye, plane):

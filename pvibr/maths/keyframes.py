@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from pvibr.maths.arguments import check_finite
+from pvibr.maths.arguments import check_finite, check_one_of
 from pvibr.maths.vectors import unit_vectors
 
 SLOTS = {'step': 1, 'linear': 2, 'quadratic': 3, 'cubic': 4}
@@ -52,13 +52,9 @@ def frame_weights(keys, times, interpolation='linear', period=None):
     (array([2, 0]), array([0.5, 0.5]))
     """
     keys = checked_keys(keys)
-    if interpolation not in SLOTS:
-        msg = f'interpolation is {interpolation!r}; it must be one of {", ".join(SLOTS)}.'
-        raise ValueError(msg)
+    check_one_of('interpolation', interpolation, SLOTS)
     times = np.asarray(times, dtype=np.float64)
-    if not np.isfinite(times).all():
-        msg = 'times must be finite.'
-        raise ValueError(msg)
+    check_finite('times', times)
     line = _Line(keys) if period is None else _Ring(keys, period)
     indices, weights = _WEIGHTS[line.degree(interpolation)](line, line.local(times))
     # Whoever draws counts on k columns, however few frames there are.

@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from pvibr.maths import _checks
+from pvibr.maths.arguments import checked_numbers
 from pvibr.maths.camera import PosedCamera
 from pvibr.maths.lenses import Lens
 from pvibr.maths.pinhole import Pinhole, check_intrinsics, check_rotation
@@ -36,7 +37,8 @@ class LensCamera(PosedCamera):
     Parameters
     ----------
     K : array_like, shape (3, 3)
-        From the lens's plane to pixels; whole numbers are centres of pixels.
+        Matrix from the image plane of unit focal length to pixels; integer coordinates are pixel
+        centres.
     R : array_like, shape (3, 3)
         Rotation from world to camera.
     t : array_like, shape (3,)
@@ -78,7 +80,7 @@ class LensCamera(PosedCamera):
             size=_checks.size_of(self.size),
             K=check_intrinsics(self.K),
             R=check_rotation(self.R),
-            t=_checks.numbers('t', self.t, (3,)),
+            t=checked_numbers('t', self.t, (3,)),
         )
 
     def project(self, points):
@@ -108,12 +110,12 @@ class LensCamera(PosedCamera):
         return distance / np.sqrt(np.linalg.det(self.K))
 
     def as_pinhole(self, tolerance=0.01):
-        """Return the pinhole camera with rational distortion that is nearest to it.
+        """Return the best-fit pinhole camera with rational distortion.
 
         Parameters
         ----------
         tolerance : float, optional
-            Pixels by which any point of the picture may be off.
+            Maximum error of any point of the picture, in pixels.
 
         Returns
         -------
@@ -123,7 +125,7 @@ class LensCamera(PosedCamera):
         Raises
         ------
         ValueError
-            If none is as near: the lens is too wide for a single pinhole.
+            If the error is larger: the lens is too wide for a single pinhole.
 
         Examples
         --------

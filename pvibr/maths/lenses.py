@@ -14,7 +14,7 @@ from functools import cached_property
 
 import numpy as np
 
-from pvibr.maths.arguments import as_array
+from pvibr.maths.arguments import as_array, check_one_of
 
 _HALF = np.pi / 2
 #: By kind: the largest angle to the axis, and how many values it takes (None: any number).
@@ -42,21 +42,21 @@ class Lens:
     Parameters
     ----------
     kind : str
-        Radius over the angle to the axis: ``'perspective'``, ``'equidistant'``, ``'equisolid'``,
-        ``'division'`` (k), ``'inverse'`` (the undistorted from the distorted radius,
-        ``r (1 + k r^2)``), ``'fov'`` (omega), ``'unified'`` (alpha, beta), ``'dual'`` (share of
-        the perspective), ``'polynomial'`` (coefficients of the angle's powers); or the angles
-        themselves: ``'spherical'`` and ``'cylindrical'``.
+        Radius as a function of the angle to the axis: ``'perspective'``, ``'equidistant'``,
+        ``'equisolid'``, ``'division'`` (k), ``'inverse'`` (the undistorted from the distorted
+        radius, ``r (1 + k r^2)``), ``'fov'`` (omega), ``'unified'`` (alpha, beta), ``'dual'``
+        (share of the perspective), ``'polynomial'`` (coefficients of the angle's powers); or the
+        angles themselves: ``'spherical'`` and ``'cylindrical'``.
     values : tuple of float, optional
-        Of the kind.
+        Parameters of the kind.
     radial : tuple of float, optional
         Factors of even powers of that radius: k1, k2, ...
     tangential : tuple of float, optional
         p1, p2 as in OpenCV; p3 and p4 multiply these by ``1 + p3 r^2 + p4 r^4``.
     prism : tuple of 4 float, optional
-        Of r^2 and r^4 along x, then along y.
+        Factors of r^2 and r^4 along x, then along y.
     late : bool, optional
-        Whether the tangential and prism terms are of the radially distorted point.
+        Whether the tangential and prism terms are those of the radially distorted point.
 
     Raises
     ------
@@ -78,9 +78,7 @@ class Lens:
     late: bool = False
 
     def __post_init__(self):
-        if not isinstance(self.kind, str) or self.kind not in KINDS:
-            msg = f'kind is {self.kind!r}; it must be one of {", ".join(KINDS)}.'
-            raise ValueError(msg)
+        check_one_of('kind', self.kind, KINDS)
         for name in ('values', 'radial', 'tangential', 'prism'):
             numbers = as_array(name, getattr(self, name), float)
             if numbers.ndim != 1 or not np.isfinite(numbers).all():

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pvibr.maths import _checks
-from pvibr.maths.arguments import checked_positive, naming
+from pvibr.maths.arguments import checked_direction, checked_numbers, checked_positive, naming
 from pvibr.maths.camera import Camera
 from pvibr.maths.vectors import products
 
@@ -53,7 +53,7 @@ class Orthographic(Camera):
     size: tuple[int, int] | None = None
 
     def __post_init__(self):
-        right, up = _checks.direction('right', self.right), _checks.direction('up', self.up)
+        right, up = checked_direction('right', self.right), checked_direction('up', self.up)
         if abs(right @ up) > _checks.ROTATION_TOLERANCE:
             msg = f'right {right.tolist()} and up {up.tolist()} must be perpendicular.'
             raise ValueError(msg)
@@ -64,7 +64,7 @@ class Orthographic(Camera):
             raise ValueError(msg)
         _checks.freeze(
             self,
-            origin=_checks.numbers('origin', self.origin, (3,)),
+            origin=checked_numbers('origin', self.origin, (3,)),
             right=right,
             up=up,
             width=checked_positive('width', self.width),

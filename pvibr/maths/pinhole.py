@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from pvibr.maths import _checks
+from pvibr.maths.arguments import checked_numbers
 from pvibr.maths.camera import CV_FROM_GL, PosedCamera
 from pvibr.maths.distortion import coefficients, distort, undistort, valid_radius
 from pvibr.maths.vectors import products
@@ -67,7 +68,7 @@ class Pinhole(PosedCamera):
             size=_checks.size_of(self.size),
             K=check_intrinsics(self.K),
             R=check_rotation(self.R),
-            t=_checks.numbers('t', self.t, (3,)),
+            t=checked_numbers('t', self.t, (3,)),
             distortion=coefficients(self.distortion),
         )
         check_principal_point(self.K, self.size, STATED)
@@ -192,7 +193,7 @@ def check_intrinsics(K):
     ValueError
         If it is singular or not upper triangular.
     """
-    K = _checks.numbers('K', K, (3, 3))
+    K = checked_numbers('K', K, (3, 3))
     if K[1, 0] or K[2, 0] or K[2, 1]:
         msg = f'K is {K.tolist()}; it must be upper triangular: below the diagonal all is 0.'
         raise ValueError(msg)
@@ -220,7 +221,7 @@ def check_rotation(R):
     ValueError
         If it is not a rotation.
     """
-    R = _checks.numbers('R', R, (3, 3))
+    R = checked_numbers('R', R, (3, 3))
     off, det = np.abs(R @ R.T - np.eye(3)).max(), np.linalg.det(R)
     if off > _checks.ROTATION_TOLERANCE or det < 0:
         msg = (

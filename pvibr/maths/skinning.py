@@ -12,6 +12,7 @@ from __future__ import annotations
 import numpy as np
 
 from pvibr.maths import quaternions
+from pvibr.maths.arguments import checked_number
 from pvibr.maths.vectors import unit_vectors
 
 MAX_INFLUENCES = 8
@@ -128,9 +129,7 @@ def dual_blend(matrices, joints, weights, centers=None, bulge=1.0):
     round_about = _after(blended, _weighted(stretch, joints, weights))
     if bulge == 1.0:
         return round_about
-    if not 0.0 <= bulge <= 1.0:
-        msg = f'bulge is {bulge}; it must be from 0 to 1.'
-        raise ValueError(msg)
+    checked_number('bulge', bulge, 0, 1)
     straight = linear_blend(matrices, joints, weights)
     return straight + bulge * (round_about - straight)
 

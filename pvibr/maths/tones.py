@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from pvibr.maths.arguments import check_one_of
+
 #: Rec. 709: how bright each of red, green and blue is to the eye, of linear light.
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 #: Linear light that a picture shows in the middle of its greys.
@@ -119,9 +121,7 @@ def tone_map(colors, curve='faithful', stops=0.0, white=4.0):
     >>> tone_map([2.0, 1.0, 0.0]).round(3).tolist()
     [1.0, 0.667, 0.333]
     """
-    if curve not in CURVES:
-        msg = f'curve = {curve!r}: must be one of {", ".join(CURVES)}'
-        raise ValueError(msg)
+    check_one_of('curve', curve, CURVES)
     colors = np.asarray(colors, np.float64)
     if curve == 'faithful':
         shown = colors if stops == 0 else to_display(to_light(colors) * 2.0**stops)

@@ -13,6 +13,7 @@ from pvibr.core import _vtk
 from pvibr.core.errors import warn
 from pvibr.core.params import checked_flag
 from pvibr.core.spelling import nearest
+from pvibr.maths.arguments import check_one_of
 from pvibr.maths.transforms import trs
 from pvibr.meshes.parts import are_parts
 from pvibr.meshes.posed import checked_factor, kept_apart, named, toward
@@ -53,9 +54,7 @@ def glyph(
     if checked_flag('progress_bar', progress_bar):
         msg = 'progress_bar is True: no filter runs that would have a progress; leave it out'
         raise ValueError(msg)
-    if color_mode not in _MODES:
-        msg = f'color_mode is {color_mode!r}; it must be one of {", ".join(map(repr, _MODES))}'
-        raise ValueError(msg)
+    check_one_of('color_mode', color_mode, _MODES)
     factor, span = checked_factor(factor), _checked_range(rng)
     clamping, absolute = checked_flag('clamping', clamping), checked_flag('absolute', absolute)
     meshes = _checked_meshes(geom, indices)

@@ -12,7 +12,7 @@ import pyvista as pv
 from pvibr.core import _vtk
 from pvibr.core.signatures import takes
 from pvibr.formats.trimesh_meshes import as_dataset, is_trimesh
-from pvibr.maths.arguments import naming
+from pvibr.maths.arguments import checked_number, naming
 from pvibr.meshes.files import has_graph, read_mesh, scene_instances
 from pvibr.meshes.maps import attach_maps
 from pvibr.meshes.materials import (
@@ -143,9 +143,8 @@ class Part:
 @takes(add_mesh_kwargs=(pv.Plotter.add_mesh, 'feature_angle'), without=(*EXTRAS, *USELESS, *FIXED))
 def as_parts(mesh, *, theme=None, alpha_cutoff=None, **add_mesh_kwargs):
     """Return the parts that ``add_mesh`` would draw."""
-    if alpha_cutoff is not None and not 0 <= alpha_cutoff <= 1:
-        msg = f'alpha_cutoff is {alpha_cutoff!r}; it must be within 0 and 1, or None to blend.'
-        raise ValueError(msg)
+    if alpha_cutoff is not None:
+        checked_number('alpha_cutoff', alpha_cutoff, 0, 1)
     if isinstance(mesh, Part):
         return [mesh]
     parts = getattr(mesh, 'parts', mesh)

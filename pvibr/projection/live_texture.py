@@ -13,7 +13,8 @@ from pvibr.gl import MipTexture, Quad, Target, Texture, nbytes_of, release
 from pvibr.gl import enums as gl
 from pvibr.gl.drawer import Drawer
 from pvibr.gl.mipmaps import copy
-from pvibr.maths._checks import numbers, size_of
+from pvibr.maths._checks import size_of
+from pvibr.maths.arguments import checked_numbers
 from pvibr.maths.cameras import as_camera
 from pvibr.maths.reflections import through_rectangle
 from pvibr.maths.vectors import unit_vectors
@@ -368,7 +369,7 @@ class Mirror(LiveTexture):
             msg = f'right = {right!r}, up = {up!r}: must be given, unless corner is an actor'
             raise TypeError(msg)
         given = {'corner': corner, 'right': right, 'up': up}
-        self.corner, self.right, self.up = (numbers(n, x, (3,)) for n, x in given.items())
+        self.corner, self.right, self.up = (checked_numbers(n, x, (3,)) for n, x in given.items())
         directions = unit_vectors(np.stack([self.right, self.up]))
         if not directions.any(1).all() or abs(directions[0] @ directions[1]) > 1e-6:
             msg = f'right = {right!r}, up = {up!r}: must be perpendicular and not zero'

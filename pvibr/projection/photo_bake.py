@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -79,7 +78,9 @@ class Painter:
         face, best = np.empty(count, np.int32), np.full(count, -1, np.int32)
         sums, most = np.zeros((count, 4), np.float32), np.zeros(count, np.float32)
         colors = np.empty((count, 4), np.uint8)
-        found: Any = {n: np.full(count * quality, *k[::-1]) for n, k in QUALITY.items()}
+        found: dict[str, np.ndarray] = {
+            n: np.full(count * quality, *k[::-1]) for n, k in QUALITY.items()
+        }
         parts = [slice(start, start + _MANY) for start in range(0, count, _MANY)]
 
         def find(part):

@@ -16,7 +16,7 @@ from pvibr.core.plotters import is_dragged
 from pvibr.core.progress import baking
 from pvibr.gl import Texture, release, set_fragment_uniforms, set_vertex_uniforms, shader_source
 from pvibr.gl.feature import Feature, FeatureSet, declared_samplers, sections
-from pvibr.maths.arguments import checked_each, naming
+from pvibr.maths.arguments import check_one_of, checked_each, naming
 from pvibr.meshes.parts import as_parts
 from pvibr.projection.photo_bake import data_of, texture_of
 from pvibr.projection.photo_choice import SHOWN, Choice, Surface, Visibility, choose
@@ -55,20 +55,20 @@ class PhotoMesh(Placed):
     masks : sequence, optional
         A path, an array or None for each: 0 where the photograph must not be used.
     casters : sequence of pyvista.DataSet, actors or things of pvibr, optional
-        What else hides the mesh from cameras.
+        Other occluders.
     color : ColorLike, optional
-        Where no photograph sees the mesh; by default the theme's.
+        Colour where no photograph sees the mesh; by default the theme's.
     name : str, optional
-        Name; what has it is replaced.
+        Name in the plotter; what has the same name is replaced.
     **settings
         Values of the settings.
 
     Raises
     ------
     TypeError
-        If `photos` are no photographs.
+        If `photos` has something that is no photograph.
     ValueError
-        If there are none, one has no picture, or `masks` are not as many.
+        If there are no photographs, one has no picture, or the number of `masks` differs.
 
     Examples
     --------
@@ -411,9 +411,7 @@ class PhotoMesh(Placed):
         ImportError
             If xatlas or rasterio is needed and not installed.
         """
-        if to not in ('texture', 'points', 'cells'):
-            msg = f"to is {to!r}; it must be 'texture', 'points' or 'cells'."
-            raise ValueError(msg)
+        check_one_of('to', to, ('texture', 'points', 'cells'))
         file = checked_file(file)
         self._make()
         with baking(progress, 'Baking photographs') as advance:

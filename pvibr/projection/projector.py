@@ -14,6 +14,7 @@ from pvibr.core.progress import baking
 from pvibr.gl import nbytes_of, release, set_fragment_uniforms, shader_source
 from pvibr.gl.drawer import Drawer
 from pvibr.gl.feature import Feature, FeatureSet, declared_samplers, sections
+from pvibr.maths.arguments import check_one_of
 from pvibr.maths.cameras import as_camera
 from pvibr.projection.painting import SlidePainter, solved_gains
 from pvibr.projection.samples import Samples, sides_of, surface_of
@@ -375,9 +376,7 @@ class Projector(Effect):
         >>> draped['covered'].tolist(), draped['projected'][0].tolist()
         ([True, False], [255, 0, 0, 255])
         """
-        if to not in ('points', 'cells', 'texture'):
-            msg = f"to is {to!r}; it must be 'points', 'cells' or 'texture'."
-            raise ValueError(msg)
+        check_one_of('to', to, ('points', 'cells', 'texture'))
         file = checked_file(file)
         surfaces = [surface_of(m) for m in (mesh, *casters)]
         side = 0 if self.max_angle > 90 else sides_of(mesh, None)

@@ -6,6 +6,7 @@ from importlib.util import find_spec
 
 import numpy as np
 
+from pvibr.maths.arguments import check_one_of
 from pvibr.projection.samples import bounds_of, triangles_of
 
 #: A ray starts so far above its surface, in sizes of the scene: what embree's float32 resolves.
@@ -20,9 +21,7 @@ _MOST_KEPT = 1 << 20  # triangles of a tree that is kept: some 100 MiB
 
 def ray_method(method) -> bool:
     """Return whether a method, 'auto', 'rays' or 'map', casts rays."""
-    if not isinstance(method, str) or method not in ('auto', 'rays', 'map'):
-        msg = f"method is {method!r}; it must be 'auto', 'rays' or 'map'."
-        raise ValueError(msg)
+    check_one_of('method', method, ('auto', 'rays', 'map'))
     there = find_spec('embreex') is not None
     if method == 'rays' and not there:
         msg = "method is 'rays', which needs embree: pip install \"pvibr[rays]\"; or method='map'."

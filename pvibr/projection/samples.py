@@ -8,7 +8,7 @@ import numpy as np
 import pyvista as pv
 
 from pvibr.core.params import checked_flag
-from pvibr.maths.arguments import checked_each
+from pvibr.maths.arguments import check_one_of, checked_each
 from pvibr.maths.vectors import unit_vectors
 from pvibr.scene.item_set import ItemSet
 from pvibr.scene.thing import Thing
@@ -31,9 +31,7 @@ class Samples:
     @classmethod
     def of(cls, mesh, to) -> Samples:
         """Return samples of a mesh: triangle centroids, or points near the corners."""
-        if not isinstance(to, str) or to not in ('points', 'cells'):
-            msg = f"to is {to!r}; it must be 'points' or 'cells'."
-            raise ValueError(msg)
+        check_one_of('to', to, ('points', 'cells'))
         if not isinstance(mesh, pv.DataSet):
             msg = f'mesh = {mesh!r:.80}: must be a mesh'
             raise TypeError(msg)

@@ -7,7 +7,7 @@ import numpy as np
 from pvibr.billboards.cards import as_points
 from pvibr.core.params import checked_flag
 from pvibr.core.signatures import takes
-from pvibr.maths.arguments import naming
+from pvibr.maths.arguments import check_one_of, naming
 from pvibr.maths.quadric_rays import CAPS, meet_cylinders
 from pvibr.meshes.unit_meshes import along, balls, linear, tubes
 from pvibr.quadrics.cards import Shape, gap_rows
@@ -65,9 +65,7 @@ class Cylinders(Quadrics):
             found = len(self._own_ends[1])
             msg = f'points_b has {found} rows; it must have {len(self)}, as points_a'
             raise ValueError(msg)
-        if not isinstance(caps, str | None) or caps not in CAPS:
-            msg = f"caps is {caps!r}; it must be 'flat', 'round' or None"
-            raise ValueError(msg)
+        check_one_of('caps', caps, CAPS)
         self._own_radii = lengths_of('radius', radius, (len(self),))
         self._place()
         self.caps, self.blend = caps, bool(checked_flag('blend', blend))

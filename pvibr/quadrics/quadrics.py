@@ -69,8 +69,7 @@ class Quadrics(CardSet):
     theme : pyvista.plotting.themes.Theme, optional
         Defaults of the looks.
     **table
-        ``cmap``, ``clim``, ``n_colors``, ``nan_color``, ``below_color``, ``above_color``,
-        ``log_scale``, ``flip_scalars``, ``categories``, ``annotations`` as in ``add_mesh``.
+        Colour map of the scalars, as in ``add_mesh``.
 
     Raises
     ------

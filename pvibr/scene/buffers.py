@@ -15,6 +15,7 @@ from pvibr.gl.drawer import Drawer
 from pvibr.gl.feature import Feature, FeatureSet
 from pvibr.gl.scene_pass import is_marker
 from pvibr.gl.target import fitting_target
+from pvibr.maths.arguments import check_one_of
 from pvibr.scene.casters import Surfaces
 from pvibr.scene.draw_order import Stage
 from pvibr.scene.seen_from import seen_from
@@ -332,9 +333,7 @@ class Tap(Effect):
     """Reads a buffer of the next frame; the picture stays as it is."""
 
     def __init__(self, buffer):
-        if not isinstance(buffer, str) or buffer not in NAMES:
-            msg = f'name = {buffer!r}: must be one of {", ".join(map(repr, NAMES))}'
-            raise ValueError(msg)
+        check_one_of('name', buffer, NAMES)
         super().__init__()
         self.buffer, self.array = buffer, None
         self.numbered: list = []

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pvibr.core.colors import as_rgb
 from pvibr.core.facade import Facade
 from pvibr.core.params import checked_flag
-from pvibr.maths.arguments import checked_number, checked_positive, checked_whole
+from pvibr.maths.arguments import check_one_of, checked_number, checked_positive, checked_whole
 from pvibr.scene.click_picking import ClickPicking
 
 
@@ -61,15 +61,15 @@ class PickFacade(Facade):
         callback : callable, optional
             Called with the result of :meth:`pick`, unless nothing is hit.
         left_clicking : bool
-            Pick with the left mouse button, else with the right one; the key P picks, too.
+            Pick with the left mouse button instead of the right one; the key P also picks.
         show : bool
-            Mark what was picked: of items the one that was hit.
+            Highlight what was picked; of a set of items, the one that was hit.
         show_message : bool or str
             Show how to pick, or another message.
         use_picker : bool
-            Call the function also with a ``vtkCellPicker`` that has picked there.
+            Also pass a ``vtkCellPicker`` that has picked there to the function.
         style, color, line_width : optional
-            Looks of the mark, as in ``add_mesh``.
+            Look of the highlight, as in ``add_mesh``.
         font_size : int
             Size of the message.
 
@@ -96,9 +96,7 @@ class PickFacade(Facade):
         flags = {'left_clicking': left_clicking, 'use_picker': use_picker}
         how = {name: checked_flag(name, value) for name, value in flags.items()}
         show = checked_flag('show', show)
-        if str(style) not in (looks := ('surface', 'wireframe', 'points')):
-            msg = f'style = {style!r:.80}: must be one of {", ".join(looks)}'
-            raise ValueError(msg)
+        check_one_of('style', style, ('surface', 'wireframe', 'points'))
         color, line_width = as_rgb('color', color), checked_positive('line_width', line_width)
         font_size = checked_whole('font_size', font_size, 1, 1000)
         if not isinstance(show_message, str):

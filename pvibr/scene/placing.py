@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pyvista as pv
 
-from pvibr.maths.arguments import as_array, naming
+from pvibr.maths.arguments import as_array, checked_numbers, naming
 from pvibr.scene.looks import read_only
 from pvibr.scene.thing import MOVES, Thing
 
@@ -53,10 +53,7 @@ class Placed(Thing):
     @user_matrix.setter
     def user_matrix(self, matrix):
         matrix = pv.Transform(matrix).matrix if _is_transform(matrix) else matrix
-        matrix = as_array('user_matrix', matrix, float)
-        if matrix.shape != (4, 4) or not np.isfinite(matrix).all():
-            msg = f'user_matrix has shape {matrix.shape}: must be finite and (4, 4)'
-            raise ValueError(msg)
+        matrix = checked_numbers('user_matrix', matrix, (4, 4))
         self.SetUserMatrix(pv.vtkmatrix_from_array(matrix))
 
     @property

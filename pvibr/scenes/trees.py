@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import pyvista as pv
 
+from pvibr.maths.arguments import check_one_of, checked_positive
 from pvibr.meshes.parts import as_parts
 
 GOLDEN_ANGLE = np.pi * (3 - np.sqrt(5))
@@ -72,10 +73,7 @@ KINDS = {
 def tree(kind='broadleaf', seed=0, triangles=50_000, height=None):
     """Return a tree as a MultiBlock of bark and leaves."""
     form = _kind(kind)
-    height = form.height if height is None else height
-    if not (np.isfinite(height) and height > 0):
-        msg = f'height is {height!r}; it must be above 0 (metres).'
-        raise ValueError(msg)
+    height = checked_positive('height', form.height if height is None else height)
     rng = np.random.default_rng([seed, list(KINDS).index(kind)])
     branches = _grow(form, LEVELS[kind], rng)
     bark = _bark(form, branches, rng)
@@ -122,9 +120,7 @@ def with_looks(blocks, kind):
 
 
 def _kind(kind):
-    if kind not in KINDS:
-        msg = f'kind is {kind!r}; it must be one of {", ".join(KINDS)}.'
-        raise ValueError(msg)
+    check_one_of('kind', kind, KINDS)
     return KINDS[kind]
 
 

@@ -8,13 +8,14 @@ import math
 import numpy as np
 
 from pvibr.core.errors import require
+from pvibr.maths.arguments import checked_direction, checked_number
 
 
 def sun_position(time, latitude, longitude):
     """Return azimuth and altitude of the sun in degrees; `time` needs a time zone."""
     _check_time(time)
-    _check_degrees('latitude', latitude, -90, 90)
-    _check_degrees('longitude', longitude, -180, 360)
+    checked_number('latitude', latitude, -90, 90)
+    checked_number('longitude', longitude, -180, 360)
     ephem = require('ephem', 'sun', 'Positions of the sun')
     observer = ephem.Observer()
     # PyEphem knows no time zones: it takes every time for universal time.
@@ -45,14 +46,8 @@ def _check_time(time):
         raise ValueError(msg)
 
 
-def _check_degrees(name, value, low, high):
-    if not low <= value <= high:
-        msg = f'{name} is {value}; it must be from {low} to {high} degrees.'
-        raise ValueError(msg)
-
-
 def _axes(north, up):
-    north, up = (_unit(name, axis) for name, axis in (('north', north), ('up', up)))
+    north, up = checked_direction('north', north), checked_direction('up', up)
     east = np.cross(north, up)
     length = np.linalg.norm(east)
     if length < 1e-6:
@@ -60,12 +55,3 @@ def _axes(north, up):
         raise ValueError(msg)
     east /= length
     return east, np.cross(up, east), up
-
-
-def _unit(name, axis):
-    axis = np.asarray(axis, np.float64)
-    length = np.linalg.norm(axis)
-    if axis.shape != (3,) or not 0 < length < np.inf:
-        msg = f'{name} is {axis.tolist()}; it must be three finite numbers, not all zero.'
-        raise ValueError(msg)
-    return axis / length

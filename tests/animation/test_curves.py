@@ -49,7 +49,7 @@ def test_values_may_be_vectors_and_times_of_any_shape():
 def test_bad_input_is_named():
     with pytest.raises(ValueError, match=r'values have the shape \(\) for 1 times'):
         Curve(1.0)
-    with pytest.raises(ValueError, match=r'values are \[inf\]'):
+    with pytest.raises(ValueError, match=r'values\[0\] is inf'):
         Curve([np.inf])
     with pytest.raises(ValueError, match=r'times\[1\] is 0\.0 after 0\.0'):
         Curve([0, 1], [0, 0])

@@ -260,7 +260,7 @@ def test_bones_may_change_their_length():
         (lambda s: InverseKinematics('hand', method='magic'), "method is 'magic'"),
         (lambda s: InverseKinematics('hand', weights=[1, 2]), 'weights has 2 for 1'),
         (lambda s: InverseKinematics('hand', poles={'head': [0, 0, 0]}), "poles has 'head'"),
-        (lambda s: Aim('head', [0, 0]), 'at is'),
+        (lambda s: Aim('head', [0, 0]), 'at has the shape'),
         (lambda s: Aim('head', [0, 0, 1], axis=[0, 0, 0]), 'axis is'),
         (lambda s: Aim('head', [0, 0, 1], [0, 1, 0], up=[0, 1, 0]), 'is parallel to axis'),
         (lambda s: Aim('head', [0, 0, 1], weight=1.5), 'weight is 1.5'),

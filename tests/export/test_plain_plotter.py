@@ -134,11 +134,11 @@ def test_subplots_cameras_lights_and_sizes_are_the_same():
     ('name', 'value', 'error'),
     [
         ('triangles', 0, ValueError),
-        ('triangles', 1.5, TypeError),
+        ('triangles', 1.5, ValueError),
         ('triangles', True, TypeError),
         ('texture', -1, ValueError),
         ('detail', 0, ValueError),
-        ('detail', 'fine', ValueError),
+        ('detail', 'fine', TypeError),
     ],
 )
 def test_bad_numbers(name, value, error):

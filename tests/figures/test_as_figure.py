@@ -93,7 +93,7 @@ def test_what_is_no_figure_is_said(wrong):
         as_figure(wrong)
 
 
-def test_add_figure_takes_them_all():
+def test_what_is_animated_grows_with_time():
     pl = pv.Plotter(off_screen=True)
     growing = pl.ibr.add_animated(series())
     assert growing.bounds[1] == pytest.approx(1.0, rel=1e-2)

@@ -187,5 +187,5 @@ def test_props_that_cannot_be_held(walker, plotter):
         actor.attach_prop(actor, 'hand')
     with pytest.raises(ValueError, match="no joint 'tail'"):
         actor.attach_prop(pv.Actor(), 'tail')
-    with pytest.raises(ValueError, match='offset has shape'):
+    with pytest.raises(ValueError, match='offset has the shape'):
         actor.attach_prop(pv.Actor(), 'hand', [1, 2, 3])

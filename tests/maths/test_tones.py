@@ -61,5 +61,5 @@ def test_aces_passes_published_points():
 
 
 def test_unknown_curve():
-    with pytest.raises(ValueError, match=r"curve = 'film': must be one of faithful"):
+    with pytest.raises(ValueError, match=r"curve is 'film'; it must be one of 'faithful'"):
         tone_map([0, 0, 0], 'film')

@@ -197,7 +197,7 @@ def test_areas_by_point_and_cell():
 @pytest.mark.parametrize(
     ('call', 'message'),
     [
-        (lambda: pvibr.visible(grid(), ABOVE, to='faces'), "'points' or 'cells'"),
+        (lambda: pvibr.visible(grid(), ABOVE, to='faces'), "one of 'points', 'cells'"),
         (lambda: pvibr.visible(grid(), 3), 'camera'),
         (lambda: pvibr.shadow_mask(grid(), pv.Light(light_type='headlight')), 'scene light'),
         (lambda: pvibr.shadow_mask(grid(), lamp((0, 0, 0))), 'direction'),

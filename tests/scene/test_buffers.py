@@ -106,7 +106,7 @@ def test_what_is_translucent_looks_as_before(pl, high):
 
 
 def test_bad_name(pl):
-    with pytest.raises(ValueError, match="name = 'height': must be one of 'depth'"):
+    with pytest.raises(ValueError, match="name is 'height'; it must be one of 'depth'"):
         pl.ibr.buffer('height')
     assert not pl.ibr.effects
 

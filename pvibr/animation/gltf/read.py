@@ -23,6 +23,7 @@ from pvibr.animation.gltf.nodes import (
 )
 from pvibr.formats.gltf_accessors import Accessors
 from pvibr.formats.gltf_file import GltfError, GltfFile, follow, naming
+from pvibr.maths.arguments import check_one_of
 from pvibr.maths.transforms import trs
 
 #: Supported extensions; others are left out, with a warning.
@@ -104,9 +105,7 @@ def read_gltf(path, *, scene=None, up='y', pbr=False):
     >>> fox = pvibr.read_gltf('Fox.glb')  # doctest: +SKIP
     >>> fox.mesh(0.5, 'Walk').plot()  # doctest: +SKIP
     """
-    if up not in ('y', 'z'):
-        msg = f"up is {up!r}; it must be 'y' or 'z'."
-        raise ValueError(msg)
+    check_one_of('up', up, ('y', 'z'))
     file = GltfFile(path)
     _check_extensions(file, EXTENSIONS)
     nodes, drawn, skeleton = _graph(file, scene, up)
