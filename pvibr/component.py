@@ -125,8 +125,8 @@ class IBRComponent(
         """Add an effect or a thing to the active subplot.
 
         It replaces what has the same given name. Effects of which a subplot has only one, such as
-        `Bloom`, replace the one that is there; others, such as `Outline`, replace one that was made
-        of the same arguments and has not been changed since. So a notebook cell may be run twice.
+        `Bloom`, replace the one that is there; others, such as `Outline`, replace one made of the
+        same arguments and not changed since. So a notebook cell may be run twice.
 
         Parameters
         ----------
