@@ -84,15 +84,18 @@ def _is_seen_from(side, corners) -> bool:
 
 def _crossings(corners):
     """Return where lines along z meet triangles: numbers of lines, depths, signs of normals."""
-    flat = corners[..., :2] - corners[..., :2].min((0, 1))
-    flat /= flat.max((0, 1)) + 1e-300
+    flat = corners[..., :2].reshape(-1, 2)
+    low, high = (np.array([pick(flat[:, k]) for k in (0, 1)]) for pick in (np.min, np.max))
+    flat = ((flat - low) / (high - low + 1e-300)).reshape(-1, 3, 2)
     lines = _LINES
     while True:
         # A part of a step off the middle: symmetric meshes have edges there.
         at = flat * lines - 0.4637
-        low, high = np.ceil(at.min(1)).astype(int), np.floor(at.max(1)).astype(int)
+        a, b, c = at.swapaxes(0, 1)  # numpy takes long to reduce an axis of three
+        low = np.ceil(np.minimum(np.minimum(a, b), c)).astype(int)
+        high = np.floor(np.maximum(np.maximum(a, b), c)).astype(int)
         sizes = np.maximum(high - low + 1, 0)
-        counts = sizes.prod(1)
+        counts = sizes[:, 0] * sizes[:, 1]
         if counts.sum() <= _MOST:
             break
         lines //= 2
