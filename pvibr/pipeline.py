@@ -335,7 +335,7 @@ class _Turn:
         self.images: list[_Entry] = []
         self.failures: list[str] = []
         self.begun: Frame | None = None
-        self.camera: Any = None  # once all is prepared for it
+        self.camera = None  # once all is prepared for it
         self.take(frame)
 
     def take(self, frame):
