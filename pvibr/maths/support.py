@@ -17,7 +17,7 @@ _MIDDLE = SIDE // 2
 
 
 def support_table(points, room=0.0):
-    """Return the support function at a grid of points of the octahedron |x| + |y| + |z| = 1.
+    """Return the support function at points of the octahedron whose corners are the unit axes.
 
     Parameters
     ----------

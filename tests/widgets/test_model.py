@@ -34,7 +34,7 @@ def test_everything_in_every_subplot_is_there():
     pl.ibr.add_impostor(ball)
     pl.subplot(0, 1)
     pl.ibr.add(pvibr.Outline())
-    pl.ibr.add(pvibr.Outline())
+    pl.ibr.add(pvibr.Outline(width=3.0))
     model = Model(pl)
     assert sorted(titles(model)) == sorted(
         [

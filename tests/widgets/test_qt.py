@@ -256,8 +256,8 @@ def test_groups_fold_and_many_begin_folded(dock, pl, app):
     assert box.rows[0].isVisible()
     click(box.title)
     assert not box.rows[0].isVisible()
-    for _ in range(4):
-        pl.ibr.add(pvibr.Flash())
+    for k in range(4):
+        pl.ibr.add(pvibr.Flash(duration=1.0 + k))
     pl.render()
     app.processEvents()
     assert len(dock.groups) == 5
