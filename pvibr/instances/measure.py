@@ -34,6 +34,8 @@ CARD_SHARE = 0.8
 BEYOND, LEAST, MOST = 0.25, 0.005, 0.02
 #: The same of lighter meshes, beside what few samples per pixel add to theirs as to the mesh's.
 MESH_BEYOND, MESH_LEAST = 0.5, 0.01
+#: The power of the samples per pixel by which less is allowed of these.
+MESH_SEEN = 1 / 3
 _ROUNDED = 1.5 / 255  # what eight bits of a colour make of hardly any difference
 _MULTI = 4  # samples per pixel of the driver's, at which the mesh itself is measured as well
 _FLOOR = 1e-4  # FLIP below which nothing can be seen
@@ -147,8 +149,9 @@ def of_cards(rows, samples=1):
 def of_meshes(rows, samples=1):
     """Return the same of lighter meshes, which are sampled as the mesh is."""
     moved, flip, own = _sampled(rows, samples)
-    # The mesh's own is along outlines, what these have beyond it is elsewhere: it adds up.
-    color = flip / np.maximum(MESH_BEYOND * own, MESH_LEAST)
+    # The mesh's own is along outlines, what these have beyond it is elsewhere: it adds up, and is
+    # seen the more, the less many samples leave of the mesh's.
+    color = flip / np.maximum(MESH_BEYOND * own, MESH_LEAST) * max(samples, 1) ** MESH_SEEN
     return np.maximum(np.maximum(moved - SLACK, 0.0), color)
 
 
