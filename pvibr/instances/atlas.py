@@ -11,6 +11,7 @@ import numpy as np
 from pvibr.core.files import replacing
 from pvibr.maths import octahedral
 from pvibr.maths.support import SIDE, box_of, support_table
+from pvibr.maths.views import corners
 from pvibr.meshes.turntable import Turntable
 from pvibr.scene.soft_draws import WHOLE
 
@@ -83,12 +84,14 @@ class Atlas:
         Returns
         -------
         Atlas
-            With the right sphere and support.
+            With the right sphere and box.
         """
         points = np.asarray(points, float)
         picture = np.zeros((8, 8, 4), np.uint8)
         center, radius = bounding_sphere(points)
-        support = support_table((points - center) / radius)
+        # Without cards its box will do: hulls of many points take seconds.
+        (ends,) = corners(np.stack([points.min(0), points.max(0)], 1).ravel())
+        support = support_table((ends - center) / radius)
         return cls(picture, picture.copy(), center, radius, support, views=2, tile=4)
 
     @property

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from pvibr.maths.octahedral import encode
+from pvibr.maths.octahedral import encode, view_directions
 from pvibr.maths.posed_bounds import hull_corners
 
 SIDE = 33  # grid points along a side of a table: odd, so that it has the six axes
@@ -106,7 +106,5 @@ def box_of(table):
 
 def _grid():
     """Return the points of the octahedron, (SIDE, SIDE, 3)."""
-    x, y = np.meshgrid(*[np.linspace(-1.0, 1.0, SIDE)] * 2)
-    z = 1.0 - np.abs(x) - np.abs(y)
-    folded = (1 - np.abs(y)) * np.where(x >= 0, 1, -1), (1 - np.abs(x)) * np.where(y >= 0, 1, -1)
-    return np.stack([np.where(z < 0, folded[0], x), np.where(z < 0, folded[1], y), z], -1)
+    directions = view_directions(SIDE)
+    return directions / np.abs(directions).sum(-1, keepdims=True)
