@@ -73,13 +73,15 @@ class Atlas:
     animated = False
 
     @classmethod
-    def blank(cls, points) -> Atlas:
+    def blank(cls, points, *, half=False) -> Atlas:
         """Return an atlas without images, for a driver that cannot render them.
 
         Parameters
         ----------
         points : array_like, shape (n, 3)
             Those of the mesh.
+        half : bool, default: False
+            True for a mesh that is seen from above only.
 
         Returns
         -------
@@ -92,7 +94,8 @@ class Atlas:
         # Without cards its box will do: hulls of many points take seconds.
         (ends,) = corners(np.stack([points.min(0), points.max(0)], 1).ravel())
         support = support_table((ends - center) / radius)
-        return cls(picture, picture.copy(), center, radius, support, views=2, tile=4)
+        grid = {'views': 2, 'tile': 4, 'half': half}
+        return cls(picture, picture.copy(), center, radius, support, **grid)
 
     @property
     def n_poses(self) -> int:

@@ -41,15 +41,23 @@ _OUTPUT = """
 
 
 def bake_parts(
-    parts, *, views=16, tile=128, half=False, supersample=2, turns=None, progress=None
+    parts,
+    *,
+    views=16,
+    tile=128,
+    half=False,
+    supersample=2,
+    sphere=None,
+    turns=None,
+    progress=None,
 ) -> Atlas:
-    """Render the parts of one object from all views into an atlas."""
+    """Render the parts of one object from all views into an atlas, of a sphere around it."""
     if views < 2 or tile < 4 or tile & (tile - 1):
         msg = f'views={views}, tile={tile}: views must be 2 or more, tile a power of two from 4'
         raise ValueError(msg)
     start = time.perf_counter()
     points = np.concatenate([p.mesh.points for p in parts])
-    center, radius = bounding_sphere(points)
+    center, radius = bounding_sphere(points) if sphere is None else sphere
     with hidden_window() as (window, renderer):
         limit = texture_limit(window)
         while views * tile * 3 // 2 > limit and tile > 4:

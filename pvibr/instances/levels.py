@@ -16,7 +16,7 @@ from pvibr.instances.atlas import Atlas, bounding_sphere
 from pvibr.instances.bake import bake_parts
 from pvibr.instances.cache import AtlasCache, key_of
 from pvibr.instances.limits import SIDES, Limits, by_cost, cast, limits_of
-from pvibr.instances.measure import measure, of_cards
+from pvibr.instances.measure import Reference, measure, of_meshes
 from pvibr.instances.memory import bytes_of, tiles
 from pvibr.instances.mesh_pool import MeshLevel
 from pvibr.instances.stored_levels import from_arrays, to_arrays
@@ -29,11 +29,15 @@ from pvibr.meshes.parts import as_parts, check_triangles
 from pvibr.meshes.smoothed import interpolated, smoothed
 from pvibr.scene.content_key import textures_of
 
-VERSION = 44  # of what is kept in the cache: a change of bake, measure or decimation raises it
+VERSION = 45  # of what is kept in the cache: a change of bake, measure or decimation raises it
 SHARE = 0.25  # of a level's triangles, in the next lighter
-_ALIKE = 0.5  # px: a greater error of the smallest cards is one of what was baked
+#: The same of levels of so many triangles, which are most of what frames draw.
+_HALF, _HALVED = 0.5, (2_500, 40_000)
+_ALIKE = 0.5  # of what is allowed of lighter meshes: views are taken of what has no more
 _LIGHTEST = 150  # triangles of the lightest level, at least
-_BAKE_TRIANGLES = 20_000  # enough for tiles of 128 texels, as the error table proves
+#: Views along a side of the grid, and texels along that of one: many are right up to larger sizes
+#: than sharp ones are; cut-outs are of details that neighbouring views mix up.
+_GRID, _CUT_GRID = (32, 64), (16, 128)
 # Those in use, by their content: sets of the same mesh share one, and its textures.
 _atlases: weakref.WeakValueDictionary[str, Atlas] = weakref.WeakValueDictionary()
 
@@ -103,7 +107,7 @@ def _between(sizes) -> str:
     return ends[0] if ends[0] == ends[1] else ' to '.join(ends)
 
 
-def bake(mesh, *, views=16, tile=128, half=False, cache=True, progress=None, **looks) -> Atlas:
+def bake(mesh, *, views=None, tile=None, half=False, cache=True, progress=None, **looks) -> Atlas:
     """Return the atlas of a mesh, with its error measured."""
     parts = as_parts(mesh, **looks)
     check_triangles(parts)
@@ -112,13 +116,14 @@ def bake(mesh, *, views=16, tile=128, half=False, cache=True, progress=None, **l
 
 
 def make_model(
-    parts, *, count=None, room=None, half=False, cache=True, progress=None, views=16, tile=128
+    parts, *, count=None, room=None, half=False, cache=True, progress=None, views=None, tile=None
 ) -> LodModel:
     """Return the levels of a mesh, baked and measured, or cached."""
     # With a count of instances it is baked only if that pays; with room, bytes on the GPU, its
     # tiles shrink until they fit.
     if why := no_images(parts, count):
         return unbaked(parts, why)
+    views, tile = (given or own for given, own in zip((views, tile), _grid(parts), strict=True))
     store = None if cache is False else AtlasCache(None if cache is True else cache)
     content = None if store is None else content_key(parts)
     size = tile if room is None else _fitting(content, views, tile, half, room)
@@ -134,6 +139,12 @@ def make_model(
     if size < tile:
         found.note = f', not {tile}, as GPU memory is limited'
     return found
+
+
+def _grid(parts) -> tuple[int, int]:
+    """Return the views along a side of the grid and the texels along that of one."""
+    cut = any(p.alpha_cutoff is not None or p.stand_ins for p in parts)
+    return _CUT_GRID if cut or _turns(parts) is not None else _GRID
 
 
 def _fitting(content, views, tile, half, room) -> int:
@@ -185,22 +196,22 @@ def no_images(parts, count=None) -> str:
 
 def unbaked(parts, why, needs=0.0) -> LodModel:
     """Return a mesh without pictures, drawn as it is at every size."""
-    blank = Atlas.blank(np.concatenate([p.mesh.points for p in parts]))
+    blank = Atlas.blank(_points(parts))
     return LodModel([MeshLevel(list(parts))], blank, why, needs)
 
 
 def _baked(levels, progress, **grid):
     start = time.perf_counter()
     turns = _turns(levels[0].parts)
-    light = _bake_level(levels)
-    for level in (light, 0):
-        shown = _bake_parts(levels[: level + 1])
-        with baking(progress) as advance:
-            atlas = bake_parts(shown, turns=turns, progress=lambda d: advance(d / 2), **grid)
-            model = LodModel(levels, atlas)
-            atlas.errors = measure(model, lambda d: advance((1 + d) / 2))
-        if level == 0 or np.median(of_cards(atlas.errors['blended'][:2])) < _ALIKE:
-            break  # else what the pictures show is not the mesh: once more, from the mesh itself
+    model = LodModel(levels, Atlas.blank(_points(levels[0].parts), half=grid['half']))
+    sphere = model.atlas.center, model.atlas.radius
+    with baking(progress) as advance:
+        reference = Reference(model, progress=lambda d: advance(d / 3))
+        shown = _bake_parts(levels[: _bake_level(levels, reference, grid['tile']) + 1])
+        model.atlas = atlas = bake_parts(
+            shown, sphere=sphere, turns=turns, progress=lambda d: advance((1 + d) / 3), **grid
+        )
+        atlas.errors = measure(model, lambda d: advance((2 + d) / 3), reference)
     atlas.seconds = time.perf_counter() - start
     return model
 
@@ -226,11 +237,11 @@ def _levels(parts):
 
 
 def _lighter_levels(parts) -> list:
-    radius = bounding_sphere(np.concatenate([p.mesh.points for p in parts]))[1]
+    radius = bounding_sphere(_points(parts))[1]
     levels = [MeshLevel(list(parts))]
-    while levels[-1].triangles * SHARE > _LIGHTEST:
-        level = MeshLevel([lighter(p, SHARE) or p for p in levels[-1].parts])
-        if level.triangles > 0.5 * levels[-1].triangles:
+    while (share := _share(levels[-1].triangles)) * levels[-1].triangles > _LIGHTEST:
+        level = MeshLevel([lighter(p, share) or p for p in levels[-1].parts])
+        if level.triangles > share**0.5 * levels[-1].triangles:
             break
         moved = [displacement(*pair) for pair in zip(parts, level.parts, strict=True)]
         known = [m for m in moved if m is not None]
@@ -239,17 +250,29 @@ def _lighter_levels(parts) -> list:
     return [_fitted(parts, level) for level in levels[1:]]
 
 
+def _share(triangles) -> float:
+    """Return the share of a level's triangles that the next lighter one has."""
+    return _HALF if _HALVED[0] < triangles <= _HALVED[1] else SHARE
+
+
+def _points(parts) -> np.ndarray:
+    return np.concatenate([p.mesh.points for p in parts])
+
+
 def _fitted(parts, level) -> MeshLevel:
     pairs = zip(parts, level.parts, strict=True)
     fitted = [interpolated(part, smoothed(part, light)) for part, light in pairs]
     return MeshLevel(fitted, level.error)
 
 
-def _bake_level(levels):
-    """Return the index of the lightest level with enough triangles for a bake."""
+def _bake_level(levels, reference, tile) -> int:
+    """Return the index of the lightest level that tiles of some texels show as the mesh."""
     if any(p.stand_ins for p in levels[0].parts):
         return 0  # quads with pictures are no place to take pictures from
-    return max(i for i, lv in enumerate(levels) if i == 0 or lv.triangles >= _BAKE_TRIANGLES)
+    shown = reference.sizes <= max(tile, reference.sizes[0])
+    rows = (reference.meshes[f'mesh{i}'][shown] for i in range(1, len(levels)))
+    alike = [of_meshes(row).mean(1).max() <= _ALIKE for row in rows]
+    return int(np.argmin([*alike, False]))
 
 
 def _bake_parts(levels):
@@ -269,7 +292,7 @@ def atlas_key(content, views, tile, half) -> str:
 
 def content_key(parts) -> str:
     """Return a hash of what images of a mesh show."""
-    values = [VERSION, SHARE, _turns(parts)]
+    values = [VERSION, _turns(parts)]
     stand_ins = [q for p in parts for level in p.stand_ins for q in level]
     for part in [*parts, *stand_ins]:
         values += [part.alpha_cutoff, *_mesh_values(part.mesh), *look_values(part.actor)]

@@ -29,9 +29,9 @@ _FEW_SIZE = 128  # px from which colours are compared in one view of each patch
 _HOPELESS = 4.0  # px: a level that allows no `max_error` up to it is not tried at larger sizes
 SLACK = 0.5  # px, of outlines whose distances are whole pixels apart
 #: The share of the mesh's own FLIP that is always allowed: of cards less, since where things touch
-#: or pierce one another theirs is more. Beyond it a share is allowed, between two bounds.
+#: or pierce one another theirs is more. Beyond it a share is allowed, or the least.
 CARD_SHARE = 0.8
-BEYOND, LEAST, MOST = 0.25, 0.005, 0.02
+BEYOND, LEAST = 0.25, 0.005
 #: The same of lighter meshes, beside what few samples per pixel add to theirs as to the mesh's.
 MESH_BEYOND, MESH_LEAST = 0.5, 0.01
 #: The power of the samples per pixel by which less is allowed of these.
@@ -62,7 +62,7 @@ def _around(z):
     return np.stack([r * np.cos(angle), r * np.sin(angle), z], 1)
 
 
-def measure(model, progress=None) -> dict[str, np.ndarray]:
+def measure(model, progress=None, reference=None) -> dict[str, np.ndarray]:
     """Return the error table of a model's levels, (sizes, patches, 4) each."""
     # For each patch of directions, from four views: the displacement of outlines in pixels, and
     # the means of FLIP of what is covered, and of that of the mesh drawn once per pixel. That of
@@ -70,46 +70,55 @@ def measure(model, progress=None) -> dict[str, np.ndarray]:
     # mesh. Last the power of the samples per pixel by which the mesh's own falls: drivers shade
     # a triangle once a pixel, so that outlines gain from samples, and patterns inside do not.
     atlas = model.atlas
-    table = {'sizes': np.array(SIZES, float)} | _measured(
-        model, None, CARD_SHADERS, meshes=True, progress=progress or _unseen
-    )
+    reference = reference or Reference(model)
+    table = {'sizes': reference.sizes} | reference.meshes
+    table |= reference.cards(model, CARD_SHADERS, progress or _unseen)
     if atlas.turntable is not None:
-        views = level_directions(atlas.turntable.turns, atlas.half)
-        sides = [p for p in ALL_CARD_SHADERS if p.sides]
-        table |= _measured(model, views, sides, meshes=False, progress=_unseen)
+        level = Reference(model, level_directions(atlas.turntable.turns, atlas.half))
+        table |= level.cards(model, [p for p in ALL_CARD_SHADERS if p.sides])
     return table
 
 
-def _measured(model, views, shaders, *, meshes, progress):
-    """Return the rows of card shaders and lighter meshes, in some views or all."""
-    sheet = _Sheet(model, views)
-    try:
-        reference = sheet.draw_mesh(0)
-        full = _pixels(reference)
-        truths = [_Truth(reference, full[size], size) for size in SIZES]
-        _set_falls(truths, sheet)
-        table = {}
-        lighter = range(1, len(model.levels) if meshes else 1)
-        steps = iter(np.linspace(0, 1, len(lighter) + len(shaders) + 1)[1:].tolist())
-        for i in lighter:
-            picture = sheet.draw_mesh(i)
-            radii = model.levels[i].error
-            if radii is None:
-                radii = _fine(picture, reference)
-            drawn = _pixels(picture)
-            rows = _rows(truths, lambda t, p=drawn: _told(p[t.size], t.picture))
-            table[f'mesh{i}'] = rows
-            table[f'mesh{i}'][..., 0] = radii * np.array(SIZES)[:, None] / 2 + SLACK
-            table[f'mesh{i}.radii'] = np.array(radii)
-            progress(next(steps))
-        for shader in shaders:
-            table[shader.name] = _rows(
-                truths, lambda t, n=shader.name: sheet.draw_cards(n, t.size), shader.largest
-            )
-            progress(next(steps))
-    finally:
-        sheet.release()
-    return table
+class Reference:
+    """The mesh in some views, by which its levels are measured; without any, all around."""
+
+    def __init__(self, model, views=None, progress=None):
+        self._views, advance = views, progress or _unseen
+        self.sizes = np.array(SIZES, float)
+        count = len(model.levels) if views is None else 1
+        with _Sheet(model, views) as sheet:
+            drawn = sheet.draw_mesh(0)
+            full = _pixels(drawn)
+            self._truths = [_Truth(drawn, full[size], size) for size in SIZES]
+            _set_falls(self._truths, sheet)
+            #: The rows of lighter meshes.
+            self.meshes: dict[str, np.ndarray] = {}
+            for i in range(1, count):
+                advance(i / count)
+                picture, radii = sheet.draw_mesh(i), model.levels[i].error
+                if radii is None:
+                    radii = _fine(picture, drawn)
+                self.meshes |= self._of_mesh(f'mesh{i}', _pixels(picture), radii)
+        advance(1.0)
+
+    def _of_mesh(self, name, pixels, radii) -> dict:
+        """Return the errors of a lighter mesh, and how far its surface is from the mesh's."""
+        rows = _rows(self._truths, lambda t: t.errors(_told(pixels[t.size], t.picture)))
+        rows[..., 0] = radii * self.sizes[:, None] / 2 + SLACK
+        return {name: rows, f'{name}.radii': np.array(radii)}
+
+    def cards(self, model, shaders, progress=None) -> dict:
+        """Return the rows of card shaders."""
+        table, advance = {}, progress or _unseen
+        with _Sheet(model, self._views) as sheet:
+            for i, shader in enumerate(shaders):
+
+                def errors(truth, name=shader.name):
+                    return truth.card_errors(sheet.draw_cards(name, truth.size))
+
+                table[shader.name] = _rows(self._truths, errors, shader.largest)
+                advance((i + 1) / len(shaders))
+        return table
 
 
 def _unseen(_done):
@@ -126,7 +135,7 @@ def _set_falls(truths, sheet):
         truth.falls = fall
 
 
-def _rows(truths, draw, largest=np.inf):
+def _rows(truths, errors, largest=np.inf):
     """Return the errors of a level at all sizes, (sizes, patches, 4)."""
     rows: list[np.ndarray] = []
     for i, truth in enumerate(truths):
@@ -134,7 +143,7 @@ def _rows(truths, draw, largest=np.inf):
         if beyond or (rows and np.median(of_cards(rows[-1])) > _HOPELESS):
             rows.append(rows[-1] * [2.0, 1.5, 1.0, 1.0])  # it grows with the size
         else:
-            rows.append(truth.errors(draw(truth)))
+            rows.append(errors(truth))
     return np.array(rows)
 
 
@@ -142,7 +151,7 @@ def of_cards(rows, samples=1):
     """Return the least `max_error` in pixels that allows errors of cards: (..., 4) to (...)."""
     moved, flip, own = _sampled(rows, samples)
     always = CARD_SHARE * own
-    color = np.minimum((flip - always) / np.clip(BEYOND * own, LEAST, MOST), flip / always)
+    color = np.minimum((flip - always) / np.maximum(BEYOND * own, LEAST), flip / always)
     return np.maximum(np.maximum(moved - SLACK, 0.0), np.where(flip > always, color, 0.0))
 
 
@@ -171,10 +180,13 @@ class _Truth:
         if size >= _FEW_SIZE:
             self.few = _quarter()
         tiles = _tiles(self.picture, size)[self.few]
-        self.flip = Flip(_on_white(tiles))
         self.covered = np.maximum(tiles[..., 3].sum((1, 2)), 1.0)
+        # Beside its like, as in a field: on white its outlines would count for all the rest.
+        self.ground = (tiles[..., :3].sum((0, 1, 2)) / self.covered.sum()).astype(np.float32)
+        self.flip = Flip(self._grounded(tiles))
         once = _once(reference, size)
         self.base, self.moved = self._flip(once), _moved(once, self.picture, size)
+        self.strayed = self._strayed(once)
         self.falls = 0.0
 
     def fall(self, picture):
@@ -190,10 +202,26 @@ class _Truth:
         flips = _patches(self._flip(picture)), _patches(self.base)
         return np.stack([moved, *flips, np.full(PATCHES, self.falls)], 1)
 
+    def card_errors(self, picture):
+        """Return the same of cards, whose soft outlines may be no worse than the mesh's."""
+        found = self.errors(picture)
+        strayed = _patches(self._strayed(picture)) / _patches(self.strayed)
+        found[:, 1] = np.maximum(found[:, 1], found[:, 2] * strayed)
+        return found
+
+    def _strayed(self, picture):
+        """Return how far coverage is from the reference's, of a pixel that is covered."""
+        away = np.abs(picture[..., 3] - self.picture[..., 3])[..., None]
+        sums = _tiles(away, self.size)[self.few].sum((1, 2, 3))
+        return np.maximum(sums / self.covered, _FLOOR)
+
     def _flip(self, picture):
         """Return the FLIP of a pixel that is covered, in some views, clamped to what is seen."""
-        maps = self.flip.maps(_on_white(_tiles(picture, self.size)[self.few]))
+        maps = self.flip.maps(self._grounded(_tiles(picture, self.size)[self.few]))
         return np.maximum(maps.sum((1, 2)) / self.covered, _FLOOR)
+
+    def _grounded(self, picture):
+        return np.clip(picture[..., :3] + (1 - picture[..., 3:]) * self.ground, 0, 1)
 
 
 def _quarter():
@@ -288,10 +316,6 @@ def _told(picture, truth):
     return np.where(np.abs(picture - truth).max(-1, keepdims=True) > _ROUNDED, picture, truth)
 
 
-def _on_white(picture):
-    return np.clip(picture[..., :3] + 1 - picture[..., 3:], 0, 1)
-
-
 class _Sheet:
     """Views of a model side by side in a small window of its own."""
 
@@ -378,6 +402,12 @@ class _Sheet:
         self.window.Render()
         self.group.cards.binder.unbind()
         return read_pixels(self.window, alpha=True, shown=shown)
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self.release()
 
     def release(self):
         self.group.release()

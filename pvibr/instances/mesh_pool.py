@@ -135,6 +135,8 @@ class MeshPool:
 
     def show_sides(self, outside):
         """Leave out the hidden side of instances that the eye is outside of."""
+        if not self.lent:
+            return  # whether a surface is closed takes a while to find
         kinds = [[m.material(seen) for m in self.level.materials] for seen in (False, True)]
         for i, actors in self.lent.items():
             for actor, prop in zip(actors, kinds[i in outside], strict=True):

@@ -15,8 +15,8 @@ _FLAT, _GOURAUD = 0, 1  # VTK's
 _APART, _SHARE = np.radians(2.0), 0.5  # between normals that are one, and of how they turn
 _CLOSER, _SEEN = 0.95, 0.01  # times as far off, and how far, that others pay for more points
 _SMOOTHER = 0.7  # times as far off, that cell scalars pay for what keeps no steps between cells
-_LOOKED_UP = 60_000  # places, about
-_ROWS = 3, 7  # of the places in a triangle
+_LOOKED_UP = 40_000  # places, about
+_ROWS = 2, 7  # of the places in a triangle
 _NORMALS = 'pvibr_normals'
 
 

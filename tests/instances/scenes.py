@@ -98,7 +98,8 @@ class Scenes:
         with pytest.MonkeyPatch.context() as patch:
             if level is not None:  # whatever its error is
                 quick(patch)
-                patch.setitem(make_model.__kwdefaults__, 'tile', self._tile)
+                for name, value in (('views', 16), ('tile', self._tile)):
+                    patch.setitem(make_model.__kwdefaults__, name, value)
                 folder = folder.parent / 'quick'
             things = pl.ibr.add_instances(mesh, poses, cache=folder, **kwargs)
         keep(things)

@@ -15,6 +15,7 @@ import pvibr
 from pvibr.core import _vtk
 from pvibr.gl import Texture
 from pvibr.instances.cards import CARD_SHADERS
+from pvibr.instances.levels import make_model
 from tests.pictures import read
 
 pytestmark = pytest.mark.sampled
@@ -369,6 +370,8 @@ def interrupted(*_args, **_kwargs):
 
 @pytest.mark.parametrize('level', ['mesh', 'parallax'])
 def test_mirrored_poses_are_not_culled_inside_out(scenes, see, level, monkeypatch):
+    for name, value in (('views', 16), ('tile', 128)):  # also of what is baked after an update
+        monkeypatch.setitem(make_model.__kwdefaults__, name, value)
     bowl = pv.Sphere(theta_resolution=12, phi_resolution=12, end_phi=120)
     poses = np.diag([-1.0, 1, 1, 1])[None]
     options = {'level': level, 'camera': CAMERA, 'size': SIZE}
@@ -517,7 +520,7 @@ BAD = {
     'columns': ({'poses': np.zeros(5, [('a', float)])}, ValueError, "poses = .*column 'x'"),
     'cache': ({'cache': 3.5}, TypeError, 'cache = 3.5: must be True or False'),
     'theme': ({'theme': 'nowhere'}, FileNotFoundError, 'theme = .nowhere'),
-    'dates': ({'scale': np.datetime64('NaT')}, TypeError, 'scale is .*must be numbers'),
+    'dates': ({'scale': np.datetime64('NaT', 's')}, TypeError, 'scale is .*must be numbers'),
     'masked': ({'scale': np.ma.masked_all(2)}, TypeError, 'scale is '),
     'records': ({'scale': np.zeros(2, [('a', float)])}, TypeError, 'scale is .*must be numbers'),
     'unknown': ({'colour': 'red'}, TypeError, 'colour'),

@@ -102,10 +102,10 @@ def falling(rows, power=0.6):
 
 
 def test_a_colour_is_allowed_by_its_excess_or_its_ratio():
-    # Of cards a quarter of the mesh's own beyond four fifths of it, between 0.005 and 0.02.
-    rows = [[2.5, 0.08, 0.1], [0, 0.1, 0.1], [0, 0.053, 0.06], [0, 0.018, 0.01], [0, 0.09, 0.1]]
-    np.testing.assert_allclose(me.of_cards(falling(rows)), [2, 1, 1 / 3, 2, 0.5], atol=1e-9)
-    assert np.isclose(me.of_cards([[0, 0.5, 0.5, 0.6]]), 1.25)  # of large ones a ratio
+    # Of cards a quarter of the mesh's own beyond four fifths of it, or 0.005.
+    rows = [[2.5, 0.08, 0.1], [0, 0.1, 0.1], [0, 0.053, 0.06], [0, 0.018, 0.01], [0, 0.18, 0.2]]
+    np.testing.assert_allclose(me.of_cards(falling(rows)), [2, 0.8, 1 / 3, 2, 0.4], atol=1e-9)
+    assert np.isclose(me.of_cards([[0, 0.5, 0.25, 0.6]]), 2.5)  # of large ones a ratio
     # What a lighter mesh adds is beside what few samples add: half of that, or 0.01.
     rows = [[0.5, 0.0, 0.1], [2.5, 0.02, 0.06], [0, 0.06, 0.1], [0, 0.04, 0.03], [0, 0.005, 0.01]]
     np.testing.assert_allclose(me.of_meshes(falling(rows)), [0, 2, 1.2, 8 / 3, 0.5], atol=1e-9)
@@ -151,7 +151,7 @@ def test_the_samples_of_a_mesh_lessen_its_error_as_told(atlases):
     four = np.mean([np.roll(picture, (-y, -x), (0, 1))[::step, ::step] for y, x in places], 0)
     found = truth._flip((four / 255).astype(np.float32)).mean() / truth.base.mean()
     assert told == pytest.approx(found, rel=0.2)
-    assert told < 0.5
+    assert told < 0.6
 
 
 def test_samples_lessen_no_error_within_triangles(atlases):

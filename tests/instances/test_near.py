@@ -318,7 +318,7 @@ def test_vtk_knows_where_meshes_are(scenes, see, bean, beside, offset):
 
 @pytest.mark.parametrize('number', [0, 1, 2])
 def test_the_mesh_level_that_is_asked_for_is_drawn(scenes, see, number):
-    ball = pv.Sphere(theta_resolution=40, phi_resolution=40)
+    ball = pv.Sphere(theta_resolution=36, phi_resolution=36)
     look = {'color': 'tan', 'lighting': False}  # outlines alone
     how = {'size': SIZE, 'camera': CAMERA, **look}
     pl, balls = scenes.instances(ball, poses(stretch=0.0), level=f'mesh{number or ""}', **how)

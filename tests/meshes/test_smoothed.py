@@ -149,7 +149,7 @@ def test_levels_of_the_cache_are_drawn_by_points_as_well(tmp_path, monkeypatch):
 
     made = modes()
     assert made[0] == 'UseCellData'
-    assert set(made[1:]) == {'UsePointFieldData'}
+    assert made[-1] == 'UsePointFieldData'  # one half as fine may be as near with its cells
     assert modes() == made
 
 
