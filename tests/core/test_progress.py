@@ -16,7 +16,7 @@ from pvibr.instances import levels
 def test_an_interrupted_bake_leaves_nothing(scenes, bean, monkeypatch, tmp_path):
     steps = []
 
-    def press(model, progress):
+    def press(model, progress, reference):
         os.kill(os.getpid(), signal.SIGINT)
         steps.append('still running')  # VTK may be calling Python right now
         progress(0.0)
