@@ -110,7 +110,8 @@ class Part:
         """Return the points of its cells."""
         if self.actor.GetMapper().GetInput() is not self.mesh:
             return self.mesh.points  # lines and vertices have points, too
-        return self.mesh.points[np.unique(self.mesh.regular_faces)]
+        used = np.bincount(self.mesh.regular_faces.ravel(), minlength=self.mesh.n_points)
+        return self.mesh.points[used > 0]
 
     def polydata_mapper(self):
         """Return a new ``vtkPolyDataMapper`` with the look of the actor's own mapper."""

@@ -40,3 +40,18 @@ def test_bounds_are_those_of_all_points(kind, seed, flat):
     np.testing.assert_allclose(found, truth, atol=1e-12)
     if kind == 'moved':
         np.testing.assert_allclose(posed_bounds(points, poses[:, :3, 3]), truth, atol=1e-12)
+
+
+@pytest.mark.parametrize('shape', ['cloud', 'box', 'ball', 'plane', 'line', 'place'])
+@pytest.mark.parametrize('far', [0.0, 1e6])
+def test_what_is_deep_inside_is_left_out_first(shape, far, monkeypatch):
+    rng = np.random.default_rng(3)
+    points = rng.normal(size=(3000, 3)) * {'plane': [1, 1, 0], 'line': [1, 0, 0]}.get(shape, 1)
+    points = {
+        'box': rng.uniform(size=points.shape),
+        'ball': points / np.linalg.norm(points, axis=1)[:, None],
+        'place': np.zeros_like(points),
+    }.get(shape, points) + far
+    every = hull_corners(points)
+    monkeypatch.setattr('pvibr.maths.posed_bounds._MANY', 100)
+    np.testing.assert_array_equal(hull_corners(points), every)
