@@ -103,9 +103,12 @@ class Reference:
 
     def _of_mesh(self, name, pixels, radii) -> dict:
         """Return the errors of a lighter mesh, and how far its surface is from the mesh's."""
-        rows = _rows(self._truths, lambda t: t.errors(_told(pixels[t.size], t.picture)))
-        rows[..., 0] = radii * self.sizes[:, None] / 2 + SLACK
-        return {name: rows, f'{name}.radii': np.array(radii)}
+
+        def errors(truth):
+            told = _told(pixels[truth.size], truth.picture)
+            return truth.errors(told, radii * truth.size / 2 + SLACK)
+
+        return {name: _rows(self._truths, errors), f'{name}.radii': np.array(radii)}
 
     def cards(self, model, shaders, progress=None) -> dict:
         """Return the rows of card shaders."""
@@ -195,16 +198,17 @@ class _Truth:
         found = self._flip(picture)[some].mean()
         return float(np.log(self.base[some].mean() / found) / np.log(_MULTI))
 
-    def errors(self, picture):
+    def errors(self, picture, moved):
         """Return displacement, FLIP, that of the mesh and its power in each patch."""
-        moved = _moved(picture, self.picture, self.size)
-        moved = np.where(moved > self.moved, moved, 0.0)  # thin things: no worse than the mesh
         flips = _patches(self._flip(picture)), _patches(self.base)
-        return np.stack([moved, *flips, np.full(PATCHES, self.falls)], 1)
+        rows = np.broadcast_arrays(moved, *flips, self.falls)
+        return np.stack(rows, 1)
 
     def card_errors(self, picture):
         """Return the same of cards, whose soft outlines may be no worse than the mesh's."""
-        found = self.errors(picture)
+        moved = _moved(picture, self.picture, self.size)
+        moved = np.where(moved > self.moved, moved, 0.0)  # thin things: no worse than the mesh
+        found = self.errors(picture, moved)
         strayed = _patches(self._strayed(picture)) / _patches(self.strayed)
         found[:, 1] = np.maximum(found[:, 1], found[:, 2] * strayed)
         return found
