@@ -52,9 +52,7 @@ def bake_parts(
     progress=None,
 ) -> Atlas:
     """Render the parts of one object from all views into an atlas, of a sphere around it."""
-    if views < 2 or tile < 4 or tile & (tile - 1):
-        msg = f'views={views}, tile={tile}: views must be 2 or more, tile a power of two from 4'
-        raise ValueError(msg)
+    check_grid(views, tile)
     start = time.perf_counter()
     points = np.concatenate([p.mesh.points for p in parts])
     center, radius = bounding_sphere(points) if sphere is None else sphere
@@ -89,6 +87,13 @@ def bake_parts(
         seconds=time.perf_counter() - start,
         turntable=turntable,
     )
+
+
+def check_grid(views, tile):
+    """Raise ValueError unless there can be so many views, of so many texels, along a side."""
+    if views < 2 or tile < 4 or tile & (tile - 1):
+        msg = f'views={views}, tile={tile}: views must be 2 or more, tile a power of two from 4'
+        raise ValueError(msg)
 
 
 class Baker:

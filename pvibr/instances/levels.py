@@ -13,7 +13,7 @@ from pvibr.core import _vtk
 from pvibr.core.errors import warn
 from pvibr.core.progress import baking
 from pvibr.instances.atlas import Atlas, bounding_sphere
-from pvibr.instances.bake import bake_parts
+from pvibr.instances.bake import bake_parts, check_grid
 from pvibr.instances.cache import AtlasCache, key_of
 from pvibr.instances.limits import SIDES, Limits, by_cost, cast, limits_of
 from pvibr.instances.measure import Reference, measure, of_meshes
@@ -123,7 +123,9 @@ def make_model(
     # tiles shrink until they fit.
     if why := no_images(parts, count):
         return unbaked(parts, why)
-    views, tile = (given or own for given, own in zip((views, tile), _grid(parts), strict=True))
+    own = _grid(parts)
+    views, tile = own[0] if views is None else views, own[1] if tile is None else tile
+    check_grid(views, tile)
     store = None if cache is False else AtlasCache(None if cache is True else cache)
     content = None if store is None else content_key(parts)
     size = tile if room is None else _fitting(content, views, tile, half, room)

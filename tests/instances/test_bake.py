@@ -98,10 +98,11 @@ def test_contact_sheet(ball, tmp_path):
     assert (tmp_path / 'sheet.png').stat().st_size > 1000
 
 
-@pytest.mark.parametrize('grid', [{'views': 1}, {'tile': 48}, {'tile': 2}])
+@pytest.mark.parametrize('grid', [{'views': 0}, {'views': 1}, {'tile': 48}, {'tile': 0}])
 def test_a_grid_that_cannot_be(grid):
-    with pytest.raises(ValueError, match='must be'):
-        bake_parts(as_parts(pv.Cube()), **grid)
+    for call in (bake_parts, make_model):
+        with pytest.raises(ValueError, match='must be'):
+            call(as_parts(pv.Cube()), **grid)
 
 
 def test_the_key_is_of_the_content():
