@@ -29,7 +29,7 @@ from pvibr.meshes.parts import as_parts, check_triangles
 from pvibr.meshes.smoothed import interpolated, smoothed
 from pvibr.scene.content_key import textures_of
 
-VERSION = 45  # of what is kept in the cache: a change of bake, measure or decimation raises it
+VERSION = 46  # of what is kept in the cache: a change of bake, measure or decimation raises it
 SHARE = 0.25  # of a level's triangles, in the next lighter
 #: The same of levels of so many triangles, which are most of what frames draw.
 _HALF, _HALVED = 0.5, (2_500, 40_000)
@@ -61,7 +61,7 @@ class LodModel:
     @cached_property
     def corners(self) -> np.ndarray:
         """Points on the convex hull of the mesh, model coordinates."""
-        return hull_corners(np.concatenate([part.drawn_points() for part in self.levels[0].parts]))
+        return hull_corners(_drawn_points(self.levels[0].parts))
 
     def limits(self, max_error, samples=1) -> Limits:
         """Return the sizes at which levels change, for a greatest error in pixels."""
@@ -172,7 +172,7 @@ def _new_model(parts, store, key, progress, **grid) -> LodModel:
         return unbaked(parts, str(error) or 'the bake failed', needs=np.inf)
     if store is not None:
         kept = {} if given(parts) else to_arrays(model.levels)
-        store.put(key, model.atlas.to_arrays() | kept)
+        store.put(key, model.atlas.to_arrays() | kept | {'corners': model.corners})
         _atlases[key] = model.atlas
     return model
 
@@ -185,7 +185,25 @@ def _read(parts, arrays) -> LodModel:
         msg = 'it has no errors of levels'
         raise ValueError(msg)
     model.limits(1.0)
+    model.corners = _checked_corners(parts, np.asarray(arrays['corners'], float))
     return model
+
+
+def _checked_corners(parts, corners) -> np.ndarray:
+    """Return points that are to be those on the convex hull of a mesh."""
+    points = _drawn_points(parts)
+    if corners.ndim != 2 or not np.array_equal(_ends(corners), _ends(points)):
+        msg = 'its corners are not those of the mesh'
+        raise ValueError(msg)
+    return corners
+
+
+def _drawn_points(parts) -> np.ndarray:
+    return np.concatenate([np.asarray(part.drawn_points(), float) for part in parts])
+
+
+def _ends(points):
+    return np.stack([points.min(0), points.max(0)])
 
 
 def no_images(parts, count=None) -> str:

@@ -199,6 +199,9 @@ FORGED = {
     'a grid of text': lambda a: a.update(grid=np.array(['a', 'b', 'c'])),
     'faces beyond the points': lambda a: a.update({'level0.0.faces': a['level0.0.faces'] + 10**6}),
     'points missing': lambda a: a.pop('level0.0.points'),
+    'no corners': lambda a: a.pop('corners'),
+    'corners of another mesh': lambda a: a.update(corners=2 * a['corners']),
+    'corners of NaN': lambda a: a.update(corners=np.nan * a['corners']),
 }
 
 
