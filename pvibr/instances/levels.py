@@ -38,6 +38,7 @@ _LIGHTEST = 150  # triangles of the lightest level, at least
 #: Views along a side of the grid, and texels along that of one: many are right up to larger sizes
 #: than sharp ones are; cut-outs are of details that neighbouring views mix up.
 _GRID, _CUT_GRID = (32, 64), (16, 128)
+_ROUNDING = 1e-9  # of a mesh's size, by which the bounds of its hull may differ from its own
 # Those in use, by their content: sets of the same mesh share one, and its textures.
 _atlases: weakref.WeakValueDictionary[str, Atlas] = weakref.WeakValueDictionary()
 
@@ -192,7 +193,9 @@ def _read(parts, arrays) -> LodModel:
 def _checked_corners(parts, corners) -> np.ndarray:
     """Return points that are to be those on the convex hull of a mesh."""
     points = _drawn_points(parts)
-    if corners.ndim != 2 or not np.array_equal(_ends(corners), _ends(points)):
+    # A hull leaves out points that lie beyond its faces by rounding errors.
+    room = _ROUNDING * np.ptp(points, axis=0).max()
+    if corners.ndim != 2 or not np.allclose(_ends(corners), _ends(points), rtol=0, atol=room):
         msg = 'its corners are not those of the mesh'
         raise ValueError(msg)
     return corners

@@ -191,6 +191,19 @@ def test_lighter_levels_are_read_again(tmp_path):
         assert a.point_data.active_normals_name == b.point_data.active_normals_name
 
 
+def test_corners_that_differ_by_rounding_are_read_again(tmp_path, monkeypatch):
+    parts = as_parts(pv.Cube().triangulate())
+    make_model(parts, views=3, tile=16, cache=tmp_path)
+    store, key = AtlasCache(tmp_path), atlas_key(content_key(parts), 3, 16, False)
+    arrays = dict(store.get(key))
+    # Of faces that lie askew by rounding errors a hull keeps no points inside.
+    arrays['corners'] = (1 - 1e-13) * arrays['corners']
+    assert store.put(key, arrays)
+    monkeypatch.setattr(levels, 'bake_parts', None)  # warnings are errors
+    again = make_model(parts, views=3, tile=16, cache=tmp_path)
+    np.testing.assert_array_equal(again.corners, arrays['corners'])
+
+
 FORGED = {
     'no levels': lambda a: a.pop('levels'),
     'no errors': lambda a: [a.pop(k) for k in list(a) if k.startswith('errors.')],

@@ -149,7 +149,8 @@ def test_levels_of_the_cache_are_drawn_by_points_as_well(tmp_path, monkeypatch):
 
     made = modes()
     assert made[0] == 'UseCellData'
-    assert made[-1] == 'UsePointFieldData'  # one half as fine may be as near with its cells
+    # One half as fine may be as near with its own cells.
+    assert set(made[2:]) == {'UsePointFieldData'}
     assert modes() == made
 
 
