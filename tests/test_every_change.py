@@ -345,7 +345,6 @@ def counted_uploads(monkeypatch) -> list:
 @pytest.mark.sampled
 @pytest.mark.parametrize('name', CASES)
 def test_many_frames_without_change_take_nothing(name, monkeypatch):
-    monkeypatch.setattr('pvibr.instances.measure.SIZES', (8, 32))
     s = scene()
     standin = CASES[name][0](s)
     uploads = counted_uploads(monkeypatch)

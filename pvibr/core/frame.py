@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from pvibr.core import _vtk
-from pvibr.core.passes import margins, samples_of
+from pvibr.core.passes import margins
 from pvibr.maths.sequences import pair
 from pvibr.maths.views import View
 
@@ -55,8 +55,6 @@ class Frame:
     astray: set = field(default_factory=set)
     tile: tuple[float, float, float, float] = (0.0, 0.0, 1.0, 1.0)
     scale: int = 1
-    #: Per pixel, of the window or of supersampling.
-    samples: int = 1
     quality: float = 1.0
     #: Which sample of a still picture it is; None if it is a picture of its own.
     sample: Sample | None = None
@@ -90,7 +88,6 @@ class Frame:
             picking=renderer.GetSelector() is not None,
             tile=tile,
             scale=scale[1],
-            samples=samples_of(renderer),
             quality=quality,
         )
 
@@ -100,7 +97,6 @@ class Frame:
             'casting': casting,
             'depth_map': casting,
             'own': False,
-            'samples': 1,
             'quality': 1.0,
         }
         return replace(self, view=view, size=size, origin=(0, 0), **how)

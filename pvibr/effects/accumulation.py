@@ -11,6 +11,7 @@ from pvibr.core import _vtk
 from pvibr.core.effect import Effect
 from pvibr.core.frame import Frame, Sample
 from pvibr.core.params import Param
+from pvibr.core.passes import samples_of
 from pvibr.gl import Quad, Target, nbytes_of, release
 from pvibr.gl.quad import quads_of
 from pvibr.gl.scene_pass import like_window
@@ -136,16 +137,15 @@ class Accumulation(Effect):
         if self._camera is None:
             self._camera = _vtk.vtkOpenGLCamera()
         self._camera.DeepCopy(user)
-        own = frame.renderer.GetPreserveColorBuffer()
-        drawn = frame.samples if own else frame.samples // max(frame.window.GetMultiSamples(), 1)
+        drawn = samples_of(frame.renderer)
+        if not frame.renderer.GetPreserveColorBuffer():
+            drawn //= max(frame.window.GetMultiSamples(), 1)
         # Supersampling has smaller pixels.
         place = np.subtract(sample.pair('pixel'), 0.5) * 2 / np.array(frame.size) / np.sqrt(drawn)
         _aim(self._camera, frame, place, self._eye(frame, sample))
         frame.renderer.SetActiveCamera(self._camera)
-        found = Frame.of(frame.renderer, index=frame.index, time=frame.time)
-        if self._asked is not None:  # levels of detail as fine as that; windows stay responsive
-            drawn *= self._asked[1]
-        return replace(found, samples=drawn, sample=replace(sample, camera=user))
+        sampled = Frame.of(frame.renderer, index=frame.index, time=frame.time)
+        return replace(sampled, sample=replace(sample, camera=user))
 
     def _eye(self, frame, sample) -> tuple[float, float, float]:
         """Return the place of the eye within a lens, and the distance in focus."""

@@ -131,7 +131,6 @@ class Instances(BakedSet):
     _singly = False
     #: What cuts it off, a vtkPlaneCollection.
     _planes = None
-    _samples = 1  # per pixel, of the last frame
 
     max_error = Param(
         1.0, 'Maximum distance of the outline from that of the mesh.', range='(0, inf)', unit='px'
@@ -256,29 +255,26 @@ class Instances(BakedSet):
     @property
     def limits(self) -> list[Limits]:
         """On-screen sizes at which levels change, for each of `groups`."""
-        return [self._limits(group.model, self._samples) for group in self.groups]
+        return [self._limits(group.model) for group in self.groups]
 
     def _limits_in(self, frame) -> list[Limits]:
         if frame.depth_map and not self._forced and not self._needs_meshes:
             low, high = sorted(frame.pixel_scales)
             return [k.model.cast_limits(self.max_error, high / low) for k in self.groups]
-        if frame.own:
-            self._samples = frame.samples
-        found = [self._limits(k.model, frame.samples) for k in self.groups]
-        return [limits.coarser(frame.quality) for limits in found]
+        return [self._limits(k.model).coarser(frame.quality) for k in self.groups]
 
     @property
     def _needs_meshes(self) -> bool:
         """Whether all are drawn as meshes, whatever images there are."""
         return bool(self._failure) or self.is_translucent or self._planes is not None
 
-    def _limits(self, model, samples) -> Limits:
+    def _limits(self, model) -> Limits:
         count = len(model.levels)
         if self._needs_meshes or not model.atlas.errors:
             return limits_of({}, count, 1)
         if self._forced:
             return forced_limits(self._forced, count)
-        return model.limits(self.max_error, samples)
+        return model.limits(self.max_error)
 
     def scalar_mapper(self):
         """Return a mapper with the table of the shown scalars, None without scalars."""
@@ -377,7 +373,7 @@ class Instances(BakedSet):
         self._upload(frame.window)
         camera = (frame.view_from_world.tobytes(), frame.clip_from_view.tobytes())
         depth = self._depth_is_read(frame)
-        how = frame.casting, frame.depth_map, frame.quality, frame.samples, depth
+        how = frame.casting, frame.depth_map, frame.quality, depth
         content_key = (*camera, frame.size, self.revision, *how)
         self._check_cards()
         if content_key == self._content_key:
@@ -456,7 +452,7 @@ class Instances(BakedSet):
             **counts,
         }
         for k, model in self._models.items():
-            out[f'atlas {k}'] = model.describe(self._limits(model, self._samples))
+            out[f'atlas {k}'] = model.describe(self._limits(model))
         return out
 
     def _memory(self) -> str:

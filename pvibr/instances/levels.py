@@ -16,7 +16,7 @@ from pvibr.instances.atlas import Atlas, bounding_sphere
 from pvibr.instances.bake import bake_parts, check_grid
 from pvibr.instances.cache import AtlasCache, key_of
 from pvibr.instances.limits import SIDES, Limits, by_cost, cast, limits_of
-from pvibr.instances.measure import Reference, measure, of_meshes
+from pvibr.instances.measure import Reference, measure, mesh_needs, worst
 from pvibr.instances.memory import bytes_of, tiles
 from pvibr.instances.mesh_pool import MeshLevel
 from pvibr.instances.stored_levels import from_arrays, to_arrays
@@ -29,15 +29,16 @@ from pvibr.meshes.parts import as_parts, check_triangles
 from pvibr.meshes.smoothed import interpolated, smoothed
 from pvibr.scene.content_key import textures_of
 
-VERSION = 46  # of what is kept in the cache: a change of bake, measure or decimation raises it
+VERSION = 47  # of what is kept in the cache: a change of bake, measure or decimation raises it
 SHARE = 0.25  # of a level's triangles, in the next lighter
 #: The same of levels of so many triangles, which are most of what frames draw.
 _HALF, _HALVED = 0.5, (2_500, 40_000)
 _ALIKE = 0.5  # of what is allowed of lighter meshes: views are taken of what has no more
 _LIGHTEST = 150  # triangles of the lightest level, at least
-#: Views along a side of the grid, and texels along that of one: many are right up to larger sizes
-#: than sharp ones are; cut-outs are of details that neighbouring views mix up.
-_GRID, _CUT_GRID = (32, 64), (16, 128)
+_WORTH_A_LEVEL = 0.8  # of a mesh's triangles: what has more saves hardly anything
+#: Views along a side of the grid, and texels along that of one: what is magnified is blurred, and
+#: fewer views serve to smaller sizes; cut-outs are of details that neighbouring views mix up.
+_GRID, _CUT_GRID = (24, 128), (16, 128)
 _ROUNDING = 1e-9  # of a mesh's size, by which the bounds of its hull may differ from its own
 # Those in use, by their content: sets of the same mesh share one, and its textures.
 _atlases: weakref.WeakValueDictionary[str, Atlas] = weakref.WeakValueDictionary()
@@ -64,13 +65,12 @@ class LodModel:
         """Points on the convex hull of the mesh, model coordinates."""
         return hull_corners(_drawn_points(self.levels[0].parts))
 
-    def limits(self, max_error, samples=1) -> Limits:
+    def limits(self, max_error) -> Limits:
         """Return the sizes at which levels change, for a greatest error in pixels."""
-        key = max_error, samples
-        if key not in self._limits:
-            found = limits_of(self.atlas.errors, len(self.levels), *key)
-            self._limits[key] = by_cost(found, [level.triangles for level in self.levels])
-        return self._limits[key]
+        if max_error not in self._limits:
+            accurate = limits_of(self.atlas.errors, len(self.levels), max_error)
+            self._limits[max_error] = by_cost(accurate, [level.triangles for level in self.levels])
+        return self._limits[max_error]
 
     def cast_limits(self, max_error, aspect) -> Limits:
         """Return the same for depth maps, by the long side of their texels."""
@@ -261,16 +261,28 @@ def _levels(parts):
 
 def _lighter_levels(parts) -> list:
     radius = bounding_sphere(_points(parts))[1]
-    levels = [MeshLevel(list(parts))]
+    levels = [MeshLevel(list(parts)), *_with_whole_leaves(parts)]
     while (share := _share(levels[-1].triangles)) * levels[-1].triangles > _LIGHTEST:
         level = MeshLevel([lighter(p, share) or p for p in levels[-1].parts])
         if level.triangles > share**0.5 * levels[-1].triangles:
             break
+        levels.append(level)
+    for level in levels[1:]:
         moved = [displacement(*pair) for pair in zip(parts, level.parts, strict=True)]
         known = [m for m in moved if m is not None]
         level.error = max(known) / radius if len(known) == len(moved) else None
-        levels.append(level)
     return [_fitted(parts, level) for level in levels[1:]]
+
+
+def _with_whole_leaves(parts) -> list:
+    """Return the level of parts of which bark is simplified and leaves are not, if they differ."""
+    cut_out = [part.alpha_cutoff is not None for part in parts]
+    if all(cut_out) or not any(cut_out):
+        return []
+    pairs = zip(parts, cut_out, strict=True)
+    level = MeshLevel([part if whole else lighter(part, SHARE) or part for part, whole in pairs])
+    total = sum(part.mesh.n_cells for part in parts)
+    return [level] if level.triangles < _WORTH_A_LEVEL * total else []
 
 
 def _share(triangles) -> float:
@@ -294,7 +306,7 @@ def _bake_level(levels, reference, tile) -> int:
         return 0  # quads with pictures are no place to take pictures from
     shown = reference.sizes <= max(tile, reference.sizes[0])
     rows = (reference.meshes[f'mesh{i}'][shown] for i in range(1, len(levels)))
-    alike = [of_meshes(row).mean(1).max() <= _ALIKE for row in rows]
+    alike = [worst(mesh_needs(row)).mean(1).max() <= _ALIKE for row in rows]
     return int(np.argmin([*alike, False]))
 
 

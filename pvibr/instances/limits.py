@@ -9,7 +9,7 @@ import numpy as np
 
 from pvibr.instances.card_layers import PATCHES
 from pvibr.instances.cards import ALL_CARD_SHADERS, CARD_SHADERS, SPLAT
-from pvibr.instances.measure import of_cards, of_meshes
+from pvibr.instances.measure import card_needs, mesh_needs, worst
 from pvibr.instances.worth import hardly_costs_from, saved_by_meshes
 
 SIDES = {p.name for p in ALL_CARD_SHADERS if p.sides}
@@ -60,22 +60,22 @@ def _grown(spans, quality) -> dict:
     return grown
 
 
-def limits_of(errors, mesh_levels, max_error, samples=1) -> Limits:
-    """Return the sizes up to which each level keeps an error, with some samples per pixel."""
+def limits_of(errors, mesh_levels, max_error) -> Limits:
+    """Return the sizes up to which each level keeps an error."""
     if not errors:
         never = {p.name: np.zeros((2, PATCHES)) for p in CARD_SHADERS}
         return Limits(never, np.zeros(PATCHES), _everywhere([np.inf, *[0.0] * (mesh_levels - 1)]))
     turned = set(errors) >= SIDES
-    cards = _spans(errors, CARD_SHADERS, max_error, samples)
+    cards = _spans(errors, CARD_SHADERS, max_error)
     reached = list(cards.values())[-1][1]
     level: dict = {}
     if turned:
         # What is seen from the side was measured in patches of its own.
-        level = _spans(errors, ALL_CARD_SHADERS, max_error, samples)
+        level = _spans(errors, ALL_CARD_SHADERS, max_error)
         level = {name: np.minimum(span, reached) for name, span in level.items()}
     meshes = _everywhere([np.inf] * mesh_levels)
     for i in range(1, mesh_levels):
-        meshes[i] = _mesh_good_up_to(errors, f'mesh{i}', max_error, samples)
+        meshes[i] = _mesh_good_up_to(errors, f'mesh{i}', max_error)
     return Limits(cards, reached, np.minimum.accumulate(meshes), level)
 
 
@@ -169,11 +169,11 @@ def forced_limits(ranges, mesh_levels) -> Limits:
     return Limits(cards, np.full(PATCHES, least), _everywhere(meshes), level)
 
 
-def _spans(errors, shaders, max_error, samples) -> dict:
+def _spans(errors, shaders, max_error) -> dict:
     """Return the sizes at which each shader is used, in the order of cost."""
     reached, spans = np.zeros(PATCHES), {}
     for shader in shaders:
-        good = good_up_to(errors['sizes'], of_cards(errors[shader.name], samples), max_error)
+        good = good_up_to(errors['sizes'], worst(card_needs(errors[shader.name])), max_error)
         good = good.min() if shader.sides else good
         good = np.maximum(np.clip(good, shader.least, shader.largest), reached)
         spans[shader.name] = np.stack([reached, good])
@@ -193,9 +193,9 @@ def good_up_to(sizes, allowed, max_error):
     return np.where(over.any(0), low + part * (sizes[k] - low), sizes[-1])
 
 
-def _mesh_good_up_to(errors, name, max_error, samples):
+def _mesh_good_up_to(errors, name, max_error):
     """Return the same for a lighter mesh; beyond what was measured as well."""
-    sizes, allowed = errors['sizes'], of_meshes(errors[name], samples)
+    sizes, allowed = errors['sizes'], worst(mesh_needs(errors[name]))
     good = good_up_to(sizes, allowed, max_error)
     # Facets that grow visible: an error of colour doubles with the size, or nearly.
     octaves = np.log2(max_error / np.maximum(allowed[-1], 1e-9))

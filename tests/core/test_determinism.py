@@ -14,9 +14,9 @@ from pvibr.core.determinism import elapsed, is_deterministic
 RUN = """
 import hashlib, sys, time
 import numpy as np, pyvista as pv, pvibr
-import pvibr.instances.measure
+from pvibr.instances import measure
 
-pvibr.instances.measure.SIZES = (8, 32)
+measure.LAYOUTS = (measure.Layout(8, (8, 16, 32)),)
 pvibr.deterministic()
 real = time.perf_counter
 pv.OFF_SCREEN = True

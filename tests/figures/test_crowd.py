@@ -27,8 +27,7 @@ def _small(monkeypatch):
     monkeypatch.setattr(pose_atlas, 'VIEWS', 6)
     monkeypatch.setattr(pose_atlas, 'TILES', (32,))
     # Few views of a thin worm err more than many.
-    monkeypatch.setattr(measure, '_SIDE', 8)
-    monkeypatch.setattr(measure, '_VIEWS', 64)
+    monkeypatch.setattr(measure, 'LAYOUTS', (measure.Layout(8, (8, 16, 32)),))
 
 
 @pytest.fixture(scope='module')

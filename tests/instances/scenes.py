@@ -14,6 +14,7 @@ import pyvista as pv
 from pvibr.instances.atlas import Atlas
 from pvibr.instances.card_layers import PATCH_SIDE
 from pvibr.instances.levels import make_model
+from pvibr.instances.measure import Layout
 from tests.pictures import centroid, depths, grab, place, plotter, reduce, rgba
 
 _QUICK = WeakValueDictionary()  # atlases in use whose errors are measured at few sizes
@@ -22,13 +23,11 @@ _textures = Atlas.textures
 
 
 def quick(patch):
-    """Measure the errors of atlases at two sizes, in one view of each patch of directions.
+    """Measure the errors of atlases at three sizes, in one view of each patch of directions.
 
     And bake few and small views of poses: what is baked takes a quarter of its time.
     """
-    patch.setattr('pvibr.instances.measure.SIZES', (8, 32))
-    patch.setattr('pvibr.instances.measure._SIDE', PATCH_SIDE)
-    patch.setattr('pvibr.instances.measure._VIEWS', PATCH_SIDE**2)
+    patch.setattr('pvibr.instances.measure.LAYOUTS', (Layout(PATCH_SIDE, (8, 16, 32)),))
     patch.setattr('pvibr.instances.levels._atlases', _QUICK)
     patch.setattr('pvibr.figures.pose_atlas.VIEWS', 6)
     patch.setattr('pvibr.figures.pose_atlas.TILES', (32,))

@@ -118,7 +118,7 @@ def test_a_forced_image_is_baked(scenes, see, bean):
     things.force_level = 'mesh'
     assert 'single instance' in things.report()['atlas 0']
     things.force_level = 'flat'
-    assert 'views of 64' in things.report()['atlas 0']
+    assert 'views of 128' in things.report()['atlas 0']
     see.grab(pl)
     pl.close()
 
@@ -169,7 +169,7 @@ def test_what_was_refused_is_asked_for_again_where_there_is_room(scenes, bean, l
     assert things.groups is groups
     limited(64)
     things.poses = [[0, 0, 0], [2, 0, 0]]
-    assert 'views of 64' in things.report()['atlas 0']
+    assert 'views of 128' in things.report()['atlas 0']
     pl.close()
 
 
@@ -198,7 +198,7 @@ def test_sets_of_a_mesh_share_images_that_had_to_shrink(scenes, bean, limited):
     )
     assert one.atlases[0].tile == 32
     assert two.atlases[0] is one.atlases[0]
-    assert 'texels, not 64' in two.report()['atlas 0']
+    assert 'texels, not 128' in two.report()['atlas 0']
     pl.close()
 
 

@@ -137,8 +137,7 @@ def test_what_is_of_a_cell_stays(values):
     assert interpolated(full, light) is light
 
 
-def test_levels_of_the_cache_are_drawn_by_points_as_well(tmp_path, monkeypatch):
-    monkeypatch.setattr('pvibr.instances.measure.SIZES', (8, 64))
+def test_levels_of_the_cache_are_drawn_by_points_as_well(tmp_path):
     mesh = ball(60)
     mesh.cell_data['wave'] = wave(mesh.cell_centers().points)
 
@@ -154,8 +153,7 @@ def test_levels_of_the_cache_are_drawn_by_points_as_well(tmp_path, monkeypatch):
     assert modes() == made
 
 
-def test_levels_of_facets_too_small_to_see_are_smooth(tmp_path, monkeypatch):
-    monkeypatch.setattr('pvibr.instances.measure.SIZES', (8, 64))
+def test_levels_of_facets_too_small_to_see_are_smooth(tmp_path):
     kwargs = {'views': 2, 'tile': 16, 'cache': tmp_path}
     fine = ball(60)
     fine.points *= 1 + 0.1 * np.sin(fine.points @ np.random.default_rng(3).normal(size=(3, 1)) * 3)

@@ -15,7 +15,7 @@ import pvibr
 from pvibr.instances.atlas import Atlas
 from pvibr.instances.bake import bake_parts
 from pvibr.instances.limits import limits_of
-from pvibr.instances.measure import SIZES, level_directions
+from pvibr.instances.measure import LAYOUTS, level_directions
 from pvibr.maths.vectors import as_units
 from pvibr.meshes.parts import as_parts
 from pvibr.meshes.turntable import LEVEL, Turns
@@ -44,7 +44,7 @@ def test_pictures_are_taken_all_around_the_axis(axis, views):
 @given(axes, st.booleans())
 def test_it_is_measured_from_where_it_is_shown(axis, half):
     turns = Turns(tuple(as_units('axis', axis).tolist()), 8)
-    rises = level_directions(turns, half) @ turns.axis
+    rises = level_directions(8, turns, half) @ turns.axis
     assert np.abs(rises).max() < LEVEL
     assert (rises.min() > 0) == half
     assert np.ptp(rises) > LEVEL / 2
@@ -168,7 +168,7 @@ def test_each_level_joins_by_its_measured_error(foliage, atlases, see):
     things = pl.ibr.add_instances(foliage, [[0, 0, 0], [9, 0, 0]], cache=atlases, max_error=2.0)
     errors = things.atlases[0].errors
     assert {'billboard', 'turntable', 'mesh1', 'mesh2'} <= set(errors)
-    assert errors['turntable'].shape == (len(SIZES), 16, 4)
+    assert errors['turntable'].shape == (sum(len(layout.sizes) for layout in LAYOUTS), 16, 4)
     assert (errors['turntable'][2:, :, 1].mean(1) <= errors['billboard'][2:, :, 1].mean(1)).all()
     see.place(pl, (0, -60, 1.6), (0, 0, 1.6))
     see.grab(pl)
@@ -186,8 +186,8 @@ def test_each_level_joins_by_its_measured_error(foliage, atlases, see):
 
 
 def test_sizes_follow_from_errors():
-    good = np.array([[0.4, 0.1, 0.2, 0.6], [1.4, 0.1, 0.2, 0.6]])
-    bad = np.array([[0.4, 0.1, 0.2, 0.6], [2.5, 0.1, 0.2, 0.6]])
+    good = np.array([[0.4, 0.0, 0.2, 0.0], [1.4, 0.0, 0.2, 0.0]])
+    bad = np.array([[0.4, 0.0, 0.2, 0.0], [2.5, 0.0, 0.2, 0.0]])
     table = {
         'sizes': np.array([8.0, 16.0]),
         'splat': good,
