@@ -162,7 +162,9 @@ def test_bake_says_what_it_made(tmp_path, capsys):
 
 def test_bench_passes_the_seed_of_a_survey_on(called, capsys):
     assert cli.main(['bench', 'instances', '--survey', '7']) == 0
-    assert called == [(('instances',), {'out': Path('out'), 'quick': False, 'survey': 7})]
+    assert called == [
+        (('instances',), {'out': Path('out'), 'quick': False, 'survey': 7, 'heavy': False})
+    ]
     assert 'seed' in fails(capsys, 'bench', 'instances', '--survey', '-1')
     assert '--survey' in fails(capsys, 'bench', 'shadows', '--survey', '1')
 

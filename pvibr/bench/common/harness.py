@@ -111,7 +111,7 @@ class Bench:
             found = whole_frames.measured(make, settings, *extent)
             results.whole_frames[name] = found
             for samples, times in found.items():
-                title = f'whole frame, {name}, {samples} samples per pixel'
+                title = f'whole frame, {name}, {samples} samples'
                 for what, value, unit in whole_frames.told(times):
                     yield Row(f'{title}: {what}', value, unit)
 

@@ -8,7 +8,7 @@ from pvibr.bench.common import plots
 from pvibr.bench.common.harness import Bench
 from pvibr.bench.common.whole_frames import turning
 from pvibr.bench.instances import costs, crowd, order, single, walk
-from pvibr.capture.offscreen import mesh_actors
+from pvibr.capture.offscreen import MULTI_SAMPLES, mesh_actors
 from pvibr.scenes.landscape import landscape
 from pvibr.scenes.scenery import scenery
 
@@ -36,10 +36,11 @@ def _walk(axes, points):
 
 
 def _single(axes, meshes):
+    flip = single.flip_key(MULTI_SAMPLES[0])
     for name, by_size in meshes.items():
         sizes = list(by_size)
         key = '1.0' if '1.0' in by_size[sizes[0]] else list(by_size[sizes[0]])[-1]
-        axes.plot(sizes, [by_size[size][key][0] for size in sizes], 'o-', label=name)
+        axes.plot(sizes, [by_size[size][key][flip] for size in sizes], 'o-', label=name)
     plots.bar(axes, 1.0, label=None)
     axes.set_xscale('log', base=2)
     axes.set(xlabel='diameter on the screen, px', ylim=(0, None), title='single meshes')
@@ -69,7 +70,7 @@ BENCH = Bench(
     plot=plot,
     outside={'trees as instances': _forest},
     settings={
-        'size': ((1280, 720), (320, 180)),
+        'size': ((1024, 768), (320, 180)),
         'trees': (10_000, 300),
         'cameras': (4, 1),
         'part': (400, 30),
