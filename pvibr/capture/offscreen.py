@@ -24,8 +24,8 @@ class Stage:
     """An off-screen window that draws as ``pv.Plotter`` does by default, unless told otherwise.
 
     A reference has `samples` squared per pixel: it is drawn so many times as wide and high without
-    multisamples, and averaged. Depths, coverage, and what is compared with rays through the middles
-    of pixels, need one sample per pixel: ``multi_samples=0``.
+    multisamples, and averaged. Depths, coverage, and what is compared with rays through the
+    middles of pixels, need one sample per pixel: ``multi_samples=0``.
     """
 
     def __init__(

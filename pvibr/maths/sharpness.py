@@ -10,6 +10,7 @@ _WINDOW = 25  # px along a side, in which gradients are averaged
 #: The share of windows, those with the least gradient in the reference, that has no say.
 FLAT_SHARE = 0.3
 _PERCENTILE = 5
+_ROUNDING = 1e-9  # of running sums; what 8 bits show is hundreds of times as steep
 
 
 def sharpness(image, reference):
@@ -20,10 +21,11 @@ def sharpness(image, reference):
     aliasing raise it, so it counts only beside FLIP of the same pictures.
     """
     actual, expected = (uniform_filter(_gradient(a), _WINDOW) for a in (image, reference))
-    if not expected.any():
+    steep = expected > _ROUNDING
+    if not steep.any():
         msg = 'reference must have gradients, got one colour.'
         raise ValueError(msg)
-    detailed = expected > np.quantile(expected[expected > 0], FLAT_SHARE)
+    detailed = expected > np.quantile(expected[steep], FLAT_SHARE)
     return float(np.percentile(actual[detailed] / expected[detailed], _PERCENTILE))
 
 

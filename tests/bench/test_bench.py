@@ -23,9 +23,10 @@ def test_rows_pass_their_bar_or_not():
 
 
 def test_results_are_json_and_a_plot(tmp_path):
-    curve = [(1.0, {'ms': 10.0, 'flip': 0.02})]
-    points = {'pvibr': curve, 'single': {'knot': {16: {'1.0': {'flip, 8': 0.9, 'moved': 1.0}}}}}
-    points |= {'glyphs': {'ms': 9e3, 'flip': 0.03}, 'glyphs, culling + LOD': {'ms': 900.0}}
+    walk = {'pvibr': [(1.0, {'CPU': 10.0, 'wall': 6.0, 'flip': 0.02})]}
+    walk['peers'] = {name: {'CPU': 9e3, 'wall': 5e3} for name in ('glyphs', 'with levels')}
+    points = {'walk': {'8': walk, 'meshes': 0.03}}
+    points['single'] = {'knot': {16: {'1.0': {'flip, 8': 0.9, 'moved': 1.0}}}}
     results = Results('a driver', {'quick': True}, [Row('bake', np.float32(2), 's', 3)], points)
     found = json.loads(results.to_json())
     assert found['driver'] == 'a driver'

@@ -25,6 +25,12 @@ def spent(window, job=None) -> tuple[float, float]:
     return time.process_time() - cpu, time.perf_counter() - wall
 
 
+def frame_at(stage, camera) -> tuple[float, float]:
+    """Return the seconds of a frame from a camera, of both clocks."""
+    stage.look(camera)
+    return spent(stage.window)
+
+
 def seconds(window, job=None) -> float:
     """Return the seconds of a job on the GPU on the wall; by default of a frame."""
     return spent(window, job)[1]
