@@ -88,7 +88,7 @@ def demo(
     frames: _Count | None = None,
     window: bool = False,
     movie: _File = None,
-    size: str = '1280x720',
+    size: str = '1024x768',
 ) -> None:
     """Compare VTK and pvibr on a landscape of trees."""
     pixels = _size(size)

@@ -105,7 +105,7 @@ def test_demo_passes_its_options_on(called):
     (_, default), (_, given) = called
     assert default['out'] == Path('out')
     assert (default['count'], default['max_error'], default['frames']) == (10_000, 1.0, None)
-    assert default['size'] == (1280, 720)
+    assert default['size'] == (1024, 768)
     assert given == {
         'out': Path('there'),
         'count': 5,

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 import pyvista as pv
 from scipy.spatial.transform import Rotation
 
 from pvibr.bench.common.timing import frame_at
 from pvibr.core import _vtk
+from pvibr.scenes.scenery import stage
 
 #: Instances that the peers are measured with; their time is extrapolated to all of them.
 PART = 300
@@ -77,42 +80,48 @@ class GlyphFrames:
         groups = [[actor] for actor in actors] if lod else [actors]
         self._groups = [[], *groups]
         self._stages = [new_stage() for _ in self._groups]
-        for stage, group in zip(self._stages, self._groups, strict=True):
-            stage.add(group)
+        for empty, group in zip(self._stages, self._groups, strict=True):
+            empty.add(group)
 
     def __enter__(self):
         return self
 
     def __exit__(self, *error):
-        for stage, group in zip(self._stages, self._groups, strict=True):
+        for drawn, group in zip(self._stages, self._groups, strict=True):
             for actor in group:
-                actor.ReleaseGraphicsResources(stage.window)
-            stage.close()
+                actor.ReleaseGraphicsResources(drawn.window)
+            drawn.close()
 
     def sample(self, multi_samples):
         """Set the multisamples of the next frames."""
-        for stage in self._stages:
-            stage.window.SetMultiSamples(multi_samples)
+        for each in self._stages:
+            each.window.SetMultiSamples(multi_samples)
 
     def seconds(self, camera) -> np.ndarray:
         """Return the seconds of a frame of all instances, of both clocks."""
-        empty, *parts = (np.array(frame_at(stage, camera)) for stage in self._stages)
+        empty, *parts = (np.array(frame_at(each, camera)) for each in self._stages)
         return empty + self._scale * sum(np.maximum(part - empty, 0.0) for part in parts)
 
 
-def beside_peers(stage, peers, cameras, every, limit=np.inf) -> dict[str, list]:
+def tree_glyphs(scene, size, **options) -> GlyphFrames:
+    """Return frames of the trees of a landscape as VTK's own instances."""
+    new_stage = partial(stage, scene, size)
+    return GlyphFrames(new_stage, scene.parts(), scene.matrices, scene.index, **options)
+
+
+def beside_peers(own, peers, cameras, every, limit=np.inf) -> dict[str, list]:
     """Return the seconds of frames by turns, of both clocks: ``'pvibr'``, and each peer by name.
 
     A peer draws at one camera of so many. After `limit` seconds of pvibr's no more are drawn, but
     for the first of the peers. The first camera is also looked from before.
     """
     times: dict[str, list] = {'pvibr': [], **{name: [] for name in peers}}
-    frame_at(stage, cameras[0])
+    frame_at(own, cameras[0])
     for peer in peers.values():
         peer.seconds(cameras[0])
     for k, camera in enumerate(cameras):
         if sum(wall for _, wall in times['pvibr']) < limit:
-            times['pvibr'].append(frame_at(stage, camera))
+            times['pvibr'].append(frame_at(own, camera))
         elif all(times.values()):
             break
         if k % every == every // 2:

@@ -105,7 +105,7 @@ def _times(scene, stages, frames) -> dict:
     return {name: medians_ms(frames) for name, frames in times.items()}
 
 
-# -- README's example -------------------------------------------------------------------------------
+# -- README's example ----------------------------------------------------------------------------
 
 
 def readme(count, size, on) -> pv.Plotter:

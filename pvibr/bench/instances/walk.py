@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from contextlib import ExitStack
-from functools import partial
 
 import numpy as np
 
 from pvibr.bench.common.harness import Row
-from pvibr.bench.common.peers import GlyphFrames, beside_peers
+from pvibr.bench.common.peers import beside_peers, tree_glyphs
 from pvibr.bench.common.timing import CLOCKS, mean_flip, medians_ms, pictures
 from pvibr.capture.offscreen import MULTI_SAMPLES, SAMPLES, in_view, mesh_actors, spheres
 from pvibr.maths.flip import flip
@@ -38,12 +37,6 @@ def measure(settings, results):
             yield from _times(own, trees, peers, scene, settings, results.points['walk'], samples)
         yield from _errors(own, trees, scene, settings, results.points['walk'])
         yield from _motion(own, trees, scene, settings)
-
-
-def tree_glyphs(scene, size, **options) -> GlyphFrames:
-    """Return the trees of a landscape as VTK's own instances."""
-    new_stage = partial(stage, scene, size)
-    return GlyphFrames(new_stage, scene.parts(), scene.matrices, scene.index, **options)
 
 
 def _times(own, trees, peers, scene, settings, walk, samples):
