@@ -312,8 +312,8 @@ def _box_lattice(rng, count):
         sides = np.where(axes[along], 1 / (n - 1) - half, half)
         beams.append(np.array(beam.points) * sides + places[:, None])
     points = np.concatenate(beams)
-    offsets = beam.n_points * np.arange(len(points))[:, None, None]
-    faces = (beam.regular_faces + offsets).reshape(-1, 3)
+    offsets: np.ndarray = beam.n_points * np.arange(len(points))[:, None, None]
+    faces = (np.asarray(beam.regular_faces) + offsets).reshape(-1, 3)
     return as_parts(pv.PolyData.from_regular_faces(points.reshape(-1, 3), faces), **_look(rng))
 
 

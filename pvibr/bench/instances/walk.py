@@ -41,20 +41,19 @@ def measure(settings, results):
 
 def _times(own, trees, peers, scene, settings, walk, samples):
     """Yield the times of frames, and note them by max_error."""
-    points = walk[str(samples)] = {}
     own.window.SetMultiSamples(samples)
     for peer in peers.values():
         peer.sample(samples)
     times = beside_peers(own, peers, scene.path(FRAMES), FRAMES // PEER_FRAMES)
     ms = {name: medians_ms(frames) for name, frames in times.items()}
-    points['peers'] = {name: ms[name] for name in peers}
-    points['pvibr'] = [(1.0, dict(ms['pvibr']))]
+    by_error = [(1.0, dict(ms['pvibr']))]
     for max_error in [e for e in settings.errors if e != 1.0]:
         trees.max_error = max_error
         frames = beside_peers(own, {}, scene.path(FEW_FRAMES), 1)['pvibr']
-        points['pvibr'].append((max_error, medians_ms(frames)))
-    points['pvibr'].sort()
+        by_error.append((max_error, medians_ms(frames)))
     trees.max_error = 1.0
+    peer_ms = {name: ms[name] for name in peers}
+    walk[str(samples)] = {'pvibr': sorted(by_error), 'peers': peer_ms}
     title = f'walk, {samples} samples'
     for clock in CLOCKS:
         yield Row(f'{title}: pvibr, max_error 1, {clock}', ms['pvibr'][clock], 'ms')
