@@ -21,12 +21,7 @@ SKY = '#dfe9f0'
 
 
 class Stage:
-    """An off-screen window that draws as ``pv.Plotter`` does by default, unless told otherwise.
-
-    A reference has `samples` squared per pixel: it is drawn so many times as wide and high without
-    multisamples, and averaged. Depths, coverage, and what is compared with rays through the
-    middles of pixels, need one sample per pixel: ``multi_samples=0``.
-    """
+    """An off-screen window that draws as ``pv.Plotter`` does, or `samples` squared per pixel."""
 
     def __init__(
         self,
@@ -38,6 +33,8 @@ class Stage:
         lights=(),
         multi_samples=None,
     ):
+        # Depths, coverage, and what is compared with rays through the middles of pixels, need
+        # one sample per pixel: multi_samples=0.
         self.samples = samples
         pixels = [int(n) * samples for n in size]
         self.plotter = pv.Plotter(
@@ -47,7 +44,7 @@ class Stage:
             self.plotter.add_light(light)
         self.plotter.set_background(background)
         self.plotter.camera.view_angle = view_angle
-        if samples > 1:
+        if samples > 1:  # averaged already
             multi_samples = 0
         if multi_samples is not None:  # else as PyVista's theme has it
             self.window.SetMultiSamples(multi_samples)

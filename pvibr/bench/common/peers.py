@@ -110,13 +110,12 @@ def tree_glyphs(scene, size, **options) -> GlyphFrames:
 
 
 def beside_peers(own, peers, cameras, every, limit=np.inf) -> dict[str, list]:
-    """Return the seconds of frames by turns, of both clocks: ``'pvibr'``, and each peer by name.
+    """Return the seconds of frames by turns, of both clocks: of ``'pvibr'``, and by peer.
 
-    A peer draws at one camera of so many. After `limit` seconds of pvibr's no more are drawn, but
-    for the first of the peers. The first camera is also looked from before.
+    Peers draw at one camera of so many; after `limit` seconds of pvibr's only what is missing.
     """
     times: dict[str, list] = {'pvibr': [], **{name: [] for name in peers}}
-    frame_at(own, cameras[0])
+    frame_at(own, cameras[0])  # the first frames upload and compile
     for peer in peers.values():
         peer.seconds(cameras[0])
     for k, camera in enumerate(cameras):
