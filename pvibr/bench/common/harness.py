@@ -123,7 +123,7 @@ class Bench:
         out.mkdir(parents=True, exist_ok=True)
         (out / f'bench_{name}.json').write_text(results.to_json() + '\n', encoding='utf-8')
         with (out / f'bench_{name}.txt').open('w', encoding='utf-8') as file:
-            Console(file=file, width=160).print(*self.tables(results.points), results.table())
+            Console(file=file, width=200).print(*self.tables(results.points), results.table())
         figure = Figure(layout='constrained')
         FigureCanvasAgg(figure)  # needs no screen
         self.plot(results.points, figure)
