@@ -28,15 +28,19 @@ BENCHES = {
 SURVEYS = ('instances',)
 
 
-def main(name, *, out=Path('out'), quick=False, survey=None) -> list:
+def main(name, *, out=Path('out'), quick=False, survey=None, heavy=False) -> list:
     """Run a bench, or its survey of a seed: print the tables and write them beside a plot."""
     if name not in BENCHES:
         msg = f'name is {name!r}; it must be one of {", ".join(BENCHES)}.'
         raise ValueError(msg)
     if survey is None:
+        if heavy:
+            msg = 'heavy needs survey, the seed of what is surveyed.'
+            raise ValueError(msg)
         return import_module(f'pvibr.bench.{name}').BENCH.run(name, Path(out), quick=quick)
     if name not in SURVEYS:
         msg = f'survey is {survey}; it must be None but for {", ".join(SURVEYS)}.'
         raise ValueError(msg)
-    bench = import_module(f'pvibr.bench.{name}.survey').survey(survey)
-    return bench.run(f'{name}_survey_{survey}', Path(out), quick=quick)
+    bench = import_module(f'pvibr.bench.{name}.survey').survey(survey, heavy=heavy)
+    title = f'{name}_heavy_survey_{survey}' if heavy else f'{name}_survey_{survey}'
+    return bench.run(title, Path(out), quick=quick)

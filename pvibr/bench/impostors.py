@@ -32,8 +32,8 @@ def fly_by(frames, radius, step=STEP) -> list:
     return [(eye, ahead + eye, (0, 0, 1)) for eye in eyes.tolist()]
 
 
-def _stage(settings, actors, size=None, samples=1):
-    stage = Stage(size or settings.size, samples=samples)
+def _stage(actors, size, **samples):
+    stage = Stage(size, **samples)
     stage.add(actors)
     stage.bounds = stage.renderer.ComputeVisiblePropBounds()
     return stage
@@ -44,7 +44,7 @@ def _paths(settings, results):
     for name, path in {'orbit': orbit, 'fly-by': fly_by}.items():
         cameras = path(settings.frames, radius)
         actors = scatter(settings.actors, settings.cells, 4.0)
-        with _stage(settings, actors) as stage:
+        with _stage(actors, settings.size) as stage:
             stage.look(cameras[0])
             impostor = stage.plotter.ibr.add_impostor(actors)
             for max_error in settings.errors if name == 'orbit' else (1.0,):
@@ -97,10 +97,10 @@ def _outlines(settings, results):
         actor = pv.Actor(mapper=pv.DataSetMapper(mesh))
         actor.prop.color, actor.prop.lighting = 'black', False
         cameras = orbit(settings.frames, 6 * mesh.length, 0.37)
-        with _stage(settings, [actor], (160, 160), 4) as stage:
+        with _stage([actor], (160, 160), samples=4) as stage:
             fine = _covers(stage, cameras)
         for max_error in settings.errors:
-            with _stage(settings, [actor], (160, 160)) as stage:
+            with _stage([actor], (160, 160), multi_samples=0) as stage:
                 stage.plotter.ibr.add_impostor(actor, max_error=max_error, only_if_faster=False)
                 for pair in zip(fine, _covers(stage, cameras), strict=True):
                     away = float(displaced(*pair).max(initial=0.0))
@@ -123,9 +123,9 @@ def _covers(stage, cameras):
 
 def _nailboards(settings, results):
     """Yield errors of depth, and of the line where two objects meet."""
-    fine, _ = _meeting(settings, images=False, samples=4)
-    mesh, depths = _meeting(settings, images=False, samples=1)
-    card, found = _meeting(settings, images=True, samples=1)
+    fine, _ = _meeting(images=False, samples=4)
+    mesh, depths = _meeting(images=False, samples=1)
+    card, found = _meeting(images=True, samples=1)
     line, off = [0.0], [0.0]
     for k, depth in enumerate(depths):
         both = mesh[k].any(-1) & card[k].any(-1)
@@ -142,7 +142,7 @@ def _nailboards(settings, results):
     yield Row('nailboards: line of intersection displaced (99 %)', away, 'px', 1)
 
 
-def _meeting(settings, images, samples):
+def _meeting(images, samples):
     """Return where a ball and a torus are seen that interpenetrate, and their depth, twice."""
     ball = pv.Sphere(theta_resolution=200, phi_resolution=200)
     actors = [pv.Actor(mapper=pv.DataSetMapper(m)) for m in (ball, torus(40_000))]
@@ -150,7 +150,7 @@ def _meeting(settings, images, samples):
         actor.prop.color, actor.prop.lighting = color, False
     actors[0].scale, actors[0].position = (2.0,) * 3, (0.8, 0.3, 0.3)
     masks, depths = [], []
-    with _stage(settings, actors, (480, 360), samples) as stage:
+    with _stage(actors, (480, 360), samples=samples, multi_samples=0) as stage:
         if images:
             stage.plotter.ibr.add_impostor(actors, only_if_faster=False)
         for eye in ((3.0, -14.0, 9.0), (3.05, -14.0, 9.0)):
@@ -174,7 +174,7 @@ def _hierarchy(settings, results):
     side = 2.2 * np.sqrt(settings.many)
     start = np.array([0.0, -0.8 * side, 0.1 * side])
     cameras = [(np.add(start, (x, 0, 0)), (x, 0, 0), (0, 0, 1)) for x in np.arange(60) * 0.02]
-    with _stage(settings, actors) as stage:
+    with _stage(actors, settings.size) as stage:
         stage.look(cameras[0])
         impostor = stage.plotter.ibr.add_impostor(actors, hierarchical=True)
         yield from _rows('hierarchy', len(actors), _timed(stage, impostor, cameras, 20), 50)
@@ -218,7 +218,7 @@ BENCH = Bench(
     plot=plot,
     outside={'impostors': _scattered},
     settings={
-        'size': ((1280, 720), (160, 90)),
+        'size': ((1024, 768), (160, 90)),
         'actors': (200, 8),
         'many': (5000, 40),
         'cells': (40_000, 2000),

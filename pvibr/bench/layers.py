@@ -144,7 +144,7 @@ BENCH = Bench(
     plot=plot,
     outside={'image layers': _panned},
     settings={
-        'size': ((1280, 720), (160, 90)),
+        'size': ((1024, 768), (160, 90)),
         'actors': (80, 8),
         'cells': (40_000, 1000),
         'frames': (24, 16),

@@ -150,7 +150,7 @@ BENCH = Bench(
     plot=plot,
     outside={'a drag at 100 ms a frame': _drag},
     settings={
-        'size': ((1280, 720), (320, 180)),
+        'size': ((1024, 768), (320, 180)),
         'trees': (10_000, 200),
         'places': (5, 2),
         'frames': (30, 6),

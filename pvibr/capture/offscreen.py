@@ -15,13 +15,26 @@ from pvibr.maths.image_error import box_reduce
 
 #: Samples of a reference along a side of a pixel.
 SAMPLES = 4
+#: Multisamples that are measured: what PyVista asks of the driver by default, and none.
+MULTI_SAMPLES = 8, 0
 SKY = '#dfe9f0'
 
 
 class Stage:
-    """An off-screen window with one sample per pixel, or `samples` squared."""
+    """An off-screen window that draws as ``pv.Plotter`` does, or `samples` squared per pixel."""
 
-    def __init__(self, size, ground=None, view_angle=30.0, samples=1, background=SKY, lights=()):
+    def __init__(
+        self,
+        size,
+        ground=None,
+        view_angle=30.0,
+        samples=1,
+        background=SKY,
+        lights=(),
+        multi_samples=None,
+    ):
+        # Depths, coverage, and what is compared with rays through the middles of pixels, need
+        # one sample per pixel: multi_samples=0.
         self.samples = samples
         pixels = [int(n) * samples for n in size]
         self.plotter = pv.Plotter(
@@ -31,7 +44,10 @@ class Stage:
             self.plotter.add_light(light)
         self.plotter.set_background(background)
         self.plotter.camera.view_angle = view_angle
-        self.window.SetMultiSamples(0)
+        if samples > 1:  # averaged already
+            multi_samples = 0
+        if multi_samples is not None:  # else as PyVista's theme has it
+            self.window.SetMultiSamples(multi_samples)
         self.ground = None
         if ground is not None:
             self.ground = add_ground(self.plotter, ground)
@@ -112,9 +128,8 @@ class Stage:
         return box_reduce(self.pixels(), self.samples) / 255
 
     def pixels(self) -> np.ndarray:
-        """Return the samples of the last frame, (h * samples, w * samples, 3), uint8."""
-        # The back buffer: reading the front buffer may render again.
-        return read_pixels(self.window, shown=False)[::-1]
+        """Return the pixels of the last frame as shown, (h * samples, w * samples, 3), uint8."""
+        return read_pixels(self.window)[::-1]
 
     def depth(self) -> np.ndarray:
         """Return the depth buffer of the last frame, (h * samples, w * samples)."""
@@ -124,7 +139,10 @@ class Stage:
         return _vtk.vtk_to_numpy(data).reshape(height, width)[::-1].copy()
 
     def coverage(self) -> np.ndarray:
-        """Return the coverage of each pixel by all but ground and background, (h, w), 0 to 1."""
+        """Return the coverage of each pixel by all but ground and background, (h, w), 0 to 1.
+
+        VTK averages multisamples as light, so that differences of colours are no shares of them.
+        """
         white, black = (self._before(color) for color in ((1.0, 1.0, 1.0), (0.0, 0.0, 0.0)))
         return np.clip(1 - (white - black).mean(-1), 0, 1)
 

@@ -88,7 +88,7 @@ def demo(
     frames: _Count | None = None,
     window: bool = False,
     movie: _File = None,
-    size: str = '1280x720',
+    size: str = '1024x768',
 ) -> None:
     """Compare VTK and pvibr on a landscape of trees."""
     pixels = _size(size)
@@ -221,9 +221,13 @@ def _surveyed_command(name):
         out: _Folder = Path('out'),
         quick: bool = False,
         survey: Annotated[int | None, Parameter(validator=_seed)] = None,
+        heavy: bool = False,
     ) -> None:
-        """Measure, and write the tables and the plot; or survey what is made from a seed."""
-        _measure(name, out, quick, survey=survey)
+        """Measure, and write the tables and the plot; or survey what is made from a seed.
+
+        With --heavy the survey is one of meshes of 20 000 to 110 000 triangles.
+        """
+        _measure(name, out, quick, survey=survey, heavy=heavy)
 
     return command
 

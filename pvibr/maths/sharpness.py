@@ -10,34 +10,74 @@ _WINDOW = 25  # px along a side, in which gradients are averaged
 #: The share of windows, those with the least gradient in the reference, that has no say.
 FLAT_SHARE = 0.3
 _PERCENTILE = 5
-_NOTHING = 1e-6  # sums of rounding errors where a picture has one colour
 _ROUNDING = 1e-9  # of running sums; what 8 bits show is hundreds of times as steep
 
 
 def sharpness(image, reference):
-    """Return the local gradient of luminance over that of a reference, where it is lowest.
+    """Return how sharp a picture is beside a reference, where it is least sharp.
 
-    Both are (h, w, 3), 0 to 1, the reference with many samples per pixel. The 5th percentile over
-    windows of 25 px, where the reference has gradients: 1 is as sharp as the reference. Noise and
-    aliasing raise it, so it counts only beside FLIP of the same pictures.
+    The mean gradient of luminance in windows of 25 px, over that of the reference: its 5th
+    percentile where the reference has gradients. Noise and aliasing raise it, so it counts only
+    beside :func:`~pvibr.maths.flip.flip` of the same pictures.
+
+    Parameters
+    ----------
+    image, reference : array_like, shape (h, w, 3)
+        Display-ready sRGB, 0 to 1; the reference with many samples per pixel.
+
+    Returns
+    -------
+    float
+        1 is as sharp as the reference.
+
+    Examples
+    --------
+    >>> from pvibr.maths.sharpness import sharpness
+    >>> stripes = np.zeros((32, 32, 3))
+    >>> stripes[:, ::4] = 1.0
+    >>> round(sharpness(stripes / 2, stripes), 6)
+    0.5
     """
-    actual, expected = local_gradients(image), local_gradients(reference)
-    if not expected.any():
+    expected = local_gradients(reference)
+    if not (expected > _ROUNDING).any():
         msg = 'reference must have gradients, got one colour.'
         raise ValueError(msg)
-    return lowest_ratio(actual, expected)
+    return lowest_ratio(local_gradients(image), expected)
 
 
-def local_gradients(pictures) -> np.ndarray:
-    """Return gradients of luminance, averaged around each pixel: (..., h, w, 3) to (..., h, w)."""
-    luminance = np.asarray(pictures) @ _LUMINANCE.astype(np.result_type(pictures))
+def local_gradients(images) -> np.ndarray:
+    """Return gradients of luminance, averaged in a window of 25 px around each pixel.
+
+    Parameters
+    ----------
+    images : array_like, shape (..., h, w, 3)
+        Display-ready sRGB, 0 to 1.
+
+    Returns
+    -------
+    numpy.ndarray, shape (..., h, w)
+        Change of luminance per pixel.
+    """
+    luminance = np.asarray(images, float) @ _LUMINANCE
     steepness = np.hypot(*np.gradient(luminance, axis=(-2, -1)))
     return uniform_filter(steepness, (1,) * (steepness.ndim - 2) + (_WINDOW, _WINDOW))
 
 
-def lowest_ratio(actual, expected) -> float:
-    """Return a low percentile of local gradients over the expected; 1 where none is expected."""
-    if not (expected > _NOTHING).any():
+def lowest_ratio(gradients, expected) -> float:
+    """Return the 5th percentile of local gradients over the expected ones.
+
+    Parameters
+    ----------
+    gradients, expected : numpy.ndarray, shape (h, w)
+        Of an image and of its reference, as :func:`local_gradients` returns them.
+
+    Returns
+    -------
+    float
+        1 if none is expected anywhere.
+    """
+    steep = expected > _ROUNDING
+    if not steep.any():
         return 1.0
-    detailed = expected > np.quantile(expected[expected > _NOTHING], FLAT_SHARE)
-    return float(np.percentile(actual[detailed] / expected[detailed], _PERCENTILE))
+    detailed = expected > np.quantile(expected[steep], FLAT_SHARE)
+    return float(np.percentile(gradients[detailed] / expected[detailed], _PERCENTILE))

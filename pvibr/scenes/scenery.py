@@ -4,14 +4,19 @@ from __future__ import annotations
 
 import pyvista as pv
 
-from pvibr.capture.offscreen import SKY, add_ground
+from pvibr.capture.offscreen import SKY, Stage, add_ground
+
+
+def stage(scene, size, **samples) -> Stage:
+    """Return an off-screen stage of a landscape without its trees."""
+    stage = Stage(size, scene.terrain, scene.view_angle, **samples)
+    stage.bounds = scene.terrain.bounds
+    return stage
 
 
 def scenery(scene, max_error, size, *, off_screen):
     """Return a plotter with a landscape."""
-    plotter = pv.Plotter(off_screen=off_screen, window_size=list(size), lighting='none')
-    for light in scene.lights():
-        plotter.add_light(light)
+    plotter = pv.Plotter(off_screen=off_screen, window_size=list(size))
     plotter.set_background(SKY)  # type: ignore[arg-type]
     plotter.camera.view_angle = scene.view_angle
     add_ground(plotter, scene.terrain)

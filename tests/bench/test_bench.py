@@ -23,9 +23,10 @@ def test_rows_pass_their_bar_or_not():
 
 
 def test_results_are_json_and_a_plot(tmp_path):
-    curve = [(1.0, {'ms': 10.0, 'flip': 0.02})]
-    points = {'pvibr': curve, 'single': {'knot': {16: {'1.0': (0.9, 1.0)}}}}
-    points |= {'glyphs': {'ms': 9e3, 'flip': 0.03}, 'glyphs, culling + LOD': {'ms': 900.0}}
+    walk = {'pvibr': [(1.0, {'CPU': 10.0, 'wall': 6.0, 'flip': 0.02})]}
+    walk['peers'] = {name: {'CPU': 9e3, 'wall': 5e3} for name in ('glyphs', 'with levels')}
+    points = {'walk': {'8': walk, 'meshes': 0.03}}
+    points['single'] = {'knot': {16: {'1.0': {'flip, 8': 0.9, 'moved': 1.0}}}}
     results = Results('a driver', {'quick': True}, [Row('bake', np.float32(2), 's', 3)], points)
     found = json.loads(results.to_json())
     assert found['driver'] == 'a driver'
@@ -64,14 +65,15 @@ def test_whole_frames_are_drawn_by_turns():
 
     found = whole_frames.measured(make, None, (40, 30), 2)
     assert drawn == [
-        (k, on, many) for many in (False, True) for k in range(-2, 2) for on in (True, False)
+        (k, on, many) for many in (True, False) for k in range(-2, 2) for on in (True, False)
     ]
-    assert [len(found[n][way]) for n in (0, 8) for way in ('with', 'without')] == [2] * 4
-    times = {'with': [2, 4, 9], 'without': [1, 2, 3]}
+    assert [np.shape(found[n][way]) for n in (8, 0) for way in ('with', 'without')] == [(2, 2)] * 4
+    times = {'with': [(2, 1), (4, 1), (9, 1)], 'without': [(1, 1), (2, 1), (3, 1)]}
     told = {what: value for what, value, _ in whole_frames.told(times)}
-    assert told['with over without'] == 2
-    assert (told['with'], told['without']) == (4, 2)
-    assert told['interquartile range of that'] == 0.5
+    assert told['with over without, CPU'] == 2
+    assert told['with over without, wall'] == 1
+    assert (told['with, CPU'], told['without, CPU']) == (4e3, 2e3)
+    assert told['interquartile range of that, CPU'] == 0.5
 
 
 def test_an_unknown_bench_is_named():

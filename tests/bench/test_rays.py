@@ -167,7 +167,7 @@ def test_scenes_hold_light_and_shadow_in_every_window(name, data, monkeypatch, t
     scene = SCENES[name]()
     assert all(mesh.n_cells == len(mesh.regular_faces) for mesh in scene.meshes)
     rays = Rays(scene.meshes)
-    with Stage((64, 64), view_angle=view_angle((1, 1))) as stage:
+    with Stage((64, 64), view_angle=view_angle((1, 1)), multi_samples=0) as stage:
         for width, height in WINDOWS:
             stage.plotter.window_size = [width // 10, height // 10]
             stage.plotter.camera.view_angle = view_angle((width, height))

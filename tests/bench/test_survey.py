@@ -1,5 +1,5 @@
 import json
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -8,7 +8,8 @@ import pytest
 from pvibr.bench import SURVEYS, main
 from pvibr.bench.common.harness import Results
 from pvibr.bench.instances import survey
-from pvibr.bench.instances.unseen_meshes import KINDS, unseen
+from pvibr.bench.instances.unseen_meshes import HEAVY_KINDS, KINDS, unseen
+from pvibr.capture.offscreen import MULTI_SAMPLES
 from pvibr.meshes.parts import are_parts
 
 
@@ -16,12 +17,15 @@ def points_of(parts):
     return np.concatenate([np.asarray(part.mesh.points) for part in parts])
 
 
-def test_meshes_are_those_of_their_seed():
+@pytest.mark.parametrize('kinds', [KINDS, HEAVY_KINDS], ids=['all', 'heavy'])
+def test_meshes_are_those_of_their_seed(kinds):
     few = (2_000, 4_000)
-    first, same, other = ({n: points_of(m()) for n, m in unseen(s, few)} for s in (1, 1, 2))
-    assert list(first) == list(KINDS)
-    assert all(np.array_equal(first[n], same[n]) for n in KINDS)
-    assert not any(np.array_equal(first[n], other[n]) for n in KINDS)
+    first, same, other = (
+        {name: points_of(make()) for name, make in unseen(seed, few, kinds)} for seed in (1, 1, 2)
+    )
+    assert list(first) == list(kinds)
+    assert all(np.array_equal(first[n], same[n]) for n in kinds)
+    assert not any(np.array_equal(first[n], other[n]) for n in kinds)
     assert all(np.isfinite(points).all() for points in first.values())
 
 
@@ -30,6 +34,13 @@ def test_meshes_have_about_the_triangles_asked_for(name):
     parts = dict(unseen(3, (20_000, 20_001)))[name]()
     assert are_parts(parts)
     assert 10_000 <= sum(part.mesh.n_cells for part in parts) <= 40_000
+
+
+@pytest.mark.parametrize('name', HEAVY_KINDS)
+def test_heavier_meshes_have_the_triangles_asked_for(name):
+    parts = dict(unseen(3, (60_000, 60_001), HEAVY_KINDS))[name]()
+    assert are_parts(parts)
+    assert 50_000 <= sum(part.mesh.n_cells for part in parts) <= 70_000
 
 
 def test_fields_are_those_of_their_seed_and_overlap():
@@ -42,24 +53,50 @@ def test_fields_are_those_of_their_seed_and_overlap():
         assert np.isclose(np.degrees(np.arcsin(eye[0][2] / np.linalg.norm(eye[0]))), elevation)
 
 
-def found(name, ours, flip):
-    ms = {f'{way}, {n}': ours for way in ('ours', 'coarse', 'cards') for n in (0, 8)}
-    flips = {f'{way}, {n}': [0.5, flip] for way in ('ours', 'coarse', 'cards') for n in (0, 8)}
-    return survey.Found(name, 9, [1.0, 0.1], ms={**ms, 'peer, 0': 100.0}, flip=flips)
+def result(name, ours, flip, sharp=0.95, triangles=20_000):
+    """Return what a survey may find: times in ms, and errors over those of the meshes."""
+    keys = [f'{way}, {n}' for way in (*survey.WAYS, 'meshes') for n in MULTI_SAMPLES]
+    ms = {key: {'CPU': ours, 'wall': ours / 2} for key in keys}
+    ms |= {f'peer, {n}': {'CPU': 100.0 + n, 'wall': 100.0} for n in MULTI_SAMPLES}
+    flips = {key: [0.5, 0.8 if key.startswith('meshes') else flip] for key in keys}
+    sharps = {key: [1.0, sharp] for key in keys} | {'base': [0.8, 1.1]}
+    return survey.MeshResult(name, triangles, True, [1.0, 0.1], 0, '', ms, flips, sharps)
+
+
+def test_rows_are_of_defaults_first_and_the_bars_of_what_they_are_about():
+    glass = replace(result('glass', 50.0, 0.9), opaque=False)
+    small = result('small', 20.0, 1.2, sharp=0.7, triangles=9_000)
+    found = list(survey.rows([glass, small, result('knot', 1.0, 0.9)], survey.SPEEDS))
+    rows = {row.name: row for row in found}
+    eight, none = (
+        [row for row in found if row.name.startswith(f'{n} samples')] for n in MULTI_SAMPLES
+    )
+    assert found.index(eight[0]) < found.index(none[0])
+    least = rows['8 samples: over VTK, least of the opaque over 10,000 triangles']
+    assert (least.value, least.bar) == (108, survey.SPEED)
+    assert rows['8 samples: over VTK, geometric mean'].bar == 20
+    assert rows['0 samples: over VTK, geometric mean'].bar == 14.5
+    assert np.isclose(rows['0 samples: over VTK, geometric mean'].value, (2 * 5 * 100) ** (1 / 3))
+    assert rows['0 samples: over VTK on the wall, geometric mean'].value > 2 * 9
+    for n in MULTI_SAMPLES:
+        worst = rows[f"{n} samples: FLIP over the meshes' at one sample, worst"]
+        assert (worst.value, worst.ok) == (1.2, False)
+        sharp = rows[f'{n} samples: sharpness, worst']
+        assert (sharp.value, sharp.ok) == (0.7, False)
+        noise = rows[f"{n} samples: sharpness over the meshes' at one sample, greatest"]
+        assert (noise.value, noise.ok) == (1.0 / 0.8, False)
+    fine = rows["max_error=0.5: FLIP over the meshes', both at 8 samples, worst"]
+    assert (fine.value, fine.bar) == (1.2 / 0.8, 1.15)
 
 
 def test_the_worst_mesh_comes_first(tmp_path):
     bench = survey.survey(5)
-    points = [asdict(f) for f in (found('bad', 50.0, 0.9), found('good', 1.0, 0.9))]
+    points = [asdict(r) for r in (result('bad', 50.0, 0.9), result('good', 1.0, 0.9))]
     results = Results('a driver', {'quick': True}, points={'survey': points})
-    results.rows.extend(survey.rows([survey.Found(**f) for f in points]))
-    rows = {row.name: row.value for row in results.rows}
-    assert np.isclose(rows['over VTK, geometric mean'], np.sqrt(2 * 100))
-    assert rows['over VTK, least'] == 2
-    assert rows["FLIP over the meshes', 0 samples per pixel, worst"] == 0.9
     bench.write('survey', results, tmp_path)
     text = (tmp_path / 'bench_survey.txt').read_text(encoding='utf-8')
     assert text.index('bad') < text.index('good')
+    assert text.index('8 samples') < text.index('0 samples')
     kept = json.loads((tmp_path / 'bench_survey.json').read_text(encoding='utf-8'))
     assert kept['points']['survey'][0]['name'] == 'bad'
 
@@ -68,14 +105,14 @@ def test_what_cannot_be_measured_is_a_row_and_the_others_are_measured(monkeypatc
     def measured(name, make, settings, seed):
         if name == 'gear, split edges':
             survey.spheres([make()], np.eye(4), [0])  # poses are (n, 4, 4)
-        return found(name, 2.0, 0.9)
+        return result(name, 2.0, 0.9)
 
     monkeypatch.setattr(survey, 'measured', measured)
     bench = survey.survey(5)
     results = Results('a driver', {'quick': True})
     rows = {row.name: row for row in bench.parts['survey'](bench.extent(quick=True), results)}
     assert not rows['meshes that could not be measured'].ok
-    assert rows['over VTK, least'].value == 50
+    assert rows['0 samples: over VTK, least'].value == 50
     first, *others = results.points['survey']
     assert (first['name'], len(others)) == ('gear, split edges', 2)
     assert 'IndexError: too many indices' in first['error']
@@ -89,6 +126,8 @@ def test_a_bench_without_a_survey_says_so():
     assert SURVEYS == ('instances',)
     with pytest.raises(ValueError, match='instances'):
         main('moving', survey=1)
+    with pytest.raises(ValueError, match='heavy needs survey'):
+        main('instances', heavy=True)
 
 
 @pytest.mark.bench
@@ -97,4 +136,5 @@ def test_a_small_survey_runs():
     make = dict(unseen(1, (2_000, 2_500)))['textured']
     found = survey.measured('textured', make, settings, 1)
     assert len(found.flip['ours, 0']) == len(survey.ELEVATIONS)
-    assert found.speed > 0
+    assert found.speed(8) > 0
+    assert 0.8 < found.worst_sharpness(8) <= 1.1

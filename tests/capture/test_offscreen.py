@@ -26,7 +26,7 @@ def balls(xs):
 def test_a_picture_is_the_camera_s_whatever_the_samples(ground):
     pictures = []
     for samples in (1, 4):
-        with Stage((80, 60), ground, samples=samples) as stage:
+        with Stage((80, 60), ground, samples=samples, multi_samples=0) as stage:
             stage.bounds = ground.bounds
             stage.add(mesh_actors(*balls([-1.0, 1.0])))
             stage.look(CAMERA)
@@ -36,6 +36,26 @@ def test_a_picture_is_the_camera_s_whatever_the_samples(ground):
     assert np.abs(once - many).mean() < 0.01
     # What is averaged has values between those of one sample.
     assert len(np.unique(many.round(6))) > len(np.unique(once.round(6)))
+
+
+def test_pixels_are_those_that_a_plotter_shows_by_default(monkeypatch):
+    monkeypatch.setattr(pv.global_theme, 'anti_aliasing', 'msaa')
+    plotter = pv.Plotter(off_screen=True, window_size=[80, 60])
+    with Stage((80, 60), background=plotter.background_color) as stage:
+        samples = stage.window.GetMultiSamples()
+        assert samples == plotter.render_window.GetMultiSamples() > 0
+        for pl in (plotter, stage.plotter):
+            pl.add_mesh(pv.ParametricTorus(), color='gold')
+        stage.look(CAMERA)
+        pixels = stage.picture() * 255
+        plotter.camera_position = CAMERA
+        assert np.abs(pixels - plotter.screenshot(return_img=True)).max() < 1e-9
+        stage.window.SetMultiSamples(0)
+        assert np.abs(pixels - stage.picture() * 255).max() > 20
+    plotter.close()
+    for multi_samples in (None, samples):  # a reference is averaged in one way only
+        with Stage((8, 6), samples=4, multi_samples=multi_samples) as stage:
+            assert stage.window.GetMultiSamples() == 0
 
 
 def test_lights_given_are_the_only_ones(ground):
@@ -62,7 +82,7 @@ def test_a_ground_with_normals_is_smooth(ground):
 
 
 def test_coverage_by_depth_and_by_two_grounds_agree(ground):
-    with Stage((80, 60), ground) as stage:
+    with Stage((80, 60), ground, multi_samples=0) as stage:
         stage.bounds = (-5, 5, -5, 5, -2, 2)
         stage.look(CAMERA)
         stage.draw()

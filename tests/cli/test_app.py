@@ -105,7 +105,7 @@ def test_demo_passes_its_options_on(called):
     (_, default), (_, given) = called
     assert default['out'] == Path('out')
     assert (default['count'], default['max_error'], default['frames']) == (10_000, 1.0, None)
-    assert default['size'] == (1280, 720)
+    assert default['size'] == (1024, 768)
     assert given == {
         'out': Path('there'),
         'count': 5,
@@ -162,7 +162,9 @@ def test_bake_says_what_it_made(tmp_path, capsys):
 
 def test_bench_passes_the_seed_of_a_survey_on(called, capsys):
     assert cli.main(['bench', 'instances', '--survey', '7']) == 0
-    assert called == [(('instances',), {'out': Path('out'), 'quick': False, 'survey': 7})]
+    assert called == [
+        (('instances',), {'out': Path('out'), 'quick': False, 'survey': 7, 'heavy': False})
+    ]
     assert 'seed' in fails(capsys, 'bench', 'instances', '--survey', '-1')
     assert '--survey' in fails(capsys, 'bench', 'shadows', '--survey', '1')
 

@@ -15,8 +15,9 @@ SIZE = (160, 96)
 
 
 @pytest.fixture(autouse=True)
-def light_trees(monkeypatch, small_trees):
-    """Trees that bake quickly: what the commands do with them is the same."""
+def light_trees(monkeypatch, small_trees, tmp_path_factory):
+    """Trees that bake quickly, into an empty cache: what the commands do is the same."""
+    monkeypatch.setenv('PVIBR_CACHE', str(tmp_path_factory.mktemp('cache')))
     monkeypatch.setattr(demo, 'landscape', lambda n: landscape(n, triangles=6_000))
     monkeypatch.setitem(make_model.__kwdefaults__, 'views', 8)
 
@@ -30,10 +31,18 @@ def test_demo_writes_pictures_and_numbers(tmp_path, capsys):
     assert np.abs(off.astype(float) - on).mean() < 8
     numbers = json.loads((tmp_path / 'demo.json').read_text())
     assert numbers['instances'] == 40
-    assert {'pvibr', 'VTK glyphs', 'VTK glyphs, culling + LOD'} <= set(numbers['milliseconds'])
-    for error in numbers['error'].values():
+    ways = {'pvibr', 'VTK glyphs', 'VTK glyphs, culling + LOD'}
+    assert ways == set(numbers['milliseconds'])
+    assert ways - {'pvibr'} == set(numbers['speed_up'])
+    for by_samples in numbers['milliseconds'].values():
+        assert list(by_samples) == ['8', '0']  # defaults first
+        assert all(set(ms) == {'CPU', 'wall'} for ms in by_samples.values())
+    assert len(numbers['error']) == 4
+    for name, error in numbers['error'].items():
         assert 0 <= error['flip'] < 0.2
-        assert 0 < error['iou'] <= 1
+        assert ('iou' in error) is name.endswith(' 0 samples')
+        assert 0 < error.get('iou', 1) <= 1
+    assert set(numbers['first_frame']) == {'empty cache', 'images in the cache'}
     said = capsys.readouterr().out
     assert 'FLIP' in said
     assert 'pvibr' in said

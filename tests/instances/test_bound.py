@@ -55,7 +55,8 @@ def pictures(stage, cameras, coverage):
 
 def full(parts, poses, cameras, size, samples, bounds, angle=VIEW_ANGLE):
     """Return the coverage of meshes from each camera."""
-    with Stage(size, view_angle=angle, samples=samples, background='white') as stage:
+    look = {'view_angle': angle, 'samples': samples, 'background': 'white'}
+    with Stage(size, **look, multi_samples=0) as stage:
         stage.bounds = bounds
         empty = pictures(stage, cameras[:1], Stage.depth)[0]
         stage.add(mesh_actors([parts], poses, np.zeros(len(poses), int)))
@@ -94,7 +95,8 @@ def check_from_everywhere(mesh, folder, count, seed):
         truth, own = (
             full(parts, np.eye(4)[None], cameras, (side, side), n, bounds) for n in (SAMPLES, 1)
         )
-        with Stage((side, side), view_angle=VIEW_ANGLE, background='white') as stage:
+        look = {'view_angle': VIEW_ANGLE, 'background': 'white'}
+        with Stage((side, side), **look, multi_samples=0) as stage:
             stage.bounds = bounds
             things = stage.plotter.ibr.add_instances(
                 parts, [[0, 0, 0]], bake=True, cache=folder, show_scalar_bar=False
@@ -130,7 +132,7 @@ def test_a_field_seen_along_the_ground(atlases):
     cameras = [(eye, (0.0, 0.0, 0.0), (0.0, 0.0, 1.0)) for eye in eyes]
     size = (300, 60)
     truth, own = (full(parts, poses, cameras, size, n, bounds, NARROW) for n in (SAMPLES, 1))
-    with Stage(size, view_angle=NARROW, background='white') as stage:
+    with Stage(size, view_angle=NARROW, background='white', multi_samples=0) as stage:
         stage.bounds = bounds
         add = stage.plotter.ibr.add_instances
         things = add(parts, poses, bake=True, cache=atlases, show_scalar_bar=False)

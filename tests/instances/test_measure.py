@@ -157,8 +157,8 @@ def test_a_step_of_eight_bits_is_no_error():
 
 def test_a_bar_is_never_below_the_mesh_itself():
     meshes = {
-        'wires': {64: {ONCE: (1.0, 3.0), '1.0': (0.7, 2.8)}},
-        'ball': {64: {ONCE: (1.0, 1.0), '1.0': (0.7, 1.4)}},
+        'wires': {64: {ONCE: {'moved': 3.0}, '1.0': {'moved': 2.8}}},
+        'ball': {64: {ONCE: {'moved': 1.0}, '1.0': {'moved': 1.4}}},
     }
     (row,) = (row for row in moved_rows(meshes) if 'max_error 1.0' in row.name)
     assert row.ok

@@ -167,7 +167,7 @@ def test_what_was_refused_is_asked_for_again_where_there_is_room(scenes, bean, l
     groups = things.groups
     things.poses = [[0, 0, 0], [3, 0, 0]]
     assert things.groups is groups
-    limited(64)
+    limited(128)
     things.poses = [[0, 0, 0], [2, 0, 0]]
     assert 'views of 128' in things.report()['atlas 0']
     pl.close()

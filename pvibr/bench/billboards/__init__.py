@@ -50,7 +50,7 @@ BENCH = Bench(
         'spheres': partial(_points, quadrics.spheres, quadrics.sphere_mapper, quadrics.CAMERAS),
     },
     settings={
-        'size': ((1280, 720), (320, 180)),
+        'size': ((1024, 768), (320, 180)),
         'counts': ((1_000, 10_000, 100_000, 1_000_000), (1_000,)),
         'slow': (100_000, 1_000),
         'quadrics': (10_000, 500),

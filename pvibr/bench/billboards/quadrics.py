@@ -146,7 +146,7 @@ def _errors(size):
 def _picture_error(size, put, meet, things) -> float:
     """Return the largest difference of a picture from rays in double precision, of 255."""
     headlight = pv.Light(light_type='headlight')
-    with Stage(size, background='black', lights=[headlight]) as stage:
+    with Stage(size, background='black', lights=[headlight], multi_samples=0) as stage:
         put(stage.plotter, color='white', diffuse=1.0)
         stage.look([(0, -6, 1), (0, 0, 0), (0, 0, 1)])
         picture = 255 * stage.picture()[..., 0]

@@ -130,7 +130,7 @@ _WAYS = {'kept': Billboards, 'plain': _PlainLevels}
 def covered(image, pixels, way):
     """Return the share of its square that a cut-out covers on the screen."""
     card = _WAYS[way]([[0.0, 0, 0]], image, size=pixels, size_unit='pixel', colors=[[1.0] * 3])
-    with Stage([pixels + 20] * 2, background='black') as stage:
+    with Stage([pixels + 20] * 2, background='black', multi_samples=0) as stage:
         stage.plotter.ibr.add(card)
         stage.look([(0, -5, 0), (0, 0, 0), (0, 0, 1)])
         green = stage.picture()[..., 1]

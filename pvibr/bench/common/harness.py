@@ -111,7 +111,7 @@ class Bench:
             found = whole_frames.measured(make, settings, *extent)
             results.whole_frames[name] = found
             for samples, times in found.items():
-                title = f'whole frame, {name}, {samples} samples per pixel'
+                title = f'whole frame, {name}, {samples} samples'
                 for what, value, unit in whole_frames.told(times):
                     yield Row(f'{title}: {what}', value, unit)
 
@@ -123,7 +123,7 @@ class Bench:
         out.mkdir(parents=True, exist_ok=True)
         (out / f'bench_{name}.json').write_text(results.to_json() + '\n', encoding='utf-8')
         with (out / f'bench_{name}.txt').open('w', encoding='utf-8') as file:
-            Console(file=file, width=160).print(*self.tables(results.points), results.table())
+            Console(file=file, width=200).print(*self.tables(results.points), results.table())
         figure = Figure(layout='constrained')
         FigureCanvasAgg(figure)  # needs no screen
         self.plot(results.points, figure)

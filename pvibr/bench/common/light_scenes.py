@@ -38,9 +38,13 @@ class LightScene:
         """Diagonal of the bounds."""
         return float(np.linalg.norm(self.bounds[1::2] - self.bounds[::2]))
 
-    def stage(self, light, window, *, smooth=False) -> Stage:
-        """Return a window that shows it by one light, in white before black."""
-        stage = Stage(window, view_angle=view_angle(window), background='black')
+    def stage(self, light, window, *, smooth=False, multi_samples=0) -> Stage:
+        """Return a window that shows it by one light, in white before black.
+
+        One sample per pixel, as rays through the middles of pixels see it.
+        """
+        look = {'view_angle': view_angle(window), 'background': 'black'}
+        stage = Stage(window, **look, multi_samples=multi_samples)
         stage.plotter.remove_all_lights()
         self._fill(stage.plotter, light, smooth)
         stage.bounds = tuple(self.bounds)

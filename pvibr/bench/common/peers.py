@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 import pyvista as pv
 from scipy.spatial.transform import Rotation
 
-from pvibr.capture.offscreen import Stage
+from pvibr.bench.common.timing import frame_at
 from pvibr.core import _vtk
+from pvibr.scenes.scenery import stage
 
 #: Instances that the peers are measured with; their time is extrapolated to all of them.
-PART = 500
+PART = 300
 #: The one level that VTK draws on llvmpipe: nine in ten triangles less, from this many sizes of
 #: the bounding box on.
 LOD_DISTANCE, LOD_REDUCTION = 3.0, 0.9
@@ -63,20 +66,64 @@ def _glyphs(part, points, lod):
     return actor
 
 
-def glyph_seconds(scene, cameras, size, *, lod=False, part=PART, seed=0) -> float:
-    """Return VTK's seconds a frame for all instances of a landscape, extrapolated linearly."""
-    ids = np.random.default_rng(seed).permutation(len(scene.index))[:part]
-    actors = glyph_actors(scene.parts(), scene.matrices[ids], scene.index[ids], lod=lod)
-    groups = [[a] for a in actors] if lod else [actors]
-    empty = _median(scene, [], cameras, size)
-    added = sum(max(_median(scene, group, cameras, size) - empty, 0.0) for group in groups)
-    return empty + added * len(scene.index) / len(ids)
+class GlyphFrames:
+    """Frames of VTK's own instances: a part is drawn, and its time extrapolated linearly.
+
+    The part is drawn by lot, and its time taken over that of the same stage without instances.
+    """
+
+    def __init__(self, new_stage, meshes, poses, index, *, lod=False, part=PART, seed=0):
+        rows = np.random.default_rng(seed).permutation(len(index))[:part]
+        self.part, self._scale = len(rows), len(index) / len(rows)
+        actors = glyph_actors(meshes, poses[rows], index[rows], lod=lod)
+        # Actors of several levels each have a window of their own.
+        groups = [[actor] for actor in actors] if lod else [actors]
+        self._groups = [[], *groups]
+        self._stages = [new_stage() for _ in self._groups]
+        for empty, group in zip(self._stages, self._groups, strict=True):
+            empty.add(group)
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *error):
+        for drawn, group in zip(self._stages, self._groups, strict=True):
+            for actor in group:
+                actor.ReleaseGraphicsResources(drawn.window)
+            drawn.close()
+
+    def sample(self, multi_samples):
+        """Set the multisamples of the next frames."""
+        for each in self._stages:
+            each.window.SetMultiSamples(multi_samples)
+
+    def seconds(self, camera) -> np.ndarray:
+        """Return the seconds of a frame of all instances, of both clocks."""
+        empty, *parts = (np.array(frame_at(each, camera)) for each in self._stages)
+        return empty + self._scale * sum(np.maximum(part - empty, 0.0) for part in parts)
 
 
-def _median(scene, actors, cameras, size):
-    with Stage(size, scene.terrain, scene.view_angle, lights=scene.lights()) as stage:
-        stage.add(actors)
-        found = float(np.median(stage.seconds(cameras)))
-        for actor in actors:
-            actor.ReleaseGraphicsResources(stage.window)
-    return found
+def tree_glyphs(scene, size, **options) -> GlyphFrames:
+    """Return frames of the trees of a landscape as VTK's own instances."""
+    new_stage = partial(stage, scene, size)
+    return GlyphFrames(new_stage, scene.parts(), scene.matrices, scene.index, **options)
+
+
+def beside_peers(own, peers, cameras, every, limit=np.inf) -> dict[str, list]:
+    """Return the seconds of frames by turns, of both clocks: of ``'pvibr'``, and by peer.
+
+    Peers draw at one camera of so many; after `limit` seconds of pvibr's only what is missing.
+    """
+    times: dict[str, list] = {'pvibr': [], **{name: [] for name in peers}}
+    frame_at(own, cameras[0])  # the first frames upload and compile
+    for peer in peers.values():
+        peer.seconds(cameras[0])
+    for k, camera in enumerate(cameras):
+        if sum(wall for _, wall in times['pvibr']) < limit:
+            times['pvibr'].append(frame_at(own, camera))
+        elif all(times.values()):
+            break
+        if k % every == every // 2:
+            for name, peer in peers.items():
+                times[name].append(peer.seconds(camera))
+    return times

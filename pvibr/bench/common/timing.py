@@ -9,21 +9,36 @@ import numpy as np
 from pvibr.capture.offscreen import Stage
 from pvibr.maths.flip import flip
 
+#: The two clocks: the time of all processors together, and that on the wall.
+CLOCKS = 'CPU', 'wall'
 
-def seconds(window, job=None) -> float:
-    """Return the seconds of a job on the GPU; by default of a frame."""
+
+def spent(window, job=None) -> tuple[float, float]:
+    """Return the seconds of a job on the GPU, by default of a frame: of the processors, and wall.
+
+    Without a GPU the processors' time is what others on the machine change least.
+    """
     window.WaitForCompletion()
-    start = time.perf_counter()
+    wall, cpu = time.perf_counter(), time.process_time()
     (job or window.Render)()
     window.WaitForCompletion()
-    return time.perf_counter() - start
+    return time.process_time() - cpu, time.perf_counter() - wall
 
 
-def spent(stage) -> tuple[float, float]:
-    """Return the seconds of a frame, of the wall and of the processors."""
-    start = time.process_time()
-    wall = stage.draw()
-    return wall, time.process_time() - start
+def frame_at(stage, camera) -> tuple[float, float]:
+    """Return the seconds of a frame from a camera, of both clocks."""
+    stage.look(camera)
+    return spent(stage.window)
+
+
+def seconds(window, job=None) -> float:
+    """Return the seconds of a job on the GPU on the wall; by default of a frame."""
+    return spent(window, job)[1]
+
+
+def medians_ms(times) -> dict[str, float]:
+    """Return the median ms of both clocks."""
+    return dict(zip(CLOCKS, (1e3 * np.median(times, axis=0)).tolist(), strict=True))
 
 
 def python_ms(stage) -> float:
@@ -76,11 +91,11 @@ def beside_full(stage, substitute, cameras, every, note) -> dict[str, float]:
         for enabled in (True, False) if k % every == every - 1 else (True,):
             substitute.enabled = enabled
             stage.look(camera)
-            times[enabled].append(spent(stage))
+            times[enabled].append(spent(stage.window))
             note(enabled)
         substitute.enabled = True
     means = 1e3 * np.concatenate([np.mean(times[enabled], axis=0) for enabled in (True, False)])
-    return dict(zip(('ms', 'cpu', 'full_ms', 'full_cpu'), means.tolist(), strict=True))
+    return dict(zip(('cpu', 'ms', 'full_cpu', 'full_ms'), means.tolist(), strict=True))
 
 
 def pictures(stage, cameras) -> list:

@@ -9,17 +9,16 @@ from types import SimpleNamespace
 import numpy as np
 import pyvista as pv
 
-from pvibr.bench.common.timing import seconds
+from pvibr.bench.common.timing import CLOCKS, medians_ms, spent
+from pvibr.capture.offscreen import MULTI_SAMPLES
 
 #: Builds the scene of some settings in a plotter of a window size, with the capability or without
 #: it, and returns the plotter and a function that draws the frame of a number.
 Maker = Callable[
     [SimpleNamespace, tuple[int, int], bool], tuple[pv.Plotter, Callable[[int], object]]
 ]
-#: Samples per pixel: as on the stand, and PyVista's default.
-SAMPLES = 0, 8
 #: The window and the number of pairs of frames, in full and for ``--quick``.
-EXTENTS = ((1280, 720), 15), ((320, 180), 2)
+EXTENTS = ((1024, 768), 15), ((320, 180), 2)
 
 
 def real_plotter(size, actors=()):
@@ -43,20 +42,20 @@ def turning(plotter, degrees=0.2) -> Callable[[int], object]:
     return draw
 
 
-def measured(make, settings, size, pairs) -> dict[int, dict[str, list[float]]]:
-    """Return the ms of frames with and without, in pairs, by samples per pixel."""
+def measured(make, settings, size, pairs) -> dict[int, dict[str, list[tuple[float, float]]]]:
+    """Return the seconds of frames with and without, in pairs, by multisamples; of both clocks."""
     both = {name: make(settings, size, name == 'with') for name in ('with', 'without')}
-    found: dict[int, dict[str, list[float]]] = {}
-    for samples in SAMPLES:
+    found: dict[int, dict[str, list[tuple[float, float]]]] = {}
+    for samples in MULTI_SAMPLES:
         for plotter, _ in both.values():
             plotter.render_window.SetMultiSamples(samples)
             plotter.show(auto_close=False)
         times = found[samples] = {name: [] for name in both}
         for k in range(-2, pairs):
             for name, (plotter, draw) in both.items():
-                ms = 1e3 * seconds(plotter.render_window, partial(draw, k))
+                frame = spent(plotter.render_window, partial(draw, k))
                 if k >= 0:  # the first two upload, compile and settle
-                    times[name].append(ms)
+                    times[name].append(frame)
     for plotter, _ in both.values():
         plotter.close()
     return found
@@ -64,8 +63,10 @@ def measured(make, settings, size, pairs) -> dict[int, dict[str, list[float]]]:
 
 def told(times) -> Iterator[tuple[str, float, str]]:
     """Yield names, values and units: medians, the paired ratio and the spread of it."""
-    yield 'with', np.median(times['with']), 'ms'
-    yield 'without', np.median(times['without']), 'ms'
-    low, ratio, high = np.percentile(np.divide(times['with'], times['without']), [25, 50, 75])
-    yield 'with over without', ratio, 'x'
-    yield 'interquartile range of that', high - low, 'x'
+    ratios = np.percentile(np.divide(times['with'], times['without']), [25, 50, 75], axis=0)
+    medians = {name: medians_ms(by_clock) for name, by_clock in times.items()}
+    for clock, (low, ratio, high) in zip(CLOCKS, ratios.T, strict=True):
+        for name in ('with', 'without'):
+            yield f'{name}, {clock}', medians[name][clock], 'ms'
+        yield f'with over without, {clock}', ratio, 'x'
+        yield f'interquartile range of that, {clock}', high - low, 'x'

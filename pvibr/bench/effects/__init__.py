@@ -56,7 +56,7 @@ BENCH = Bench(
     plot=plot,
     outside={'five effects': _five},
     settings={
-        'screen': ((1280, 720), (320, 180)),
+        'screen': ((1024, 768), (320, 180)),
         'rounds': (9, 1),
         'lens': ((640, 480), (160, 120)),
         'radii': ((0.1, 0.2), (0.1,)),

@@ -36,7 +36,7 @@ BENCH = Bench(
     plot=plot,
     outside={'a figure that moves': times.moving},
     settings={
-        'screen': ((1280, 720), (320, 180)),
+        'screen': ((1024, 768), (320, 180)),
         'rounds': (20, 1),
         'small': ((60, 40), (20, 12)),
         'offsets': ((0.0, 1e6), (1e6,)),

@@ -7,8 +7,8 @@ from functools import cache
 from pvibr.bench.common import plots
 from pvibr.bench.common.harness import Bench
 from pvibr.bench.common.whole_frames import turning
-from pvibr.bench.instances import costs, crowd, order, single, walk
-from pvibr.capture.offscreen import mesh_actors
+from pvibr.bench.instances import costs, crowd, knots, near, order, single, walk
+from pvibr.capture.offscreen import MULTI_SAMPLES, mesh_actors
 from pvibr.scenes.landscape import landscape
 from pvibr.scenes.scenery import scenery
 
@@ -16,30 +16,32 @@ _landscape = cache(landscape)  # drawn in several plotters
 
 
 def plot(points, figure):
-    """Draw the walk at the left, single meshes at the right."""
+    """Draw the walk at the left, single meshes at the right, both at defaults."""
     left, right = plots.subplots(figure, 1, 2)
-    _walk(left, points)
+    _walk(left, points['walk'], MULTI_SAMPLES[0])
     _single(right, points.get('single', {}))
 
 
-def _walk(axes, points):
-    plots.curve(axes, [p for _, p in points['pvibr']], 'ms', 'flip', label='pvibr')
-    for k, (max_error, p) in enumerate(points['pvibr']):
+def _walk(axes, walk, samples):
+    own = walk[str(samples)]['pvibr']
+    plots.curve(axes, [p for _, p in own], 'CPU', 'flip', label='pvibr')
+    for k, (max_error, p) in enumerate(own):
         # Above and below by turns: points of close errors lie close together.
-        plots.note(axes, f'{max_error:g} px', p['ms'], p['flip'], (4, 8 if k % 2 else -14))
-    glyphs, lod = points['glyphs'], points['glyphs, culling + LOD']
-    axes.plot(glyphs['ms'], glyphs['flip'], 's', label='VTK glyphs, full meshes (extrapolated)')
+        plots.note(axes, f'{max_error:g} px', p['CPU'], p['flip'], (4, 8 if k % 2 else -14))
     # The glyph mapper shows no colours of vertices, so its error would be one of colour.
-    axes.axvline(lod['ms'], ls='--', color='0.5', label='VTK glyphs, culling + LOD')
-    axes.set(xscale='log', xlabel='ms a frame', title='walk')
+    for (name, ms), style in zip(walk[str(samples)]['peers'].items(), ('-', '--'), strict=True):
+        axes.axvline(ms['CPU'], ls=style, color='0.5', label=f'{name} (extrapolated)')
+    plots.bar(axes, walk['meshes'], label='full meshes at one sample')
+    axes.set(xscale='log', xlabel=f'CPU ms a frame, {samples} samples', title='walk')
     axes.set(ylabel='mean FLIP against 16 samples per pixel', ylim=(0, 1.2 * axes.dataLim.ymax))
 
 
 def _single(axes, meshes):
+    flip = single.flip_key(MULTI_SAMPLES[0])
     for name, by_size in meshes.items():
         sizes = list(by_size)
         key = '1.0' if '1.0' in by_size[sizes[0]] else list(by_size[sizes[0]])[-1]
-        axes.plot(sizes, [by_size[size][key][0] for size in sizes], 'o-', label=name)
+        axes.plot(sizes, [by_size[size][key][flip] for size in sizes], 'o-', label=name)
     plots.bar(axes, 1.0, label=None)
     axes.set_xscale('log', base=2)
     axes.set(xlabel='diameter on the screen, px', ylim=(0, None), title='single meshes')
@@ -60,6 +62,9 @@ def _forest(settings, size, on):
 BENCH = Bench(
     parts={
         'walk': walk.measure,
+        'knots': knots.measure,
+        'near trees': near.measure,
+        "README's example": near.measure_readme,
         'single meshes': single.measure,
         'crowd': crowd.measure,
         'precision': single.measure_precision,
@@ -69,11 +74,15 @@ BENCH = Bench(
     plot=plot,
     outside={'trees as instances': _forest},
     settings={
-        'size': ((1280, 720), (320, 180)),
+        'size': ((1024, 768), (320, 180)),
         'trees': (10_000, 300),
         'cameras': (4, 1),
         'part': (400, 30),
         'steps': (16, 3),
+        'knots': (10_000, 100),
+        'knot_cells': (48_000, 2_000),
+        'knots_size': (knots.SIZE, (320, 180)),
+        'near_frames': (9, 2),
         'meshes': (None, 2),
         'sizes': ((16, 32, 64, 128), (32,)),
         'errors': ((0.5, 1.0, 2.0, 4.0), (1.0,)),

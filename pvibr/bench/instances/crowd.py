@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import tracemalloc
 from functools import partial
+from itertools import product
 
 import numpy as np
 import pyvista as pv
 
 from pvibr.bench.common.harness import Row
-from pvibr.bench.common.timing import python_ms, timed
-from pvibr.capture.offscreen import Stage
+from pvibr.bench.common.timing import CLOCKS, frame_at, medians_ms, python_ms, timed
+from pvibr.capture.offscreen import MULTI_SAMPLES, Stage
 from pvibr.meshes.parts import as_parts
 
 VIEW_ANGLE = 30.0
@@ -26,10 +27,13 @@ def measure(settings, results):
     mesh, points, cameras = _scene(settings.crowd)
     own = yield from _drawn(mesh, points, cameras, settings.size)
     flat = _quads(points, cameras, settings.size)
-    name = f'crowd of {settings.crowd:,}'
-    yield Row(f'{name}: pvibr', own, 'ms')
-    yield Row(f'{name}: unlit quads', flat, 'ms')
-    yield Row(f'{name}: over unlit quads', own / flat, 'x', 1.5)
+    for samples, clock in product(MULTI_SAMPLES, CLOCKS):
+        name = f'crowd of {settings.crowd:,}, {samples} samples'
+        ms, peer = own[samples][clock], flat[samples][clock]
+        yield Row(f'{name}: pvibr, {clock}', ms, 'ms')
+        yield Row(f'{name}: unlit quads, {clock}', peer, 'ms')
+        bar = 1.5 if clock == 'CPU' else None
+        yield Row(f'{name}: over unlit quads, {clock}', ms / peer, 'x', bar)
 
 
 def _bake():
@@ -52,7 +56,7 @@ def _scene(count):
 
 
 def _drawn(mesh, points, cameras, size):
-    """Yield the rows of a crowd, and return the ms of its frame."""
+    """Yield the rows of a crowd, and return the ms of its frame by multisamples and clock."""
     with Stage(size, view_angle=VIEW_ANGLE) as stage:
         parts = [as_parts(mesh)]
         first = stage.plotter.ibr.add_instances(parts, points[:1], bake=True)
@@ -65,7 +69,6 @@ def _drawn(mesh, points, cameras, size):
         stage.seconds(cameras[:1])
         held, _ = tracemalloc.get_traced_memory()
         tracemalloc.stop()
-        seconds = stage.seconds(cameras)
         python = []
         for camera in (*cameras, *cameras[-1:] * FRAMES):
             stage.look(camera)
@@ -78,11 +81,21 @@ def _drawn(mesh, points, cameras, size):
         yield Row('crowd: Python a frame, camera moving', np.median(moving), 'ms', 5.0)
         yield Row('crowd: CPU bytes an instance', max(held - bakes, 0) / n, 'B', 96.0)
         yield Row('crowd: GPU bytes an instance', max(gpu, 0) / n, 'B', 64.0)
-    return float(np.median(seconds)) * 1e3
+        return _ms(stage, cameras)
+
+
+def _ms(stage, cameras) -> dict[int, dict[str, float]]:
+    """Return the median ms of frames by multisamples and clock."""
+    by_samples = {}
+    for samples in MULTI_SAMPLES:
+        stage.window.SetMultiSamples(samples)
+        frame_at(stage, cameras[0])
+        by_samples[samples] = medians_ms([frame_at(stage, camera) for camera in cameras])
+    return by_samples
 
 
 def _quads(points, cameras, size):
-    """Return the milliseconds of as many quads, each the size of the bounding sphere."""
+    """Return the ms of as many quads, each the size of the bounding sphere."""
     radius = SHARE * 2 / len(points) ** (1 / 3)
     corners = np.array([[-1, 0, -1], [1, 0, -1], [1, 0, 1], [-1, 0, 1]]) * radius
     places = (points[:, None] + corners).astype(np.float32).reshape(-1, 3)
@@ -90,4 +103,4 @@ def _quads(points, cameras, size):
     cells: np.ndarray = quads[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3)
     with Stage(size, view_angle=VIEW_ANGLE) as stage:
         stage.plotter.add_mesh(pv.PolyData.from_regular_faces(places, cells), lighting=False)
-        return float(np.median(stage.seconds(cameras))) * 1e3
+        return _ms(stage, cameras)

@@ -8,7 +8,7 @@ from scipy.ndimage import binary_erosion
 from scipy.spatial.transform import Rotation
 
 from pvibr.bench.common.harness import Row
-from pvibr.capture.offscreen import SAMPLES, Stage, mesh_actors
+from pvibr.capture.offscreen import MULTI_SAMPLES, SAMPLES, Stage, mesh_actors
 from pvibr.meshes.parts import as_parts
 
 SIZE = 400, 300
@@ -24,11 +24,13 @@ _MESHES = {
 
 def measure(settings, results):
     """Yield the worst of all scenes."""
-    found = np.array([_through(_Scene(seed)) for seed in range(settings.scenes)])
-    for column, least, bar in ((0, SEEN, 0), (1, MEASURABLE, 10)):
-        name = f'background shows by more than {least}/255 deep inside'
-        yield Row(f'{name}, worst of {len(found)} scenes', found[:, column].max(), 'px', bar)
-        yield Row(f'{name}, all scenes', found[:, column].sum(), 'px')
+    counts = np.array([_through(_Scene(seed)) for seed in range(settings.scenes)])
+    for k, samples in enumerate(MULTI_SAMPLES):
+        for column, least, bar in ((0, SEEN, 0), (1, MEASURABLE, 10)):
+            pixels = counts[:, k, column]
+            name = f'background shows by more than {least}/255 deep inside, {samples} samples'
+            yield Row(f'{name}, worst of {len(counts)} scenes', pixels.max(), 'px', bar)
+            yield Row(f'{name}, all scenes', pixels.sum(), 'px')
     away = max(_first_from_third(_Scene(seed)) for seed in range(min(4, settings.scenes)))
     yield Row('first frame against third, greatest difference', away, '/255', 0)
 
@@ -52,15 +54,15 @@ class _Scene:
         away = away / np.linalg.norm(away) * rng.uniform(20, 45)
         self.camera = tuple(away), (0.0, 0.0, 0.0), tuple(rng.normal(size=3))
 
-    def stage(self, samples=1) -> Stage:
+    def stage(self, **samples) -> Stage:
         """Return an empty window whose clipping planes are the scene's."""
-        stage = Stage(SIZE, samples=samples, background='white')
+        stage = Stage(SIZE, **samples, background='white')
         stage.bounds = (-15.0, 15.0) * 3
         return stage
 
     def meshes(self) -> Stage:
         """Return a window with an actor for each thing, many samples a pixel."""
-        stage = self.stage(SAMPLES)
+        stage = self.stage(samples=SAMPLES)
         for names, poses, index in self.sets:
             stage.add(
                 mesh_actors([as_parts(_MESHES[n](), color='red') for n in names], poses, index)
@@ -77,14 +79,21 @@ class _Scene:
         return stage
 
 
-def _through(scene) -> tuple[int, int]:
-    """Return in how many pixels deep inside what meshes cover the background shows."""
+def _through(scene) -> list[tuple[int, int]]:
+    """Return in how many pixels deep inside what meshes cover the background shows.
+
+    By multisamples: in how many it is seen, and in how many it can be measured.
+    """
     with scene.meshes() as stage:
         # One sample a pixel may miss the hole of a thin ring.
         inside = binary_erosion(_change(stage, scene.camera) < 0.5, np.ones((3, 3)))
+    counts = []
     with scene.instances() as stage:
-        change = _change(stage, scene.camera)
-    return (inside & (change > SEEN)).sum(), (inside & (change > MEASURABLE)).sum()
+        for samples in MULTI_SAMPLES:
+            stage.window.SetMultiSamples(samples)
+            change = _change(stage, scene.camera)[inside]
+            counts.append(((change > SEEN).sum(), (change > MEASURABLE).sum()))
+    return counts
 
 
 def _change(stage, camera) -> np.ndarray:

@@ -8,7 +8,7 @@ import pyvista as pv
 from pvibr.bench.common.harness import Row
 from pvibr.bench.common.meshes import MESHES
 from pvibr.bench.common.timing import mean_flip
-from pvibr.capture.offscreen import SAMPLES, Stage, covered, mesh_actors
+from pvibr.capture.offscreen import MULTI_SAMPLES, SAMPLES, Stage, covered, mesh_actors
 from pvibr.instances.atlas import bounding_sphere
 from pvibr.maths.image_error import displacements
 from pvibr.meshes.parts import as_parts
@@ -29,7 +29,7 @@ _FAR_SIZE = (320, 180)
 
 
 def measure(settings, results):
-    """Yield FLIP against the mesh's own, and the displacement of outlines."""
+    """Yield FLIP over that of the mesh at one sample, and the displacement of outlines."""
     results.points['single'] = {}
     for name, make in list(MESHES.items())[: settings.meshes]:
         mesh = _Mesh(name, make(), settings)
@@ -44,8 +44,9 @@ def moved_rows(meshes):
     worst: dict[str, tuple[float, float, float, str]] = {}
     for name, found in meshes.items():
         for size, by_error in found.items():
-            own = by_error[ONCE][1]
-            for key, (_, moved) in by_error.items():
+            own = by_error[ONCE]['moved']
+            for key, point in by_error.items():
+                moved = point['moved']
                 bar = 0.0 if key == ONCE else max(float(key) + SLACK, own)
                 here = (moved - bar, bar, moved, f'{name} at {size} px')
                 worst[key] = max(worst.get(key, here), here)
@@ -58,8 +59,14 @@ def moved_rows(meshes):
 def _flip_rows(name, found):
     for size, by_error in found.items():
         if '1.0' in by_error:
-            ratio = by_error['1.0'][0]
-            yield Row(f'single: {name} at {size} px, FLIP ratio', ratio, 'x', 1.0)
+            for samples in MULTI_SAMPLES:
+                title = f'single: {name} at {size} px, {samples} samples, FLIP ratio'
+                yield Row(title, by_error['1.0'][flip_key(samples)], 'x', 1.0)
+
+
+def flip_key(samples) -> str:
+    """Return the key of FLIP at so many multisamples, over that of the mesh at one sample."""
+    return f'flip, {samples}'
 
 
 class _Mesh:
@@ -72,25 +79,30 @@ class _Mesh:
         self.rng = np.random.default_rng(sum(name.encode()))
 
     def at(self, size):
-        """Return by max_error the FLIP ratio and the displacement's 99th percentile."""
+        """Return by max_error the FLIP ratios and the displacement's 99th percentile."""
         cameras = [self._camera(size) for _ in range(self.settings.directions)]
-        truth = self._full(size, cameras, SAMPLES)
-        once = self._full(size, cameras, 1)
-        base = _mean_flip(once, truth)
-        found = {ONCE: (1.0, _moved(once, truth))}
+        truth = self._full(size, cameras, samples=SAMPLES)
+        once = self._full(size, cameras, multi_samples=0)
+        base = max(_mean_flip(once, truth), FLOOR)
+        points = {ONCE: {'moved': _moved(once, truth)}}
         with Stage(_window(size), view_angle=_angle(size), background='white') as stage:
             stage.bounds = self._bounds()
             add = stage.plotter.ibr.add_instances
             drawn = add([self.parts], [[0.0, 0.0, 0.0]], bake=True, show_scalar_bar=False)
-            for max_error in self.settings.errors:
-                drawn.max_error = max_error
-                pictures = []
-                for camera in cameras:
-                    stage.look(camera)
-                    pictures.append((stage.picture(), stage.coverage()))
-                ratio = max(_mean_flip(pictures, truth), FLOOR) / max(base, FLOOR)
-                found[str(max_error)] = (ratio, _moved(pictures, truth))
-        return found
+            for samples in MULTI_SAMPLES:
+                stage.window.SetMultiSamples(samples)
+                for max_error in self.settings.errors:
+                    drawn.max_error = max_error
+                    pictures = []
+                    for camera in cameras:
+                        stage.look(camera)
+                        coverage = None if samples else stage.coverage()
+                        pictures.append((stage.picture(), coverage))
+                    point = points.setdefault(str(max_error), {})
+                    point[flip_key(samples)] = max(_mean_flip(pictures, truth), FLOOR) / base
+                    if not samples:  # what is covered is told by one sample per pixel
+                        point['moved'] = _moved(pictures, truth)
+        return points
 
     def _camera(self, size):
         away, up, aside = self.rng.normal(size=(3, 3))
@@ -105,9 +117,9 @@ class _Mesh:
         low, high = self.center - self.radius, self.center + self.radius
         return tuple(np.stack([low, high], 1).ravel())
 
-    def _full(self, size, cameras, samples):
-        look = {'view_angle': _angle(size), 'samples': samples, 'background': 'white'}
-        with Stage(_window(size), **look) as stage:
+    def _full(self, size, cameras, **samples):
+        look = {'view_angle': _angle(size), 'background': 'white'}
+        with Stage(_window(size), **look, **samples) as stage:
             stage.bounds = self._bounds()
             stage.look(cameras[0])
             stage.draw()
@@ -117,7 +129,7 @@ class _Mesh:
             for camera in cameras:
                 stage.look(camera)
                 picture = stage.picture()
-                found.append((picture, covered(stage.depth(), empty, samples)))
+                found.append((picture, covered(stage.depth(), empty, stage.samples)))
         return found
 
 

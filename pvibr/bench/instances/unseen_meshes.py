@@ -16,15 +16,17 @@ STANDING = 'terrain', 'foliage', 'parts', 'folds'
 _COLORS = 'sienna', 'steelblue', 'olive', 'orchid', 'gold', 'lightgray', 'tomato'
 
 
-def unseen(seed, triangles=(10_000, 100_000)) -> Iterator[tuple[str, Callable[[], list]]]:
+def unseen(
+    seed, triangles=(10_000, 100_000), kinds=None
+) -> Iterator[tuple[str, Callable[[], list]]]:
     """Yield the name of each kind, and what makes the parts of a mesh of so many triangles."""
-    for place, name in enumerate(KINDS):
-        yield name, partial(_make, name, [seed, place], triangles)
+    for place, (name, make) in enumerate((KINDS if kinds is None else kinds).items()):
+        yield name, partial(_make, make, [seed, place], triangles)
 
 
-def _make(name, seed, triangles):
+def _make(make, seed, triangles):
     rng = np.random.default_rng(seed)
-    return KINDS[name](rng, int(np.exp(rng.uniform(*np.log(triangles)))))
+    return make(rng, int(np.exp(rng.uniform(*np.log(triangles)))))
 
 
 def _look(rng, **look):
@@ -252,4 +254,126 @@ KINDS = {
     'cell scalars': _measured,
     'translucent': _glass,
     'folds': _folds,
+}
+
+
+# -- heavier kinds --------------------------------------------------------------------------------
+
+
+def _isosurface(levels, count) -> pv.PolyData:
+    """Return the surface where a function of points (n, 3) in a cube of side 2 is 0.
+
+    The grid is as fine as about so many triangles need, which go with the square of its side.
+    """
+    side = 24
+    for _ in range(2):
+        grid = pv.ImageData(
+            dimensions=(side,) * 3, spacing=(2 / (side - 1),) * 3, origin=(-1,) * 3
+        )
+        grid['level'] = levels(np.array(grid.points))
+        surface = grid.contour([0.0], scalars='level')
+        side = max(round(side * np.sqrt(count / max(surface.n_cells, 1))), 12)
+    return bare(surface).compute_normals(auto_orient_normals=False)
+
+
+def _gyroid(rng, count):
+    periods, shift = rng.uniform(1.0, 2.5), rng.uniform(0, 2 * np.pi, 3)
+
+    def levels(points):
+        x, y, z = (np.pi * periods * points + shift).T
+        return np.sin(x) * np.cos(y) + np.sin(y) * np.cos(z) + np.sin(z) * np.cos(x)
+
+    return _as_phong(as_parts(_isosurface(levels, count), **_look(rng, specular=0.3)))
+
+
+def _blobs(rng, count):
+    """Return drops that flow into one another."""
+    centers = rng.uniform(-0.6, 0.6, (int(rng.integers(8, 20)), 3))
+    radii = rng.uniform(0.12, 0.25, len(centers))
+
+    def levels(points):
+        away = np.stack([((points - c) ** 2).sum(1) for c in centers])
+        return np.exp(-away / radii[:, None] ** 2).sum(0) - 0.4
+
+    mesh = _isosurface(levels, count)
+    return _as_phong(as_parts(mesh, **_look(rng, specular=0.7, specular_power=30)))
+
+
+def _box_lattice(rng, count):
+    """Return square beams along all edges of cubes side by side."""
+    n = max(round((count / 36) ** (1 / 3) + 1 / 3), 3)  # nodes along a side: 3 n^2 (n - 1) beams
+    half = rng.uniform(0.08, 0.16) / (n - 1)
+    nodes = np.linspace(-1, 1, n)
+    beam, axes = pv.Box(quads=False), np.eye(3)
+    beams = []
+    for along in range(3):
+        places = np.stack(np.meshgrid(nodes, nodes, (nodes[1:] + nodes[:-1]) / 2), -1)
+        places = np.roll(places.reshape(-1, 3), along + 1, axis=1)
+        sides = np.where(axes[along], 1 / (n - 1) - half, half)
+        beams.append(np.array(beam.points) * sides + places[:, None])
+    points = np.concatenate(beams)
+    offsets: np.ndarray = beam.n_points * np.arange(len(points))[:, None, None]
+    faces = (np.asarray(beam.regular_faces) + offsets).reshape(-1, 3)
+    return as_parts(pv.PolyData.from_regular_faces(points.reshape(-1, 3), faces), **_look(rng))
+
+
+def _crystals(rng, count):
+    """Return hexagonal prisms with pointed ends that grow from one another, flat-shaded."""
+    angle = np.linspace(0, 2 * np.pi, 7)[:-1]
+    ring = np.stack([np.cos(angle), np.sin(angle), np.zeros(6)], 1)
+    top = ring + np.array([0.0, 0.0, 4.0])
+    points = np.concatenate([ring, top, [[0, 0, 5.2], [0, 0, 0]]])
+    i, j = np.arange(6), np.roll(np.arange(6), -1)
+    sides = np.stack([i, j, j + 6, i, j + 6, i + 6], 1).reshape(-1, 3)
+    ends = np.concatenate(
+        [np.stack([i + 6, j + 6, i * 0 + 12], 1), np.stack([j, i, i * 0 + 13], 1)]
+    )
+    one = pv.PolyData.from_regular_faces(points, np.concatenate([sides, ends])).subdivide(2)
+    prisms = []
+    for _ in range(max(round(count / one.n_cells), 4)):
+        turn = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+        turn[:, 2] *= np.linalg.det(turn)
+        size = rng.uniform(0.03, 0.12) * np.array([1, 1, rng.uniform(0.6, 2.0)])
+        foot = rng.normal(size=3) * 0.25
+        prism = bare(one)
+        prism.points = (np.array(prism.points) * size) @ turn.T + foot
+        prisms.append(prism)
+    return as_parts(pv.merge(prisms), **_look(rng))
+
+
+def _ribbon(rng, count):
+    """Return a band that is twisted on its way around, with rings of colours."""
+    across = int(rng.integers(24, 40))
+    along = max(count // (2 * (across - 1)), 60)
+    u, v = np.meshgrid(np.linspace(0, 2 * np.pi, along), np.linspace(-1, 1, across), indexing='ij')
+    turns, waves = int(rng.integers(2, 6)), int(rng.integers(2, 4))
+    width, twist = rng.uniform(0.2, 0.35), turns * u
+    ring = 1 + width * v * np.cos(twist)
+    points = np.stack([ring * np.cos(u), ring * np.sin(u),
+                       width * v * np.sin(twist) + 0.3 * np.sin(waves * u)], -1)  # fmt: skip
+    band = pv.PolyData.from_regular_faces(points.reshape(-1, 3), _grid(along, across))
+    band['turn'] = np.sin(int(rng.integers(8, 25)) * u).ravel()
+    return _as_phong(as_parts(band.compute_normals(), scalars='turn', cmap='hsv'))
+
+
+def _thin_tubes(rng, count):
+    """Return long thin tubes that wind through one another."""
+    sides, tubes = 8, int(rng.integers(6, 16))
+    steps = max(count // (2 * sides * tubes), 30)
+    t = np.linspace(0, 2 * np.pi, steps)
+    meshes = []
+    for _ in range(tubes):
+        waves, phases = rng.integers(1, 5, (3, 3)), rng.uniform(0, 2 * np.pi, (3, 3))
+        line = np.sin(t[:, None, None] * waves + phases).mean(2)
+        meshes.append(_tube(line, rng.uniform(0.008, 0.02), sides).compute_normals())
+    return _as_phong(as_parts(pv.merge(meshes), **_look(rng)))
+
+
+HEAVY_KINDS = {
+    'gyroid': _gyroid,
+    'box lattice': _box_lattice,
+    'crystals': _crystals,
+    'ribbon': _ribbon,
+    'blobs': _blobs,
+    'thin tubes': _thin_tubes,
 }

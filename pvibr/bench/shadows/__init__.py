@@ -61,7 +61,7 @@ BENCH = Bench(
         'soft': (('spheres', 'terrain', 'statue'), ('airplane',)),
         'blurs': ((1.0, 2.0, 4.0, 8.0, 16.0), (8.0,)),
         'small': ((320, 180), (96, 54)),
-        'screen': ((1280, 720), (320, 180)),
+        'screen': ((1024, 768), (320, 180)),
         'timed': ('spheres', 'airplane'),
         'repeats': (3, 1),
         'frames': (3, 1),

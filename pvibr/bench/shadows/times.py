@@ -68,7 +68,7 @@ def measure(settings, results):
 def extra_ms(scene, light, choices, settings, moves=('camera', 'light')) -> dict:
     """Return what shadows add to a frame while the camera or the light moves."""
     found: dict = {name: {what: [] for what in moves} for name in (None, *choices)}
-    with scene.stage(light, settings.screen) as stage:
+    with scene.stage(light, settings.screen, multi_samples=None) as stage:
         for _ in range(settings.repeats):
             _frames(scene, stage, found[None], settings)
             for name, choice in choices.items():
@@ -79,7 +79,7 @@ def extra_ms(scene, light, choices, settings, moves=('camera', 'light')) -> dict
     extra: dict = {name: {} for name in choices}
     for name, what in product(choices, moves):
         added = np.median(found[name][what], axis=0) - np.median(plain[what], axis=0)
-        wall, cpu = (1e3 * added).tolist()
+        cpu, wall = (1e3 * added).tolist()
         extra[name][what] = {'wall': wall, 'cpu': cpu}
     return extra
 
@@ -95,17 +95,17 @@ def _aside(place, way) -> tuple:
 
 
 def _frames(scene, stage, found, settings):
-    """Add the seconds, on the wall and of the processors, of frames."""
+    """Add the seconds of frames, of the processors and on the wall."""
     lamp = stage.renderer.lights[0]
     position = lamp.position
     stage.draw()
     stage.draw()  # the first made textures and shaders
     for camera in _cameras(scene, settings.frames):
         stage.look(camera)
-        found['camera'].append(spent(stage))
+        found['camera'].append(spent(stage.window))
     for k in range(settings.frames if 'light' in found else 0):
         lamp.position = _aside(position, _STEP * scene.size * (k + 1))
-        found['light'].append(spent(stage))
+        found['light'].append(spent(stage.window))
     lamp.position = position
 
 
