@@ -125,7 +125,8 @@ class Blur:
         place = [n / t for n, t in zip(picture.size, texels, strict=True)]
         shift = [c / t for c, t in zip(corner, texels, strict=True)]
         uniforms = {'place': place, 'shift': shift, 'intensity': intensity}
-        text = self._add[np.allclose((place, shift), ((1, 1), (0, 0)), atol=1e-6)]
+        whole = max(abs(p - 1) for p in place) < _TINY and max(abs(s) for s in shift) < _TINY
+        text = self._add[whole]
         how = '' if alone else 'screen' if screen else 'add'
         box = _placed(light.box, scale, corner)
         picture.apply(Pointwise('light', text, uniforms, {'light': light.image}, how, box))
