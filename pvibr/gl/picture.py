@@ -28,9 +28,10 @@ class Picture:
         self._fused = fused
         self._pending: list[Pointwise] = []
         self._ends = self._is_apart = self._shares_depth = False
-        self._scene: Target | None = None
+        self._scene: Any = None
         self._depth_taken = False
         self._window_colors: WindowColors | None = None
+        self._bytes: Target | None = None
         #: Whether the last effect is drawing.
         self.last = False
         #: Finds the depth of a scene that was drawn without any.
@@ -53,7 +54,7 @@ class Picture:
     @property
     def nbytes(self) -> int:
         """Bytes on the GPU."""
-        return nbytes_of(*self._targets, self._own)
+        return nbytes_of(*self._targets, self._own, self._bytes)
 
     def take(self, scene, *, on_black=False):
         """Take colours and depth of a target: where that is all of it as it is, else copied."""
@@ -158,14 +159,30 @@ class Picture:
         if not self._shares_depth:
             self._take_depth()
             self._blit(self._source.object, window, gl.DEPTH_BUFFER_BIT, whole, place)
-        if self._is_apart and self._pending and self.origin == (0, 0):  # pixels in the same places
-            pending, self._pending = self._pending, []
-            if self._fused.draw(self, pending, self._window_target()):
-                return
+        if self._draw_last(window, whole, place):
+            return
         self._draw_pending()
         drawn = self._drawn or self._source
         if drawn.object is not window and (self._is_apart or self._drawn is not None):
             self._blit(drawn.object, window, gl.COLOR_BUFFER_BIT, whole, place)
+
+    def _draw_last(self, window, whole, place) -> bool:
+        """Draw what is left to the window, or as bytes to be copied there; return whether."""
+        pending = self._pending
+        if not pending or (not self._is_apart and all(point.blend for point in pending)):
+            return False  # these are blended with the window in place
+        # Not what is read at the same time, and pixels must have the same places.
+        direct = self._source.object is not window and self.origin == (0, 0)
+        self._pending = []
+        target = self._window_target() if direct else self._byte_target()
+        drawn = self._fused.draw(self, pending, target)
+        if drawn and not direct:
+            self._blit(target.object, window, gl.COLOR_BUFFER_BIT, whole, place)
+        return drawn
+
+    def _byte_target(self):
+        self._bytes = self._bytes or Target(self.window, *self.size)
+        return self._bytes
 
     def _window_target(self):
         target = self._window_colors
@@ -185,8 +202,8 @@ class Picture:
     def release(self):
         """Free the GPU's memory; the context must be alive."""
         self._release_resolving()
-        release(*self._targets, self._own, self._window_colors)
-        self._own = self._window_colors = None
+        release(*self._targets, self._own, self._window_colors, self._bytes)
+        self._own = self._window_colors = self._bytes = None
         self._targets, self._drawn, self._pending, self._scene = [], None, [], None
 
     def _release_resolving(self):

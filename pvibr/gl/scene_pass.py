@@ -76,7 +76,9 @@ class ScenePass:
             self._own = like_window(self.window, size, format)
         else:  # volumes drawn by the CPU look for depth in the window, and no copy is needed
             shared = Texture.of(self.window, depth)
-            self._own = Target(self.window, *size, (format,), depth=shared, samples=samples)
+            self._own = Target(
+                self.window, size[0], size[1], (format,), depth=shared, samples=samples
+            )
         self._made = made
 
     def _mark(self, frame):

@@ -77,7 +77,10 @@ class HalfFloatCopy:
     """One pass over a window's size from one texture of half floats to another."""
 
     def __init__(self, window, size):
-        self._source, self._target = (Target(window, *size, ('rgba16f',)) for _ in range(2))
+        width, height = size
+        self._source, self._target = (
+            Target(window, width, height, ('rgba16f',)) for _ in range(2)
+        )
         self._quad = Quad(window, _COPY, 'copy')
         pixels = Texture(window, filter='linear').upload(noise(size))
         self._source.draw(self._quad, textures={'color': pixels})
