@@ -27,6 +27,7 @@ from pvibr.scene.draw_order import DrawOrder
 from pvibr.scene.splats import Splats
 from pvibr.scene.thing import Thing
 
+_IDLE_FRAMES = 8  # without image effects, after which their pictures are freed
 _PEELS_NOTHING = (
     'Translucent things are missing: VTK with depth peeling draws none on this software driver '
     "if windows are multisampled. Call disable_anti_aliasing() or enable_anti_aliasing('ssaa')."
@@ -389,6 +390,7 @@ class _Stage:
         self._things: list = []
         self._annotations = Annotations(renderer)
         self._begun = False
+        self._idle = 0
         self._picture: Picture | None = None
         self._scene: ScenePass | None = None
         self._fused: Fused | None = None
@@ -401,7 +403,7 @@ class _Stage:
     def begin(self, frame, effects, things):
         """Before the renderer draws: flat props out, and what effects need besides colours in."""
         self._things = things
-        self._begun = True
+        self._begun, self._idle = True, 0
         self._splats.look()
         self._annotations.hide(frame.size)
         self._scene = scene = self._scene or ScenePass(self.renderer.GetRenderWindow())
@@ -454,12 +456,17 @@ class _Stage:
         return self._picture
 
     def rest(self):
-        """Free the pictures of frames that have none, such as those of a view that moves."""
+        """Free the pictures after some frames without image effects; making them takes long."""
+        self._idle += 1
+        if self._idle >= _IDLE_FRAMES:
+            self._free()
+
+    def _free(self):
         release(self._picture, self._scene)
         self._picture = self._scene = None
 
     def release(self):
-        self.rest()
+        self._free()
         release(self._fused, self._annotations)
         self._fused = None
 

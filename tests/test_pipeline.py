@@ -17,6 +17,7 @@ from pvibr.core.errors import ClosedError, PvibrWarning
 from pvibr.core.params import Param
 from pvibr.gl import Quad
 from pvibr.gl.offscreen import read_pixels
+from pvibr.gl.texture import Texture
 from pvibr.pipeline import Pipeline
 from tests.pictures import depth_buffer
 
@@ -267,6 +268,33 @@ def test_high_range_sees_light_above_white():
     pl.ibr.add(Brightest())
     seen = show(pl)[0][..., 0] > 127
     assert 0.01 < seen.mean() < 0.9
+
+
+@pytest.mark.parametrize('samples', [0, 4])
+def test_floats_leave_the_window_its_depth(pl, samples):
+    pl.render_window.SetMultiSamples(samples)
+    before = show(pl)[1]
+    pl.ibr.add(Near()).needs_hdr = True
+    colors, depth = grab(pl)
+    np.testing.assert_array_equal(depth, before)
+    seen = colors[..., 0] > 127
+    off = seen != (before < 1)
+    assert off.mean() < (0.02 if samples else 1e-9)  # edges have samples of both
+
+
+def test_switching_allocates_nothing_and_long_rest_frees(pl, monkeypatch):
+    effect = pl.ibr.add(SameHigh())
+    show(pl)
+    made, allocate = [], Texture.allocate
+    monkeypatch.setattr(Texture, 'allocate', lambda *a: made.append(a) or allocate(*a))
+    for enabled in (False, True, False, True):
+        effect.enabled = enabled
+        grab(pl)
+    assert made == []
+    effect.enabled = False
+    for _ in range(10):
+        grab(pl)
+    assert pl.ibr.report().picture_bytes == 0
 
 
 def test_two_effects_are_one_after_the_other(pl):

@@ -2,10 +2,10 @@
 // Squares are of any size, pixels at their edges shared: the image has as many rows in a window of
 // any size. Brightness is luminance, Rec. 709; the light has the hue of its pixel.
 // FIREFLIES: a mean weighted by 1 / (1 + firefly_reduction S): B. Karis, "Tone mapping",
-// graphicrants.blogspot.com, 2013; partial, within each square: J. Jimenez, "Next generation post processing in Call of Duty:
-// Advanced Warfare", SIGGRAPH 2014, slides 166 to 168.
-// Inputs: color (display values, above 1 where the frame has them; alpha 0 where only a plain
-// background is).
+// graphicrants.blogspot.com, 2013; partial, within each square: J. Jimenez, "Next generation post
+// processing in Call of Duty: Advanced Warfare", SIGGRAPH 2014, slides 166 to 168.
+// Inputs: color (nearest filter, clamped to the edge; display values, above 1 where the frame has
+// them; alpha 0 where only a plain background is).
 // Defines: OPERATOR 0 subtract, 1 keep, 2 soft; FLOATS if colours may be infinite or NaN; FIREFLIES;
 // TAPS pixels at most that a square touches along a side; WHOLE if these are all of it.
 //@bright
@@ -46,19 +46,21 @@ vec4 above(vec4 c)
 }
 void main()
 {
+  // Columns of nearest texels: of all ways to read a square the fastest on llvmpipe, by a quarter.
   vec2 low = (gl_FragCoord.xy - 0.5) * side, high = min(low + side, size);
-  ivec2 first = ivec2(low), last = ivec2(size) - 1;
+  vec2 first = floor(low), texel = 1.0 / size;
   vec4 sum = vec4(vec3(0.0), 1e-9);
-  for (int j = 0; j < TAPS; ++j)
+  for (int i = 0; i < TAPS; ++i)
   {
-    for (int i = 0; i < TAPS; ++i)
+    for (int j = 0; j < TAPS; ++j)
     {
+      vec2 at = first + vec2(i, j);
+      vec4 light = above(textureLod(color, (at + 0.5) * texel, 0.0));
 #if WHOLE
-      sum += above(texelFetch(color, first + ivec2(i, j), 0));
+      sum += light;
 #else
-      vec2 at = vec2(first + ivec2(i, j));
       vec2 share = max(min(at + 1.0, high) - max(at, low), 0.0);
-      sum += share.x * share.y * above(texelFetch(color, min(first + ivec2(i, j), last), 0));
+      sum += share.x * share.y * light;
 #endif
     }
   }

@@ -8,6 +8,7 @@ from pvibr.core.params import Param
 from pvibr.effects.light_spread import LightSpread
 from pvibr.gl import Quad, release, shader_source
 from pvibr.gl.feature import sections
+from pvibr.gl.texture import filtered
 from pvibr.maths.tones import to_display, to_light
 
 _OPERATORS = ('subtract', 'keep', 'soft')
@@ -93,7 +94,9 @@ class Bloom(LightSpread):
             'saturation': self.saturation,
             'firefly_reduction': self.firefly_reduction,
         }
-        target.draw(quad, uniforms, {'color': picture.color})
+        color = picture.color
+        with filtered(color, 'nearest'):
+            target.draw(quad, uniforms, {'color': color})
 
     def _limits(self, frame, picture):
         """Return the threshold and the ends of the soft step, before exposure."""

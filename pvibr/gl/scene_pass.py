@@ -6,8 +6,8 @@ from typing import Any
 
 from pvibr.core import _vtk
 from pvibr.core._vtk import method
-from pvibr.gl.enums import COLOR_BUFFER_BIT, DEPTH_BUFFER_BIT
-from pvibr.gl.target import Target, WindowTarget, blit
+from pvibr.gl.enums import COLOR_BUFFER_BIT
+from pvibr.gl.target import Target, WindowTarget
 from pvibr.gl.texture import Texture, nbytes_of, release
 
 _MARK = 'pvibr: '  # begins the names of props that are no part of a scene
@@ -25,7 +25,6 @@ class ScenePass:
         self.needs_hdr = False
         self._own: Any = None
         self._made: tuple = ()
-        self._origin: tuple = ()
         self._is_apart = False
         self._surfaces: Texture | None = None
         self._marker: _Marker | None = None
@@ -58,35 +57,33 @@ class ScenePass:
         self._is_apart = needs_hdr or (single and samples > 1)
         if not self._is_apart:
             return
-        kind = 'rgba32f' if needs_hdr else 'rgba8'
-        made = *_extent(frame), kind, 0 if single else samples
-        if self._own is None or self._made != made:
-            old, self._own = self._own, None
-            release(old)
-            self._own = like_window(self.window, made[:2], kind, made[3])
-            self._made = made
+        self._allocate(_extent(frame), 'rgba32f' if needs_hdr else 'rgba8', single)
         self.window.GetState().PushFramebufferBindings()
         self._own.object.Bind()
         self._own.object.ActivateDrawBuffer(0)
-        self._origin = frame.origin if volumes_of(frame.renderer) else ()
-        if self._origin:
-            self._mark(frame)
+
+    def _allocate(self, size, format, single):
+        """Have a target of a size, with the depth buffer of the window unless samples differ."""
+        window = self.window.GetRenderFramebuffer()
+        samples = window.GetMultiSamples()
+        depth = window.GetDepthAttachmentAsTextureObject()
+        made = size, format, samples, single, depth, depth.GetHandle()
+        if self._own is not None and self._made == made:
+            return
+        old, self._own = self._own, None
+        release(old)
+        if single and samples > 1:
+            self._own = like_window(self.window, size, format)
+        else:  # volumes drawn by the CPU look for depth in the window, and no copy is needed
+            shared = Texture.of(self.window, depth)
+            self._own = Target(
+                self.window, size[0], size[1], (format,), depth=shared, samples=samples
+            )
+        self._made = made
 
     def _mark(self, frame):
-        self._marker = self._marker or _Marker(frame.renderer, self._after_opaque)
+        self._marker = self._marker or _Marker(frame.renderer, self._detach)
         self._marker.add()
-
-    def _after_opaque(self):
-        self._detach()
-        if self.is_apart and self._origin:
-            self._give_depth()
-
-    def _give_depth(self):
-        """Copy the depth into the window, where volumes drawn by the CPU look for it."""
-        own, window = self._own.object, self.window.GetRenderFramebuffer()
-        if own.GetMultiSamples() == window.GetMultiSamples():
-            place = (*self._origin, *self._made[:2])
-            blit(self.window.GetState(), own, window, DEPTH_BUFFER_BIT, place, place)
 
     def attach_surfaces(self, frame) -> Texture:
         """Attach a second colour for opaque props, detached after the last of them."""

@@ -35,8 +35,11 @@ class Target:
         self.depth: Any = depth if isinstance(depth, Texture) else None
         if depth is True:
             self.depth = Texture(window).allocate(width, height, 'depth32f')
+        self._attach()
+
+    def _attach(self):
         self.object = _vtk.vtkOpenGLFramebufferObject()
-        self.object.SetContext(window)
+        self.object.SetContext(self.window)
         with self._bound():
             for i, color in enumerate(self.colors):
                 self.object.AddColorAttachment(i, color.object)
@@ -137,6 +140,27 @@ class WindowTarget(Target):
         self.depth = Texture.of(window, self.object.GetDepthAttachmentAsTextureObject())
         self._shares_depth = True
         self.width, self.height = self.colors[0].size
+
+
+class WindowColors(Target):
+    """The colours of a window without its depth, which programs that draw into it may sample."""
+
+    def __init__(self, window):
+        self.window, self._state = window, window.GetState()
+        color = window.GetRenderFramebuffer().GetColorAttachmentAsTextureObject(0)
+        self.colors = [Texture.of(window, color, filter='linear')]
+        self.depth, self._shares_depth = None, False
+        self.width, self.height = self.colors[0].size
+        self._made = color, color.GetHandle()
+        self._attach()
+
+    def is_current(self) -> bool:
+        """Return whether VTK still draws the window into the same texture."""
+        color = self.window.GetRenderFramebuffer().GetColorAttachmentAsTextureObject(0)
+        return self._made == (color, color.GetHandle())
+
+    def _own(self):
+        return []  # VTK frees them
 
 
 def fitting_target(target, window, size, formats=('rgba8',), **how) -> Target:

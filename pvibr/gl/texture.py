@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from contextlib import contextmanager
+
 import numpy as np
 
 from pvibr.core import _vtk
@@ -46,6 +48,24 @@ def release(*owners):
 def nbytes_of(*owners) -> int:
     """Return the bytes that owners hold on the GPU; None holds none."""
     return sum(owner.nbytes for owner in owners if owner is not None)
+
+
+@contextmanager
+def filtered(texture, filter='linear'):
+    """Sample a texture with a filter within."""
+    to = texture.object
+    before = to.GetMagnificationFilter(), to.GetMinificationFilter()
+    smooth = to.Nearest if filter == 'nearest' else to.Linear
+    if before == (smooth, smooth):
+        yield
+        return
+    to.SetMagnificationFilter(smooth)
+    to.SetMinificationFilter(smooth)
+    try:
+        yield
+    finally:
+        to.SetMagnificationFilter(before[0])
+        to.SetMinificationFilter(before[1])
 
 
 class Texture:

@@ -5,10 +5,13 @@ from __future__ import annotations
 from functools import partial
 
 import numpy as np
+import pyvista as pv
 from scipy.ndimage import gaussian_filter
 
 from pvibr.bench.common.harness import Row
-from pvibr.bench.effects.copies import Stand, in_copies
+from pvibr.bench.common.timing import seconds
+from pvibr.bench.common.whole_frames import real_plotter, turning
+from pvibr.bench.effects.copies import HalfFloatCopy, Stand, in_copies
 from pvibr.effects.bloom import Bloom
 from pvibr.gl.offscreen import hidden_window
 
@@ -27,6 +30,7 @@ SETTINGS: tuple[dict, ...] = (
     {'chain': 'tent', 'downsample': 16},
 )
 _THRESHOLD = 0.8  # some of the picture is brighter
+_FROM_OUTSIDE = {0: 3.0, 8: None}  # samples asked for, PyVista's default last; bars in copies
 _BLUR_ALONE = {'threshold': 0.0, 'operator': 'keep', 'spread': 1.0, 'debug': 'blur'}
 
 
@@ -50,6 +54,41 @@ def measure(settings, results):
     for name, copies in stages.items():
         yield Row(f'bloom: {name}, over a copy', copies, 'x')
     yield from _errors(size, rounds, results)
+    for samples, bar in _FROM_OUTSIDE.items():
+        name = f'frame with bloom over one without, 30 lit spheres, {samples} samples asked for'
+        yield Row(name, _added_copies(size, settings.pairs, samples), 'copies', bar)
+
+
+def _added_copies(size, pairs, samples) -> float:
+    """Return what bloom adds to a frame as users time it, on and off in turn, in copies."""
+    plotter = _lit_spheres(size, samples)
+    bloom = plotter.ibr.add(Bloom())
+    plotter.show(auto_close=False)
+    window, draw = plotter.render_window, turning(plotter)
+    copy = HalfFloatCopy(window, size)
+    times: dict[str, list[float]] = {'with': [], 'without': [], 'copy': []}
+    for k in range(-2, pairs):
+        for name, spent in times.items():
+            bloom.enabled = name == 'with'
+            job = copy.draw if name == 'copy' else partial(draw, k)
+            elapsed = seconds(window, job)
+            if k >= 0:  # the first two upload and compile
+                spent.append(elapsed)
+    copy.release()
+    plotter.close()
+    added = np.subtract(times['with'], times['without'])
+    return float(np.median(added) / np.median(times['copy']))
+
+
+def _lit_spheres(size, samples) -> pv.Plotter:
+    """Return a plotter of shiny spheres in the lights that PyVista puts there."""
+    plotter, rng = real_plotter(size), np.random.default_rng(0)
+    for center in rng.uniform(-2, 2, (30, 3)):
+        sphere = pv.Sphere(radius=0.4, center=center)
+        color = rng.uniform(0.3, 1, 3)
+        plotter.add_mesh(sphere, color=color, specular=1.0, smooth_shading=True)
+    plotter.render_window.SetMultiSamples(samples)
+    return plotter
 
 
 class _Staged(Bloom):

@@ -14,7 +14,7 @@ from pvibr.effects.backgrounds import Sky
 from pvibr.effects.screen import Flash, ImageOverlay, Iris, NightVision, Vignette
 from pvibr.effects.shader_effect import ShaderEffect
 from pvibr.effects.tone_mapping import ToneMapping
-from pvibr.gl import Quad, Target, Texture
+from pvibr.gl import Quad, Target, Texture, release
 from pvibr.gl.fused import Fused
 from pvibr.gl.offscreen import hidden_window
 from pvibr.maths.tones import CURVES
@@ -71,6 +71,28 @@ class Copy(Effect):
         if self._quad is not None:
             self._quad.release()
             self._quad = None
+
+
+class HalfFloatCopy:
+    """One pass over a window's size from one texture of half floats to another."""
+
+    def __init__(self, window, size):
+        width, height = size
+        self._source, self._target = (
+            Target(window, width, height, ('rgba16f',)) for _ in range(2)
+        )
+        self._quad = Quad(window, _COPY, 'copy')
+        pixels = Texture(window, filter='linear').upload(noise(size))
+        self._source.draw(self._quad, textures={'color': pixels})
+        pixels.release()
+
+    def draw(self):
+        """Copy once."""
+        self._target.draw(self._quad, textures={'color': self._source.colors[0]})
+
+    def release(self):
+        """Free the GPU's memory; the context must be alive."""
+        release(self._source, self._target, self._quad)
 
 
 def in_copies(stand, jobs, rounds) -> tuple[dict, float]:
