@@ -67,10 +67,12 @@ class PosedShape:
             points, (low, high) = np.ascontiguousarray(poses.take(ids, 0).T), self._ends
             return np.stack([low + points.min(1), high + points.max(1)])
         places, radii = spheres
+        numbers = poses.ravel()
+        first = np.multiply(ids, 16, dtype=np.intp) + np.arange(3)[:, None]
         out = np.empty((2, 3))
         for axis in range(3):
             for side, sign in enumerate((-1.0, 1.0)):
-                turns = sign, poses[:, axis, :3], ids
+                turns = sign, numbers, first + 4 * axis
                 out[side, axis] = sign * self._highest(turns, sign * places[axis], radii)
         return out
 
@@ -80,41 +82,41 @@ class PosedShape:
 
     def _highest(self, turns, along, radii):
         """Return the highest of ``along + row . corner``, where no product is above its radius."""
-        sign, rows, ids = turns
+        sign, numbers, where = turns  # which numbers of all matrices the rows are
         bounds = along + radii
         farthest = bounds.argmax(keepdims=True)
-        best = self._reach(sign * rows[ids[farthest]], along[farthest])
+        best = self._reach(sign * numbers[where[:, farthest]], along[farthest])
         left = np.flatnonzero(bounds > best)
         if not len(left):
             return best
-        rows, along = sign * rows[ids[left]], along[left]
+        rows, along = sign * numbers.take(where.take(left, 1)), along[left]
         if len(left) * self._corners.shape[1] <= _AT_ONCE:
             return max(best, self._reach(rows, along))
-        if np.abs(rows - rows[0]).max() <= _ROUNDING * np.abs(rows[0]).max():
+        if np.ptp(rows, axis=1).max() <= _ROUNDING * np.abs(rows[:, 0]).max():
             # Turned about this axis alone, or all the same.
-            return self._reach(rows[:1], along.max(keepdims=True))
-        bounds = along + support(self._support, rows)
+            return self._reach(rows[:, :1], along.max(keepdims=True))
+        bounds = along + support(self._support, rows.T)
         farthest = bounds.argmax(keepdims=True)
-        best = max(best, self._reach(rows[farthest], along[farthest]))
+        best = max(best, self._reach(rows[:, farthest], along[farthest]))
         left = np.flatnonzero(bounds > best)
         left = left[np.argsort(-bounds[left])]
-        return self._highest_of(rows[left], along[left], bounds[left], best)
+        return self._highest_of(rows[:, left], along[left], bounds[left], best)
 
     def _highest_of(self, rows, along, bounds, best):
         """Return the highest of poses sorted by their upper bounds, or the best if none is."""
         count = self._corners.shape[1]
         step = max(1, _AT_ONCE // count)
-        for start in range(0, len(rows), step):
+        for start in range(0, len(along), step):
             if bounds[start] <= best:
                 break
             if start * count > _MOST:
                 return bounds[start]
             some = slice(start, start + step)
-            best = max(best, self._reach(rows[some], along[some]))
+            best = max(best, self._reach(rows[:, some], along[some]))
         return best
 
     def _reach(self, rows, along):
-        """Return how far some poses reach."""
+        """Return how far the farthest of some poses reaches, by rows of matrices, (3, n)."""
         # Not by a matrix product: where its threads wait they take all of the processor.
-        products = np.einsum('ij,jk->ik', rows, self._corners)
+        products = np.einsum('ji,jk->ik', rows, self._corners)
         return (along + products.max(1)).max()
