@@ -53,11 +53,9 @@ def _added(mesh, folder, *, bake=None) -> float:
 
 
 def _new_poses(count, samples, *, turned) -> float:
-    """Return the median ms of the processors that new poses add to a frame of a moving camera.
-
-    As a user draws: in PyVista's own window and light. Poses are shuffled, so that both frames
-    show the same. Turned ones lie on a plane: any of them may reach highest.
-    """
+    """Return the median ms of the processors that new poses add to a frame of a moving camera."""
+    # In PyVista's own window and light, as users draw. Poses are shuffled, so that both frames
+    # show the same. Turned ones lie on a plane: any of them may reach highest.
     rng = np.random.default_rng(1)
     poses = rng.uniform(-60, 60, (count, 3))
     if turned:
