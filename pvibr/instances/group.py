@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -14,7 +15,7 @@ from pvibr.instances.near_meshes import NearMeshes
 from pvibr.instances.placement import Placement, spheres
 from pvibr.maths import octahedral
 from pvibr.maths.blocks import BLOCK, Blocks, ascending
-from pvibr.maths.posed_bounds import posed_bounds
+from pvibr.maths.posed_bounds import PosedShape
 from pvibr.meshes.turntable import LEVEL
 from pvibr.scene.shared_material import CardMaterial
 
@@ -148,6 +149,10 @@ class InstanceGroup:
         out[:3, 3] = pose
         return out
 
+    @cached_property
+    def _shape(self) -> PosedShape:
+        return PosedShape(self.model.corners, self.atlas.center)
+
     @property
     def bounds(self):
         """World bounds of all bounding spheres: x, y and z, low and high."""
@@ -161,12 +166,14 @@ class InstanceGroup:
         """Return the bounds of the points of all instances, or of these at other poses."""
         if not len(self):
             return (1.0, -1.0) * 3
-        ids = self.ids
-        if poses is None:
-            poses, ids = self.poses, ids[self.placement.outermost()]
-        center = self.atlas.center
-        found = spheres(poses, ids, center, self.atlas.radius)
-        bounds = posed_bounds(self.model.corners, poses[ids], center, found)
+        ids, blocks = self.ids, self.blocks
+        if poses is None and self.unit == 1:
+            poses, found = self.poses, (np.ascontiguousarray(blocks.centers.T), blocks.largest)
+        else:
+            if poses is None:
+                poses, ids = self.poses, ids[self.placement.outermost()]
+            found = spheres(poses, ids, self.atlas.center, self.atlas.radius)
+        bounds = self._shape.bounds(poses, ids, found)
         return tuple(bounds.T.ravel().tolist())
 
     def upload(self, window):

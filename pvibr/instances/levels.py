@@ -21,7 +21,7 @@ from pvibr.instances.memory import bytes_of, tiles
 from pvibr.instances.mesh_pool import MeshLevel
 from pvibr.instances.stored_levels import from_arrays, to_arrays
 from pvibr.instances.worth import why_not
-from pvibr.maths.posed_bounds import hull_corners
+from pvibr.maths.hulls import hull_corners
 from pvibr.meshes.decimate import displacement, lighter
 from pvibr.meshes.maps import emission_of
 from pvibr.meshes.materials import TEXTURE_MODES

@@ -114,8 +114,6 @@ class Placement:
         # On each side of the box of a block lies the centre of one.
         largest = turned * blocks.largest
         some = _may_be_outermost(centers - half_sides, centers + half_sides, largest)
-        if self.unit == 1:
-            return some
         slots = (some[:, None] * self.unit + np.arange(self.unit)).ravel()
         slots = slots[slots < count]
         of = slots // self.unit

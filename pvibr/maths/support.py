@@ -9,11 +9,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from pvibr.maths.octahedral import encode, view_directions
-from pvibr.maths.posed_bounds import hull_corners
+from pvibr.maths.hulls import hull_corners
+from pvibr.maths.octahedral import view_directions
 
 SIDE = 33  # grid points along a side of a table: odd, so that it has the six axes
-_MIDDLE = SIDE // 2
 
 
 def support_table(points, room=0.0):
@@ -38,8 +37,31 @@ def support_table(points, room=0.0):
     >>> support_table([[0.0, 0.0, 2.0], [1.0, 0.0, 0.0]])[16, [16, 32]].tolist()
     [2.0, 1.0]
     """
-    corners, grid = hull_corners(points), _grid()
-    return (grid @ corners.T).max(-1) + room * np.linalg.norm(grid, axis=-1)
+    return table_of(hull_corners(points)) + room * np.linalg.norm(_grid(SIDE), axis=-1)
+
+
+def table_of(corners, side=SIDE):
+    """Return the support function of corners of a hull, as :func:`support_table` does.
+
+    Parameters
+    ----------
+    corners : numpy.ndarray, shape (k, 3)
+        Corners; points inside the hull take time and change nothing.
+    side : int
+        Grid points along a side of the table: odd.
+
+    Returns
+    -------
+    numpy.ndarray, shape (side, side), float64
+        Distances from the origin times the lengths of the grid points.
+
+    Examples
+    --------
+    >>> from pvibr.maths.support import table_of
+    >>> table_of(np.array([[0.0, 0.0, 2.0]]), 5)[2].tolist()
+    [0.0, 1.0, 2.0, 1.0, 0.0]
+    """
+    return np.stack([(row @ corners.T).max(-1) for row in _grid(side)])
 
 
 def support(table, vectors):
@@ -47,8 +69,8 @@ def support(table, vectors):
 
     Parameters
     ----------
-    table : array_like, shape (33, 33)
-        Of :func:`support_table`.
+    table : array_like, shape (side, side)
+        Of :func:`support_table` or :func:`table_of`.
     vectors : array_like, shape (..., 3)
         Directions of any length but 0, by which distances are multiplied.
 
@@ -64,22 +86,26 @@ def support(table, vectors):
     >>> support(table, [[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0]]).tolist()
     [2.0, 0.0]
     """
-    vectors = np.asarray(vectors, float)
-    place = encode(vectors)
-    sign, place = np.where(place >= 0.0, 1, -1), np.abs(place) * _MIDDLE
-    low = np.minimum(place.astype(int), _MIDDLE - 1)
-    part = place - low
-
-    def at(x, y):
-        column, row = np.moveaxis(_MIDDLE + sign * (low + np.array([x, y])), -1, 0)
-        return np.asarray(table, float)[row, column]
-
+    table = np.asarray(table, float)
+    side, middle = len(table), len(table) // 2
+    x, y, z = np.moveaxis(np.asarray(vectors, float), -1, 0)
+    column_step, row_step = np.where(x < 0.0, -1, 1), np.where(y < 0.0, -side, side)
+    x, y, below = np.abs(x), np.abs(y), z < 0.0
+    length = x + y + np.abs(z)
+    # As octahedral.encode() maps them, by column and row from the middle of the table.
+    x, y = (np.where(below, length - b, a) * (middle / length) for a, b in ((x, y), (y, x)))
+    column, row = (np.minimum(place.astype(int), middle - 1) for place in (x, y))
+    x, y = x - column, y - row
+    start = (side + 1) * middle + column_step * column + row_step * row
     # Halves of a cell lie in one face each.
-    beyond = part.sum(-1) > 1.0
-    x, y = np.moveaxis(np.where(beyond[..., None], 1.0 - part[..., ::-1], part), -1, 0)
-    first = np.where(beyond, at(1, 1), at(0, 0))
-    found = first + x * (at(1, 0) - first) + y * (at(0, 1) - first)
-    return found * np.abs(vectors).sum(-1)
+    beyond = x + y > 1.0
+    x, y = np.where(beyond, 1.0 - y, x), np.where(beyond, 1.0 - x, y)
+    flat = table.ravel()
+    first = flat.take(np.where(beyond, start + column_step + row_step, start))
+    out = flat.take(start + column_step) - first
+    out *= x
+    out += y * (flat.take(start + row_step) - first)
+    return (out + first) * length
 
 
 def box_of(table):
@@ -104,7 +130,7 @@ def box_of(table):
     return np.stack([-support(table, -np.eye(3)), support(table, np.eye(3))])
 
 
-def _grid():
-    """Return the points of the octahedron, (SIDE, SIDE, 3)."""
-    directions = view_directions(SIDE)
+def _grid(side):
+    """Return points of the octahedron, (side, side, 3)."""
+    directions = view_directions(side)
     return directions / np.abs(directions).sum(-1, keepdims=True)

@@ -169,6 +169,33 @@ def test_the_same_array_changed_in_place_is_new(scenes, see, shapes):
         things.poses[0] = 1
 
 
+@pytest.mark.parametrize('limit', [16_384, 1])  # up to which each is sorted by itself
+def test_bounds_of_many_turned_on_a_plane(monkeypatch, limit):
+    monkeypatch.setattr('pvibr.instances.group.SORTED', limit)
+    rng, meshes = np.random.default_rng(8), [pv.ParametricEllipsoid(0.5, 0.4, 0.2), pv.Cube()]
+    poses = matrices(800, rng)
+    poses[:, :3, :3] /= np.cbrt(np.linalg.det(poses[:, :3, :3]))[:, None, None]
+    index = rng.integers(0, 2, len(poses))
+    things = pvibr.Instances(meshes, points(5, rng), index=[0, 1, 0, 1, 0], bake=False)
+    for height in (0, -3):  # new poses of another number, then some of these
+        poses[:100, 2, 3] = height
+        poses[100:, 2, 3] = 0
+        if height:
+            things.update(np.arange(100), poses=poses[:100])
+        else:
+            things.update(poses=poses, index=index)
+        posed = [
+            np.einsum('nij,pj->npi', poses[index == k, :3, :3], mesh.points.astype(float))
+            + poses[index == k, None, :3, 3]
+            for k, mesh in enumerate(meshes)
+        ]
+        ends = np.concatenate([p.reshape(-1, 3) for p in posed])
+        truth = np.stack([ends.min(0), ends.max(0)], 1)
+        off = (np.reshape(things.bounds, (3, 2)) - truth) * [-1, 1]
+        assert off.min() > -1e-6
+        assert off.max() < 1e-3 * 0.5
+
+
 def test_an_update_leaves_the_array_of_the_user(scenes, shapes):
     places = points(5, np.random.default_rng(4))
     kept = places.copy()

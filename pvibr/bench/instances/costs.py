@@ -8,21 +8,30 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 import pyvista as pv
+from scipy.spatial.transform import Rotation
 
 from pvibr.bench.common.harness import Row
 from pvibr.bench.common.meshes import knot
 from pvibr.bench.common.timing import timed
+from pvibr.bench.common.whole_frames import real_plotter
 from pvibr.capture.offscreen import Stage
 from pvibr.instances.limits import limits_of
+from pvibr.maths.transforms import trs
 
 #: Triangles of the bake, and repetitions of what is short.
-HEAVY, ROUNDS = 100_000, 5
+HEAVY, ROUNDS = 100_000, 15
+#: PyVista's own window.
+SIZE = 1024, 768
 
 
 def measure(settings, results):
     """Yield the rows of new poses, of added meshes and of sharp ones."""
-    for count, bar in zip(settings.moved, (2.0, 250.0), strict=True):
-        yield Row(f'new poses of {count:,}, setter and upload', _new_poses(count), 'ms', bar)
+    few, many = settings.moved
+    what = [(few, 8, 5.0, 'points'), (few, 8, 5.0, 'matrices')]
+    what += [(few, 0, 5.0, 'points'), (few, 0, 5.0, 'matrices'), (many, 0, 250.0, 'points')]
+    for count, samples, bar, kind in what:
+        added = _new_poses(count, samples, turned=kind == 'matrices')
+        yield Row(f'new {kind} of {count:,} over a frame, {samples} samples', added, 'ms', bar)
     heavy = knot(HEAVY)
     with TemporaryDirectory() as folder:
         again = partial(_added, heavy, folder, bake=True)
@@ -43,26 +52,35 @@ def _added(mesh, folder, *, bake=None) -> float:
         return adding + stage.draw()
 
 
-def _new_poses(count) -> float:
-    """Return the median ms that new poses take over a frame of a camera that turns."""
+def _new_poses(count, samples, *, turned) -> float:
+    """Return the median ms of the processors that new poses add to a frame of a moving camera."""
+    # In PyVista's own window and light, as users draw. Poses are shuffled, so that both frames
+    # show the same. Turned ones lie on a plane: any of them may reach highest.
     rng = np.random.default_rng(1)
-    mesh = pv.ParametricTorus(0.4, 0.1, u_res=40, v_res=20)
-    with Stage((64, 64)) as stage:
-        points = [rng.uniform(-1, 1, (count, 3)) * 60 for _ in range(2)]
-        things = stage.plotter.ibr.add_instances(mesh, points[0], bake=True, progress=False)
-        stage.look([(0, -200, 0), (0, 0, 0), (0, 0, 1)])
-        stage.draw()
-        frames: dict[bool, list[float]] = {True: [], False: []}
-        for k in range(-1, ROUNDS):
-            for moved in frames:
-                stage.plotter.camera.Azimuth(0.2)
-                start = time.perf_counter()
-                if moved:
-                    things.poses = points[k % 2]
-                stage.draw()  # waits for completion
-                if k >= 0:
-                    frames[moved].append(time.perf_counter() - start)
-    return 1e3 * (np.median(frames[True]) - np.median(frames[False]))
+    poses = rng.uniform(-60, 60, (count, 3))
+    if turned:
+        poses = trs(poses * [1, 1, 0])
+        poses[:, :3, :3] = Rotation.random(count, rng).as_matrix()
+    plotter = real_plotter(SIZE)
+    window = plotter.ren_win
+    window.SetMultiSamples(samples)
+    mesh = pv.ParametricTorus(0.4, 0.1, u_res=80, v_res=40)
+    things = plotter.ibr.add_instances(mesh, poses, bake=True, progress=False)
+    plotter.show(auto_close=False)
+    orders = [rng.permutation(count) for _ in range(2)]
+    frames: dict[bool, list[float]] = {False: [], True: []}
+    for k in range(-1, ROUNDS):  # the first two settle
+        for moved, found in frames.items():
+            new = poses[orders[k % 2]]
+            plotter.camera.Azimuth(0.2)
+            start = time.process_time()
+            if moved:
+                things.poses = new
+            window.Render()
+            window.WaitForCompletion()
+            found.append(time.process_time() - start)
+    plotter.close()
+    return 1e3 * float(np.median(np.subtract(frames[True], frames[False])[1:]))
 
 
 def _prism() -> float:
