@@ -8,7 +8,7 @@ import numpy as np
 
 from pvibr.billboard_clouds.coverage import Around, by_part, inside, joined, nearest_planes
 from pvibr.maths.billboard_clouds import Planes
-from pvibr.meshes.decimate import Welded, connected, displacement, is_foliage, lighter
+from pvibr.meshes.decimate import connected, displacement, is_surface, lighter
 from pvibr.meshes.surfaces import some_triangles
 
 _SHARE = 0.25  # of the triangles of a surface in the next lighter one
@@ -33,7 +33,7 @@ NO_PATCHES = Patches([], Planes(np.zeros((0, 3)), np.zeros(0), np.zeros(0, int))
 
 def closing_patches(parts, origin, sheet, opaque, bound) -> Patches:
     """Return the triangles of a lighter surface that are seen where no plane is near."""
-    light = [_light(part, bound) for part in parts if _is_surface(part)]
+    light = [_light(part, bound) for part in parts if is_surface(part)]
     if not light:
         return NO_PATCHES
     points, faces = joined(light, origin)
@@ -47,10 +47,6 @@ def closing_patches(parts, origin, sheet, opaque, bound) -> Patches:
     ]
     owner = planes.owner[planes.owner >= 0]
     return Patches(found, Planes(planes.normals, planes.offsets, owner)) if found else NO_PATCHES
-
-
-def _is_surface(part):
-    return part.alpha_cutoff is None and not is_foliage(Welded.of(part.mesh))
 
 
 def _light(part, bound):

@@ -22,14 +22,14 @@ from pvibr.instances.mesh_pool import MeshLevel
 from pvibr.instances.stored_levels import from_arrays, to_arrays
 from pvibr.instances.worth import why_not
 from pvibr.maths.hulls import hull_corners
-from pvibr.meshes.decimate import displacement, lighter
+from pvibr.meshes.decimate import displacement, is_surface, lighter
 from pvibr.meshes.maps import emission_of
 from pvibr.meshes.materials import TEXTURE_MODES
 from pvibr.meshes.parts import as_parts, check_triangles
 from pvibr.meshes.smoothed import interpolated, smoothed
 from pvibr.scene.content_key import textures_of
 
-VERSION = 47  # of what is kept in the cache: a change of bake, measure or decimation raises it
+VERSION = 48  # of what is kept in the cache: a change of bake, measure or decimation raises it
 SHARE = 0.25  # of a level's triangles, in the next lighter
 #: The same of levels of so many triangles, which are most of what frames draw.
 _HALF, _HALVED = 0.5, (2_500, 40_000)
@@ -276,11 +276,11 @@ def _lighter_levels(parts) -> list:
 
 def _with_whole_leaves(parts) -> list:
     """Return the level of parts of which bark is simplified and leaves are not, if they differ."""
-    cut_out = [part.alpha_cutoff is not None for part in parts]
-    if all(cut_out) or not any(cut_out):
+    surfaces = [len(parts) > 1 and is_surface(part) for part in parts]
+    if all(surfaces) or not any(surfaces):
         return []
-    pairs = zip(parts, cut_out, strict=True)
-    level = MeshLevel([part if whole else lighter(part, SHARE) or part for part, whole in pairs])
+    pairs = zip(parts, surfaces, strict=True)
+    level = MeshLevel([lighter(part, SHARE) or part if bark else part for part, bark in pairs])
     total = sum(part.mesh.n_cells for part in parts)
     return [level] if level.triangles < _WORTH_A_LEVEL * total else []
 

@@ -50,11 +50,9 @@ def displacement(part, light) -> float | None:
     """Return how far a simplified surface is from the part's; None if leaves were dropped."""
     if light.mesh is part.mesh:
         return 0.0
-    if part.alpha_cutoff is not None:
+    if not is_surface(part):
         return None
     one, other = Welded.of(part.mesh), Welded.of(light.mesh)
-    if is_foliage(one):
-        return None
     places = [w.points * w.size + w.low - one.low for w in (one, other)]
     return hausdorff(*(Surface(p, w.faces) for p, w in zip(places, (one, other), strict=True)))
 
@@ -105,6 +103,11 @@ class Welded:
     def surface(self) -> Surface:
         """What finds the nearest triangle."""
         return Surface(self.points, self.faces)
+
+
+def is_surface(part) -> bool:
+    """Return True for a part that is neither cut out nor aggregate detail."""
+    return part.alpha_cutoff is None and not is_foliage(Welded.of(part.mesh))
 
 
 def is_foliage(welded) -> bool:

@@ -39,6 +39,21 @@ def plant(leaves):
 LOOK = {'scalars': 'paint', 'rgb': True}
 
 
+def test_bark_is_simplified_before_leaves_are_thinned_out():
+    places = pv.PolyData(np.random.default_rng(2).uniform(-1, 1, (80, 3)))
+    leaf = pv.Disc(inner=0, outer=0.05, c_res=8).triangulate()
+    crown = places.glyph(geom=leaf, scale=False, orient=False)
+    trunk = pv.Cylinder(radius=0.1, height=2, resolution=60).triangulate().subdivide(2)
+    full, first, second, *_ = _levels(as_parts(trunk) + as_parts(crown))
+    assert first.parts[1].mesh is full.parts[1].mesh
+    assert first.parts[0].mesh.n_cells < 0.3 * trunk.n_cells
+    assert second.parts[1].mesh.n_cells < 0.8 * crown.n_cells
+    # What is all leaves, or has hardly any bark, has no such level.
+    twig = pv.Cylinder(radius=0.1, resolution=6).triangulate()
+    for few in (as_parts(crown), as_parts(twig) + as_parts(crown)):
+        assert _levels(few)[1].parts[-1].mesh.n_cells < 0.8 * crown.n_cells
+
+
 def test_components_are_what_hangs_together(leaves):
     mesh = leaves[0].append_polydata(*leaves[1:])
     found = components(mesh)
