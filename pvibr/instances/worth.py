@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
-_TRIANGLE = 80.0  # ns
+_TRIANGLE = 80.0  # ns, drawn with one sample per pixel
+_SAMPLED_TRIANGLE = 300.0  # ns, drawn with PyVista's default of eight, of which llvmpipe has four
 _COPY = 500.0  # ns of an instance that is drawn as a mesh, before its triangles
 _CARD = 1_300.0  # ns
 _PIXEL = 8.0  # ns of a card
@@ -32,7 +33,7 @@ def why_not(triangles, count) -> str:
 def saved_by_meshes(triangles, shader, sizes) -> np.ndarray:
     """Return the ns that cards of a shader cost more than meshes, at sizes in pixels."""
     pixels = np.asarray(sizes, float) ** 2
-    mesh = _COPY + np.asarray(triangles) * _TRIANGLE + pixels * _MESH_SQUARE
+    mesh = _COPY + np.asarray(triangles) * _SAMPLED_TRIANGLE + pixels * _MESH_SQUARE
     return _CARD + pixels * _SQUARE.get(shader, _MESH_SQUARE) - mesh
 
 
