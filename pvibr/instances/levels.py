@@ -29,7 +29,7 @@ from pvibr.meshes.parts import as_parts, check_triangles
 from pvibr.meshes.smoothed import interpolated, smoothed
 from pvibr.scene.content_key import textures_of
 
-VERSION = 48  # of what is kept in the cache: a change of bake, measure or decimation raises it
+VERSION = 49  # of what is kept in the cache: a change of bake, measure or decimation raises it
 SHARE = 0.25  # of a level's triangles, in the next lighter
 #: The same of levels of so many triangles, which are most of what frames draw.
 _HALF, _HALVED = 0.5, (2_500, 40_000)
@@ -260,23 +260,22 @@ def _levels(parts):
 
 
 def _lighter_levels(parts) -> list:
-    radius = bounding_sphere(_points(parts))[1]
-    levels = [MeshLevel(list(parts)), *_with_whole_leaves(parts)]
+    radius, surfaces = bounding_sphere(_points(parts))[1], [is_surface(part) for part in parts]
+    levels = [MeshLevel(list(parts)), *_with_whole_leaves(parts, surfaces)]
     while (share := _share(levels[-1].triangles)) * levels[-1].triangles > _LIGHTEST:
         level = MeshLevel([lighter(p, share) or p for p in levels[-1].parts])
         if level.triangles > share**0.5 * levels[-1].triangles:
             break
         levels.append(level)
-    for level in levels[1:]:
-        moved = [displacement(*pair) for pair in zip(parts, level.parts, strict=True)]
-        known = [m for m in moved if m is not None]
-        level.error = max(known) / radius if len(known) == len(moved) else None
+    if all(surfaces):  # else pictures tell: twigs that vanish within leaves are not missed
+        for level in levels[1:]:
+            pairs = zip(parts, level.parts, strict=True)
+            level.error = max(displacement(*pair) for pair in pairs) / radius
     return [_fitted(parts, level) for level in levels[1:]]
 
 
-def _with_whole_leaves(parts) -> list:
+def _with_whole_leaves(parts, surfaces) -> list:
     """Return the level of parts of which bark is simplified and leaves are not, if they differ."""
-    surfaces = [len(parts) > 1 and is_surface(part) for part in parts]
     if all(surfaces) or not any(surfaces):
         return []
     pairs = zip(parts, surfaces, strict=True)

@@ -105,11 +105,12 @@ class Reference:
         levels = model.levels if views is None else model.levels[:1]
         with self._sheets(model) as sheets:
             self._truths = [truth for sheet in sheets.values() for truth in _truths(sheet)]
+            finest = cache(lambda: sheets[LAYOUTS[-1]].draw_mesh(0))
             #: The rows of lighter meshes.
             self.meshes: dict[str, np.ndarray] = {}
             for i, level in enumerate(levels[1:], 1):
                 advance(i / len(levels))
-                self.meshes |= self._of_mesh(i, level.error, sheets)
+                self.meshes |= self._of_mesh(i, level.error, sheets, finest)
         advance(1.0)
 
     @contextmanager
@@ -118,12 +119,12 @@ class Reference:
         with ExitStack() as stack:
             yield {k: stack.enter_context(_Sheet(model, k, self._views(k.side))) for k in LAYOUTS}
 
-    def _of_mesh(self, i, radii, sheets) -> dict:
+    def _of_mesh(self, i, radii, sheets, finest) -> dict:
         """Return the errors of a lighter mesh, and how far its surface is from the mesh's."""
         samples = cache(lambda layout: sheets[layout].draw_mesh(i))
         pixels = cache(lambda layout: _pixels(samples(layout), layout))
         if radii is None:
-            radii = _finest_displacement(samples(LAYOUTS[-1]), sheets[LAYOUTS[-1]].draw_mesh(0))
+            radii = _finest_displacement(samples(LAYOUTS[-1]), finest())
 
         def errors(truth):
             picture = _without_rounding(pixels(truth.layout)[truth.size], truth.picture)

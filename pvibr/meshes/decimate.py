@@ -46,12 +46,10 @@ def lighter(part, share) -> Part | None:
     return part.with_mesh(mesh) if mesh.n_cells else None
 
 
-def displacement(part, light) -> float | None:
-    """Return how far a simplified surface is from the part's; None if leaves were dropped."""
+def displacement(part, light) -> float:
+    """Return how far a simplified surface is from the part's."""
     if light.mesh is part.mesh:
         return 0.0
-    if not is_surface(part):
-        return None
     one, other = Welded.of(part.mesh), Welded.of(light.mesh)
     places = [w.points * w.size + w.low - one.low for w in (one, other)]
     return hausdorff(*(Surface(p, w.faces) for p, w in zip(places, (one, other), strict=True)))
