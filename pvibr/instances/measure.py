@@ -44,13 +44,14 @@ class Layout:
 LAYOUTS = Layout(2 * PATCH_SIDE, (8, 16, 32, 64)), Layout(PATCH_SIDE, (128, 256))
 _HOPELESS = 4.0  # px: a level that allows no `max_error` up to it is not tried at larger sizes
 SLACK = 0.5  # px, of outlines whose distances are whole pixels apart
-#: FLIP that is allowed of cards in shares of the mesh's own, or a little beyond a smaller share:
+#: FLIP that is allowed of cards: the mesh's own, or a little beyond a smaller share of it:
 #: where things touch or pierce one another theirs is more.
-CARD_SHARE, CARD_SURE, CARD_LEAST = 0.95, 0.75, 0.005
+CARD_SHARE, CARD_SURE, CARD_LEAST = 1.0, 0.75, 0.005
 #: The same of lighter meshes, beside what one sample per pixel adds to theirs as to the mesh's.
 MESH_SHARE, MESH_LEAST = 0.35, 0.005
-#: The share of the local gradients that a level may lose: more is visibly softer.
-BLUR = 0.15
+#: The share of local gradients that a level may lose where it loses most: of fields of things of
+#: all sizes at their limits less than half of that is lost.
+BLUR = 0.25
 _BLURRED_FROM = 32  # px from which blur is seen
 _ROUNDED = 1.5 / 255  # what eight bits of a colour make of hardly any difference
 _FLOOR = 1e-4  # FLIP below which nothing can be seen

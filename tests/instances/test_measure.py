@@ -111,8 +111,8 @@ def test_a_colour_is_allowed_in_shares_of_the_meshs_own():
     def colours(needs, rows):
         return needs([[0.0, *row, 0.0] for row in rows])['colour']
 
-    # Of cards 0.95, or 0.005 beyond 0.75 of it; of lighter meshes 0.35, or 0.005.
-    cards = colours(me.card_needs, [(0.095, 0.1), (0.19, 0.1), (0.02, 0.02), (0.0475, 0.1)])
+    # Of cards all of it, or 0.005 beyond 0.75 of it; of lighter meshes 0.35, or 0.005.
+    cards = colours(me.card_needs, [(0.1, 0.1), (0.2, 0.1), (0.0125, 0.01), (0.05, 0.1)])
     np.testing.assert_allclose(cards, [1, 2, 1, 0.5], atol=1e-9)
     meshes = colours(me.mesh_needs, [(0.035, 0.1), (0.07, 0.1), (0.005, 0.001), (0.0, 0.1)])
     np.testing.assert_allclose(meshes, [1, 2, 1, 0], atol=1e-9)
