@@ -63,7 +63,7 @@ def used_views(group, frame) -> np.ndarray:
     slots = _slots(group)
     if not len(slots):
         return np.zeros((0, 2), int)
-    toward, rise, away = _toward(group, slots, frame)
+    toward, rise, away = group.toward_eye(slots, frame)
     size = 2 * group.radii[slots] * frame.pixel_scale / away
     cells = octahedral.cells(toward, PATCH_SIDE, group.atlas.half)[0]
     three = _drawn(group, 'blended', cells, size) | _drawn(group, 'fine', cells, size)
@@ -91,27 +91,6 @@ def _slots(group):
     slots = slots[slots < len(group)]
     slots = slots[:: max(1, len(slots) // _MOST)]
     return slots if group.looks is None else slots[group.looks[slots, 3] > 0]
-
-
-def _toward(group, slots, frame):
-    """Return directions to the eye in model space, its elevation and its distance."""
-    away = np.ones(len(slots))
-    if frame.parallel:
-        eye = np.tile(frame.view_from_world[2, :3], (len(slots), 1))
-    else:
-        eye = frame.eye - group.centers(slots)
-        away = np.maximum(np.linalg.norm(eye, axis=1), 1e-300)
-        eye = eye / away[:, None]
-    poses, turned = group.poses[group.ids[slots]], eye
-    turntable = group.atlas.turntable
-    axis = np.zeros(3) if turntable is None else np.array(turntable.turns.axis)
-    upright = np.broadcast_to(axis, eye.shape)
-    if poses.ndim == 3:
-        turned = np.linalg.solve(poses[:, :3, :3], eye[..., None])[..., 0]
-        upright = poses[:, :3, :3] @ axis
-    turned = turned / np.linalg.norm(turned, axis=1, keepdims=True)
-    long = np.maximum(np.linalg.norm(upright, axis=1), 1e-300)
-    return turned, np.abs((upright * eye).sum(1)) / long, away
 
 
 def _blended(grid, views):

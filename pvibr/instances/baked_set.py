@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
+from pvibr.core.frame import Frame
+from pvibr.instances.arguments import checked_ids
+from pvibr.instances.explain import Explanation, explanation
 from pvibr.instances.levels import make_model, no_images, unbaked
-from pvibr.instances.limits import needs_images
+from pvibr.instances.limits import Limits, forced_limits, limits_of, needs_images
 from pvibr.instances.materials import MATERIAL_CHANGED, Material
 from pvibr.instances.memory import hold, room
 from pvibr.instances.posed_set import PosedSet
@@ -24,6 +29,8 @@ class BakedSet(PosedSet):
     #: What culls faces but for poses that mirror.
     _unculled: list = []
     _forced: dict[str, tuple] = {}
+    #: What cuts it off, a vtkPlaneCollection.
+    _planes: Any = None
     _models: dict = {}
     _sources: Sources | None = None
     #: How the material of each model was when it was made.
@@ -35,6 +42,30 @@ class BakedSet(PosedSet):
     def atlases(self) -> list:
         """The atlas of each mesh that is used."""
         return [model.atlas for model in self._models.values()]
+
+    @property
+    def limits(self) -> list[Limits]:
+        """On-screen sizes at which levels change, for each of `groups`."""
+        return [self._limits(group.model) for group in self.groups]
+
+    def _limits_in(self, frame) -> list[Limits]:
+        if frame.depth_map and not self._forced and not self._needs_meshes:
+            low, high = sorted(frame.pixel_scales)
+            return [k.model.cast_limits(self.max_error, high / low) for k in self.groups]
+        return [self._limits(k.model).coarser(frame.quality) for k in self.groups]
+
+    @property
+    def _needs_meshes(self) -> bool:
+        """Whether all are drawn as meshes, whatever images there are."""
+        return bool(self._failure) or self.is_translucent or self._planes is not None
+
+    def _limits(self, model) -> Limits:
+        count = len(model.levels)
+        if self._needs_meshes or not model.atlas.errors:
+            return limits_of({}, count, 1)
+        if self._forced:
+            return forced_limits(self._forced, count)
+        return model.limits(self.max_error)
 
     def _wear(self):
         """Have the material of the only part, or that of the first with changes for all."""
@@ -177,6 +208,69 @@ class BakedSet(PosedSet):
             material.baked = model
             return unbaked(material.parts, MATERIAL_CHANGED)
         return model
+
+    def explain(self, index) -> Explanation:
+        """Return why an instance is drawn by the level that draws it.
+
+        Parameters
+        ----------
+        index : int
+            The instance.
+
+        Returns
+        -------
+        Explanation
+            Its size on the screen, the patch of directions that it is seen from, and for each
+            level the sizes at which it is used from there and the rule that ends them, for the
+            camera as it is now. `print` shows it as a table.
+
+        Raises
+        ------
+        IndexError
+            If the instance does not exist.
+        RuntimeError
+            If the set is in no plotter.
+
+        Examples
+        --------
+        >>> import pyvista as pv
+        >>> import pvibr
+        >>> pl = pv.Plotter(off_screen=True)
+        >>> cones = pl.ibr.add_instances(pv.Cone(), [[0, 0, 0], [2, 0, 0]], cache=False)
+        >>> cones.explain(1).level
+        'mesh'
+        >>> pl.close()
+        """
+        if np.ndim(index) != 0:
+            msg = f'index must be the number of one instance, got {index!r:.80}'
+            raise IndexError(msg)
+        (index,) = checked_ids(index, len(self)).tolist()
+        if self.pipeline is None:
+            msg = 'instances must be in a plotter to be explained: its camera decides'
+            raise RuntimeError(msg)
+        frame = Frame.of(self.pipeline.renderer)
+        k = next(k for k, group in enumerate(self.groups) if index in group.ids)
+        group = self.groups[k]
+        return explanation(
+            index,
+            group,
+            int(np.flatnonzero(group.ids == index)[0]),
+            frame,
+            self._limits_in(frame)[k],
+            max_error=self.max_error,
+            hidden=not (self.visible[index] and self.GetVisibility()),
+            always=self._rule_of_all(),
+        )
+
+    def _rule_of_all(self) -> str:
+        """Return the rule by which the levels of all are chosen, empty for errors and costs."""
+        rules = {
+            'shaders failed': self._failure,
+            'translucent': self.is_translucent,
+            'clipped': self._planes is not None,
+            'forced': self._forced,
+        }
+        return next((rule for rule, applies in rules.items() if applies), '')
 
 
 def _is_changed(model) -> bool:

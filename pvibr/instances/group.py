@@ -140,6 +140,29 @@ class InstanceGroup:
         """Return the centres of the bounding spheres of some slots, world units."""
         return spheres(self.poses, self.ids[slots], self.atlas.center, self.atlas.radius)[0].T
 
+    def toward_eye(self, slots, frame) -> tuple:
+        """Return unit directions to the eye in model space, sines of its elevation, distances.
+
+        The elevation is that over the horizon of a turntable; distances are 1 in parallel views.
+        """
+        away = np.ones(len(slots))
+        if frame.parallel:
+            eye = np.tile(frame.view_from_world[2, :3], (len(slots), 1))
+        else:
+            eye = frame.eye - self.centers(slots)
+            away = np.maximum(np.linalg.norm(eye, axis=1), 1e-300)
+            eye = eye / away[:, None]
+        poses, toward = self.poses[self.ids[slots]], eye
+        turntable = self.atlas.turntable
+        axis = np.zeros(3) if turntable is None else np.array(turntable.turns.axis)
+        upright = np.broadcast_to(axis, eye.shape)
+        if poses.ndim == 3:
+            toward = np.linalg.solve(poses[:, :3, :3], eye[..., None])[..., 0]
+            upright = poses[:, :3, :3] @ axis
+        toward = toward / np.linalg.norm(toward, axis=1, keepdims=True)
+        long = np.maximum(np.linalg.norm(upright, axis=1), 1e-300)
+        return toward, np.abs((upright * eye).sum(1)) / long, away
+
     def matrix(self, slot):
         """Return the pose of a slot as a matrix, shape (4, 4)."""
         pose = self.poses[self.ids[slot]]

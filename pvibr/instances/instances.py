@@ -23,7 +23,7 @@ from pvibr.instances.arguments import (
 from pvibr.instances.baked_set import BakedSet
 from pvibr.instances.cards import slabs
 from pvibr.instances.group import SORTED_SEEN
-from pvibr.instances.limits import Limits, checked_force, forced_limits, limits_of, needs_images
+from pvibr.instances.limits import checked_force, needs_images
 from pvibr.instances.memory import checked_share
 from pvibr.instances.sources import Sources
 from pvibr.meshes.parts import as_meshes, as_parts, with_own_culling
@@ -121,6 +121,7 @@ class Instances(BakedSet):
         'force_level',
         'bake',
         'pick',
+        'explain',
         'actors',
         'report',
     )
@@ -129,8 +130,6 @@ class Instances(BakedSet):
     _force_level: str | dict | None = None
     #: Whether near meshes have an actor each, as their shaders failed.
     _singly = False
-    #: What cuts it off, a vtkPlaneCollection.
-    _planes = None
 
     max_error = Param(
         1.0, 'Maximum distance of the outline from that of the mesh.', range='(0, inf)', unit='px'
@@ -251,30 +250,6 @@ class Instances(BakedSet):
             self.bake()
         self._forced, self._force_level = forced, level
         self._touch()
-
-    @property
-    def limits(self) -> list[Limits]:
-        """On-screen sizes at which levels change, for each of `groups`."""
-        return [self._limits(group.model) for group in self.groups]
-
-    def _limits_in(self, frame) -> list[Limits]:
-        if frame.depth_map and not self._forced and not self._needs_meshes:
-            low, high = sorted(frame.pixel_scales)
-            return [k.model.cast_limits(self.max_error, high / low) for k in self.groups]
-        return [self._limits(k.model).coarser(frame.quality) for k in self.groups]
-
-    @property
-    def _needs_meshes(self) -> bool:
-        """Whether all are drawn as meshes, whatever images there are."""
-        return bool(self._failure) or self.is_translucent or self._planes is not None
-
-    def _limits(self, model) -> Limits:
-        count = len(model.levels)
-        if self._needs_meshes or not model.atlas.errors:
-            return limits_of({}, count, 1)
-        if self._forced:
-            return forced_limits(self._forced, count)
-        return model.limits(self.max_error)
 
     def scalar_mapper(self):
         """Return a mapper with the table of the shown scalars, None without scalars."""

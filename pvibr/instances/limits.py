@@ -181,6 +181,14 @@ def _spans(errors, shaders, max_error) -> dict:
     return spans
 
 
+def cause_of(errors, name, max_error, patch) -> str:
+    """Return which error ends a level in a patch: at the first size that is too large for it."""
+    needs = (mesh_needs if name.startswith('mesh') else card_needs)(errors[name])
+    by_cause = np.array([need[:, patch] for need in needs.values()])
+    over = by_cause.max(0) > max_error
+    return list(needs)[by_cause[:, over.argmax() if over.any() else -1].argmax()]
+
+
 def good_up_to(sizes, allowed, max_error):
     """Return the largest size at which outline and colour are within bounds, in each patch."""
     need = allowed.reshape(len(sizes), -1)

@@ -1,0 +1,160 @@
+"""Why an instance is drawn by the level that draws it."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+
+import numpy as np
+
+from pvibr.instances.card_layers import PATCH_SIDE
+from pvibr.instances.cards import ALL_CARD_SHADERS
+from pvibr.instances.limits import cause_of, limits_of
+from pvibr.maths import octahedral
+from pvibr.maths.blocks import frustum_planes
+from pvibr.meshes.turntable import LEVEL
+
+_SHADERS = {shader.name: shader for shader in ALL_CARD_SHADERS}
+_CLOSE = 1e-6  # of sizes that are compared, px
+
+
+@dataclass(frozen=True)
+class LevelSpan:
+    """The sizes at which a level is drawn from one side, and the rule that ends them.
+
+    Attributes
+    ----------
+    name : str
+        A card shader, ``mesh``, or ``mesh1`` and on for lighter meshes, as in ``force_level``.
+    low, high : float
+        On-screen diameters of the bounding sphere, px; equal where the level is not used.
+    rule : str
+        What ends it: ``outline``, ``colour``, ``blur``, ``cost``, ``size`` (larger ones were not
+        measured, or the shader draws none), ``forced``, ``translucent``, ``clipped``, ``memory``,
+        ``not baked``, ``shaders failed``, or nothing for what is drawn at any size.
+    triangles : int
+        Of meshes; 0 of cards.
+    """
+
+    name: str
+    low: float
+    high: float
+    rule: str
+    triangles: int = 0
+
+
+@dataclass(frozen=True)
+class Explanation:
+    """Why an instance is drawn as it is; `print` shows it as a table.
+
+    Attributes
+    ----------
+    index : int
+        The instance.
+    size : float
+        On-screen diameter of its bounding sphere, px.
+    patch : int
+        From which of the 16 patches of directions it is seen, see :mod:`pvibr.maths.octahedral`.
+    level : str
+        The level that draws it; empty if it is hidden or out of view.
+    note : str
+        Why no level draws it, or why there are no images; else empty.
+    levels : tuple of LevelSpan
+        Every level, from the coarsest.
+    """
+
+    index: int
+    size: float
+    patch: int
+    level: str
+    note: str
+    levels: tuple[LevelSpan, ...]
+
+    def as_dict(self) -> dict:
+        """Return everything as plain data."""
+        return asdict(self)
+
+    def __str__(self):
+        drawn = f'drawn as {self.level}' if self.level else 'not drawn'
+        why = f': {self.note}' if self.note else ''
+        lines = [
+            f'instance {self.index}, {self.size:.1f} px from patch {self.patch}, {drawn}{why}'
+        ]
+        for span in self.levels:
+            what = f'{span.name}, {span.triangles:,} triangles' if span.triangles else span.name
+            if span.high <= span.low:
+                sizes = 'not used'
+            elif span.high == np.inf:
+                sizes = f'from {span.low:.0f} px'
+            else:
+                sizes = f'{span.low:.0f} to {span.high:.0f} px'
+            lines.append(f'  {what:28} {sizes:16} {span.rule}'.rstrip())
+        return '\n'.join(lines)
+
+
+def explanation(index, group, slot, frame, limits, *, max_error, hidden, always) -> Explanation:
+    """Return why a slot of a group is drawn as it is in a frame of some limits."""
+    # `always` is the rule by which neither errors nor costs decide, empty if they do.
+    slots = np.array([slot])
+    toward, rise, away = group.toward_eye(slots, frame)
+    size = float(2 * group.radii[slot] * frame.pixel_scale / away[0])
+    patch = int(octahedral.cells(toward, PATCH_SIDE, group.atlas.half)[0][0])
+    upright = group.atlas.turntable is not None and rise[0] < LEVEL
+    model = group.model
+    always = always or (_unbaked_rule(model.unbaked) if model.unbaked else '')
+    rules = {} if always else _rules(model, limits, max_error, patch, upright=upright)
+    levels = tuple(_spans(model, limits, patch, rules, always, upright=upright))
+    note = model.unbaked
+    if hidden:
+        note = 'it is hidden'
+    elif not _in_view(group, slot, frame):
+        note = 'it is out of view'
+    drawn = next((s.name for s in levels if s.low <= size < s.high), 'mesh')
+    level = '' if hidden or note == 'it is out of view' else drawn
+    return Explanation(index, size, patch, level, note, levels)
+
+
+def _unbaked_rule(why) -> str:
+    return 'memory' if 'memory' in why else 'not baked'
+
+
+def _spans(model, limits, patch, rules, always, *, upright):
+    """Yield the span of each level from one side, from the coarsest."""
+    cards = limits.level if upright and limits.level else limits.cards
+    for name, (lows, highs) in cards.items():
+        yield LevelSpan(name, float(lows[patch]), float(highs[patch]), rules.get(name, always))
+    reached, last = float(limits.mesh[patch]), len(model.levels) - 1
+    for k in range(last, -1, -1):
+        high = max(float(limits.meshes[k, patch]), reached)
+        name = f'mesh{k}' if k else 'mesh'
+        rule = rules.get(name, always) if k or always else ''
+        yield LevelSpan(name, reached, high, rule, model.levels[k].triangles)
+        reached = high
+
+
+def _rules(model, limits, max_error, patch, *, upright) -> dict[str, str]:
+    """Return what ends each level from one side: its errors, or the cost of others."""
+    errors = model.atlas.errors
+    accurate = limits_of(errors, len(model.levels), max_error)
+    ours, theirs = (
+        found.level if upright and found.level else found.cards for found in (limits, accurate)
+    )
+    rules = {}
+    for name, (_, highs) in ours.items():
+        ended_early = highs[patch] < theirs[name][1, patch] - _CLOSE
+        at_largest = theirs[name][1, patch] >= min(_SHADERS[name].largest, errors['sizes'][-1])
+        rules[name] = 'cost' if ended_early else 'size' if at_largest else ''
+        rules[name] = rules[name] or cause_of(errors, name, max_error, patch)
+    for k in range(1, len(model.levels)):
+        ended_early = limits.meshes[k, patch] < accurate.meshes[k, patch] - _CLOSE
+        rules[f'mesh{k}'] = (
+            'cost' if ended_early else cause_of(errors, f'mesh{k}', max_error, patch)
+        )
+    return rules
+
+
+def _in_view(group, slot, frame) -> bool:
+    """Return whether the bounding sphere of a slot reaches into the frustum."""
+    eye = frame.view_from_world @ np.append(group.centers(np.array([slot]))[0], 1.0)
+    planes, radius = frustum_planes(frame.clip_from_view)[:4], group.radii[slot]
+    inside = (planes[:, :3] @ eye[:3] + planes[:, 3]).min() > -radius
+    return bool(inside and (frame.parallel or eye[2] < radius))
