@@ -12,7 +12,6 @@ from pvibr.meshes.turntable import LEVEL
 
 #: Of images that were drawn for this frame.
 FLASH = (1.0, 0.0, 1.0)
-_MOST = 16_384  # maximum number of sampled instances
 _ONE = ('splat', 'flat', 'parallax')  # shaders that show one view
 
 
@@ -60,7 +59,7 @@ def as_bytes(color) -> tuple[int, ...]:
 
 def used_views(group, frame) -> np.ndarray:
     """Return the atlas views that the cards of a frame use."""
-    slots = _slots(group)
+    slots = group.visible_slots()
     if not len(slots):
         return np.zeros((0, 2), int)
     toward, rise, away = group.toward_eye(slots, frame)
@@ -83,14 +82,6 @@ def _drawn(group, name, cells, size):
     """Return which instances a shader draws, by the patches that they are seen from."""
     low, high = group.cards.layers[name].ranges[cells, :2].T
     return (size >= low) & (size < high * FADE)
-
-
-def _slots(group):
-    """Return a sample of the visible instances."""
-    slots = (group.seen[:, None] * group.unit + np.arange(group.unit)).ravel()
-    slots = slots[slots < len(group)]
-    slots = slots[:: max(1, len(slots) // _MOST)]
-    return slots if group.looks is None else slots[group.looks[slots, 3] > 0]
 
 
 def _blended(grid, views):

@@ -19,54 +19,36 @@ _CLOSE = 1e-6  # of sizes that are compared, px
 
 @dataclass(frozen=True)
 class LevelSpan:
-    """The sizes at which a level is drawn from one side, and the rule that ends them.
+    """The sizes at which a level is drawn from one side, and the rule that ends them."""
 
-    Attributes
-    ----------
-    name : str
-        A card shader, ``mesh``, or ``mesh1`` and on for lighter meshes, as in ``force_level``.
-    low, high : float
-        On-screen diameters of the bounding sphere, px; equal where the level is not used.
-    rule : str
-        What ends it: ``outline``, ``colour``, ``blur``, ``cost``, ``size`` (larger ones were not
-        measured, or the shader draws none), ``forced``, ``translucent``, ``clipped``, ``memory``,
-        ``not baked``, ``shaders failed``, or nothing for what is drawn at any size.
-    triangles : int
-        Of meshes; 0 of cards.
-    """
-
+    #: A card shader, ``mesh``, or ``mesh1`` and on for lighter meshes, as in ``force_level``.
     name: str
+    #: On-screen diameters of the bounding sphere, px; equal where the level is not used.
     low: float
     high: float
+    #: What ends it: ``outline``, ``colour``, ``blur``, ``cost``, ``size`` (larger ones were not
+    #: measured, or the shader draws none), ``forced``, ``translucent``, ``clipped``, ``memory``,
+    #: ``not baked``, ``shaders failed``; empty for what is drawn at any size.
     rule: str
+    #: Of meshes; 0 of cards.
     triangles: int = 0
 
 
 @dataclass(frozen=True)
 class Explanation:
-    """Why an instance is drawn as it is; `print` shows it as a table.
+    """Why an instance is drawn as it is; `print` shows it as a table."""
 
-    Attributes
-    ----------
-    index : int
-        The instance.
-    size : float
-        On-screen diameter of its bounding sphere, px.
-    patch : int
-        From which of the 16 patches of directions it is seen, see :mod:`pvibr.maths.octahedral`.
-    level : str
-        The level that draws it; empty if it is hidden or out of view.
-    note : str
-        Why no level draws it, or why there are no images; else empty.
-    levels : tuple of LevelSpan
-        Every level, from the coarsest.
-    """
-
+    #: The instance.
     index: int
+    #: On-screen diameter of its bounding sphere, px.
     size: float
+    #: From which of the 16 patches of directions it is seen.
     patch: int
+    #: The level that draws it; empty if it is hidden or out of view.
     level: str
+    #: Why no level draws it, or why there are no images; else empty.
     note: str
+    #: Every level, from the coarsest.
     levels: tuple[LevelSpan, ...]
 
     def as_dict(self) -> dict:
@@ -111,6 +93,39 @@ def explanation(index, group, slot, frame, limits, *, max_error, hidden, always)
     drawn = next((s.name for s in levels if s.low <= size < s.high), 'mesh')
     level = '' if hidden or note == 'it is out of view' else drawn
     return Explanation(index, size, patch, level, note, levels)
+
+
+def measured_error(group, frame, limits) -> tuple[float, float, float]:
+    """Return the measured errors of what a group draws in a frame of some limits."""
+    # FLIP over that of the mesh at one sample, a mean over pixels; and the greatest displacement
+    # of an outline, px, and share of local gradients lost.
+    slots = group.visible_slots()
+    toward, _, away = group.toward_eye(slots, frame)
+    sizes = 2 * group.radii[slots] * frame.pixel_scale / away
+    patches = octahedral.cells(toward, PATCH_SIDE, group.atlas.half)[0]
+    errors, pixels = group.atlas.errors, sizes**2
+    ratios, others = np.ones(len(slots)), np.zeros((2, len(slots)))  # of the mesh itself
+    level_of = group.near.level_of[slots]
+    drawn = {f'mesh{k}': level_of == k for k in range(1, len(group.levels))}
+    for name, spans in limits.cards.items():
+        low, high = spans[:, patches]
+        drawn[name] = (sizes >= low) & (sizes < high) & (level_of < 0)
+    for name, rows in drawn.items():
+        moved, flip, own, blur = _interpolated(errors, name, sizes[rows], patches[rows])
+        # What a lighter mesh adds is beside what one sample per pixel does.
+        ratios[rows] = flip / own + name.startswith('mesh')
+        others[:, rows] = moved, blur
+    displaced, blurred = others.max(1, initial=0.0).tolist()
+    return float((ratios * pixels).sum() / max(pixels.sum(), 1e-30)), displaced, blurred
+
+
+def _interpolated(errors, name, sizes, patches) -> np.ndarray:
+    """Return the errors of a level at sizes and patches, (4, n)."""
+    octaves = np.log2(errors['sizes'])
+    place = np.interp(np.log2(np.maximum(sizes, 1e-9)), octaves, np.arange(len(octaves)))
+    low = np.minimum(place.astype(int), len(octaves) - 2)
+    part, rows = (place - low)[:, None], errors[name]
+    return ((1 - part) * rows[low, patches] + part * rows[low + 1, patches]).T
 
 
 def _unbaked_rule(why) -> str:

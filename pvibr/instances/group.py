@@ -24,6 +24,7 @@ SORTED = 16_384  # instances up to which each is sorted and culled by itself
 SORTED_SEEN = 131_072
 _UNSURE = 1e-4  # what the sine of an angle, or a place in a patch, may be off on the GPU
 _UNKNOWN = -1  # patch
+_MOST_SAMPLED = 16_384  # of the instances that statistics are of
 
 
 @dataclass(frozen=True)
@@ -139,6 +140,13 @@ class InstanceGroup:
     def centers(self, slots):
         """Return the centres of the bounding spheres of some slots, world units."""
         return spheres(self.poses, self.ids[slots], self.atlas.center, self.atlas.radius)[0].T
+
+    def visible_slots(self) -> np.ndarray:
+        """Return the slots of visible instances in the blocks last seen, or a sample of many."""
+        slots = (self.seen[:, None] * self.unit + np.arange(self.unit)).ravel()
+        slots = slots[slots < len(self)]
+        slots = slots[:: max(1, len(slots) // _MOST_SAMPLED)]
+        return slots if self.looks is None else slots[self.looks[slots, 3] > 0]
 
     def toward_eye(self, slots, frame) -> tuple:
         """Return unit directions to the eye in model space, sines of its elevation, distances.

@@ -8,6 +8,7 @@ import numpy as np
 import pyvista as pv
 
 from pvibr.core.errors import warn
+from pvibr.core.frame import Frame
 from pvibr.core.params import Param
 from pvibr.core.plotters import put_inner
 from pvibr.core.signatures import takes
@@ -22,6 +23,7 @@ from pvibr.instances.arguments import (
 )
 from pvibr.instances.baked_set import BakedSet
 from pvibr.instances.cards import slabs
+from pvibr.instances.explain import measured_error
 from pvibr.instances.group import SORTED_SEEN
 from pvibr.instances.limits import checked_force, needs_images
 from pvibr.instances.memory import checked_share
@@ -425,10 +427,39 @@ class Instances(BakedSet):
             'instances': len(self),
             'an instance': self._memory(),
             **counts,
+            'triangles of meshes': self._triangles_drawn(),
         }
+        measured = self._measured_errors()
         for k, model in self._models.items():
             out[f'atlas {k}'] = model.describe(self._limits(model))
+            if k in measured:
+                out[f'error {k}'] = measured[k]
         return out
+
+    def _triangles_drawn(self) -> int:
+        """Return the triangles of instances drawn as meshes in the last frame."""
+        drawn = ((k.levels, np.bincount(k.near.level_of + 1)[1:]) for k in self.groups)
+        return sum(
+            level.triangles * int(count)
+            for levels, counts in drawn
+            for level, count in zip(levels, counts, strict=False)
+        )
+
+    def _measured_errors(self) -> dict[int, str]:
+        """Return the measured error of what each mesh's instances were drawn by, in words."""
+        if self.pipeline is None or self._forced or self._needs_meshes:
+            return {}
+        frame = Frame.of(self.pipeline.renderer)
+        told = {}
+        pairs = zip(self._models, self.groups, self._limits_in(frame), strict=True)
+        for k, group, limits in pairs:
+            if group.atlas.errors and len(group.visible_slots()):
+                flip, displaced, blur = measured_error(group, frame, limits)
+                told[k] = (
+                    f'FLIP {flip:.2f} of that of the mesh at one sample, outlines within '
+                    f'{displaced:.1f} px, up to {blur:.0%} softer'
+                )
+        return told
 
     def _memory(self) -> str:
         count = max(len(self), 1)

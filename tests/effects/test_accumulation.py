@@ -490,14 +490,16 @@ def test_instances_are_those_of_meshes():
     mesh = pv.ParametricTorus(ringradius=0.6, crosssectionradius=0.25, u_res=24, v_res=12)
     places = np.c_[np.random.default_rng(0).uniform(-6, 6, (12, 2)), np.zeros(12)]
     cards, meshes = plotter(SIZE), plotter([6 * n for n in SIZE])
-    cards.ibr.add_instances(mesh, places, bake=True, color='tomato', smooth_shading=True)
+    look = {'color': 'tomato', 'smooth_shading': True}
+    things = cards.ibr.add_instances(mesh, places, bake=True, **look)
     for at in places:
         meshes.add_mesh(mesh.translate(at), color='tomato', smooth_shading=True)
     for pl in (cards, meshes):
         place(pl, (0, -30, 16))
         pl.show(auto_close=False)
-    expected = reduce(shot(meshes), 6)
-    assert psnr(screenshot(cards, 64), expected) > psnr(shot(cards), expected) + 4
+    expected, single = reduce(shot(meshes), 6), shot(cards)
+    things.max_error = 0.25  # levels do not depend on the samples
+    assert psnr(screenshot(cards, 64), expected) > psnr(single, expected) + 4
 
 
 def test_pages_draw_by_themselves_once_the_view_rests(monkeypatch):

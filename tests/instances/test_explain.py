@@ -11,7 +11,9 @@ import pyvista as pv
 from scipy.spatial.transform import Rotation
 
 from pvibr.core import _vtk
+from pvibr.core.frame import Frame
 from pvibr.instances.cards import FADE
+from pvibr.instances.explain import measured_error
 from tests.marks import slow
 
 pytestmark = pytest.mark.all_sizes
@@ -145,3 +147,23 @@ def test_each_mesh_of_a_set_has_levels_of_its_own(atlases):
     triangles = [things.explain(i).levels[-1].triangles for i in range(4)]
     assert triangles == [meshes[0].n_cells, 12] * 2
     pl.close()
+
+
+def test_the_report_tells_the_error_of_what_was_drawn(knots):
+    pl, things = knots.pl, knots.things
+    told = things.report()
+    assert 'FLIP' in told['error 0']
+    assert told['triangles of meshes'] > 0
+    (group,), (limits,) = things.groups, things.limits
+    frame = Frame.of(pl.renderer)
+    flip, displaced, blur = measured_error(group, frame, limits)
+    assert 0.3 < flip < 1.5
+    assert 0 <= displaced < things.max_error + 1.0
+    assert 0 <= blur <= 0.3
+    things.max_error = 0.25
+    pl.render()
+    assert measured_error(group, frame, things.limits[0])[0] < flip + 0.05
+    things.force_level = 'mesh'
+    pl.render()
+    assert 'error 0' not in things.report()  # it is the mesh's
+    assert things.report()['triangles of meshes'] % group.levels[0].triangles == 0

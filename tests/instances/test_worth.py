@@ -40,8 +40,8 @@ def test_meshes_take_over_where_they_cost_less(seed):
     found = by_cost(before := Limits(cards, ends, meshes), triangles)
     for k in (1, 2, 3):  # a lighter one is none from where the triangles of the next are nothing
         size = found.meshes[k]
-        free = saved_by_meshes(triangles[k - 1], 'flat', size) + size**2 * 20
-        assert ((size == meshes[k]) | (np.abs(free - 800) < 1e-3)).all()
+        hardly_cost = np.isclose(triangles[k - 1] * 80.0, size**2 * 20.0)
+        assert ((size == meshes[k]) | hardly_cost).all()
         assert (size <= meshes[k]).all()
     assert (found.mesh < before.mesh).any()
     sizes = np.arange(1.0, 161.0, 0.25)
@@ -58,7 +58,8 @@ def test_meshes_take_over_where_they_cost_less(seed):
         total = saved[::-1].cumsum()[::-1]  # from a size on
         taken = np.interp(found.mesh[patch], sizes, total)
         assert taken >= max(total.max(), 0) - 0.1 * np.abs(saved).sum()
-        assert taken >= 0 or found.mesh[patch] == before.mesh[patch]
+        steps = 0.01 * np.abs(saved).sum()  # of sizes that are compared, which are few
+        assert taken >= -steps or found.mesh[patch] == before.mesh[patch]
 
 
 def two(size):
