@@ -8,6 +8,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from pvibr.core.effect import Effect
+from pvibr.core.observers import weakly
 from pvibr.core.params import Param
 from pvibr.core.plotters import put_inner
 from pvibr.impostors.impostor import Impostor
@@ -30,9 +31,10 @@ LEVELS = {
     'splat': (0.0, 0.447, 0.698),
 }
 IMAGE = (0.5, 0.5, 0.5)
+_LIGHTER = LEVELS['lighter mesh']
 _SMALLEST = 40.0  # pixels: smaller boxes are omitted
 _TAKEN = ('rendered', 'taken')  # keys of the number of rendered images in reports
-_NAME, _LINE = 16, 26  # maximum lengths of names and lines, characters
+_NAME, _LINE = 19, 29  # maximum lengths of names and lines, characters
 
 
 class Inspection(Effect):
@@ -60,6 +62,8 @@ class Inspection(Effect):
         self._taken: dict[str, int] = {}
         self._told: dict = {}
         self._observer: int | None = None
+        self._moves: tuple = ()
+        self._pointed: tuple | None = None  # the set and the instance under the pointer
 
     @property
     def props(self) -> tuple:
@@ -72,12 +76,20 @@ class Inspection(Effect):
         for actor in self.props:
             put_inner(pipeline.renderer, actor)
         self._observer = pipeline.renderer.AddObserver('EndEvent', self._on_end, 0.0)
+        interactor = pipeline.window.GetInteractor()
+        if interactor is not None:
+            tag = interactor.AddObserver('MouseMoveEvent', weakly(self._on_move))
+            self._moves = interactor, tag
 
     def detach(self):
         """Remove the overlay from the subplot."""
         for actor in self.props:
             self.pipeline.renderer.RemoveViewProp(actor)
         self.pipeline.renderer.RemoveObserver(self._observer)
+        if self._moves:
+            interactor, tag = self._moves
+            interactor.RemoveObserver(tag)
+        self._moves, self._pointed = (), None
         super().detach()
 
     def deactivate(self):
@@ -100,6 +112,36 @@ class Inspection(Effect):
         if renderer.GetSelector() is None and self.pipeline is not None:
             self._last = _milliseconds(self.pipeline.report())
 
+    def _on_move(self):
+        interactor, _ = self._moves
+        if self.point_at(*interactor.GetEventPosition()):
+            interactor.Render()
+
+    def point_at(self, x, y) -> bool:
+        """Explain the instance under a pixel in the next frames; return whether it is another."""
+        sets = [e for e in self.pipeline.effects if isinstance(e, Instances) and e.enabled]
+        hits = [(hit.distance, k, hit.index) for k, e in enumerate(sets) if (hit := e.pick(x, y))]
+        before, self._pointed = self._pointed, None
+        if hits:
+            _, k, index = min(hits)
+            self._pointed = sets[k], index
+        return self._pointed != before
+
+    def _explained(self) -> list:
+        """Return rows that say why the instance under the pointer is drawn as it is."""
+        if self._pointed is None:
+            return []
+        thing, index = self._pointed
+        if thing.pipeline is not self.pipeline or index >= len(thing):
+            return []
+        told = thing.explain(index)
+        rows = [_row(f'instance {index}', f'{told.size:.0f} px'), _row('patch', told.patch)]
+        rows += [_row(told.note[:_NAME], '')] if told.note else []
+        used = [span for span in told.levels if span.high > span.low]
+        rows += [_row(f'{s.name} to {s.high:.0f} px', s.rule) for s in used]
+        colors = [None] * (len(rows) - len(used)) + [LEVELS.get(s.name, _LIGHTER) for s in used]
+        return list(zip(rows, colors, strict=True))
+
     # -- a frame -----------------------------------------------------------------------------
 
     def prepare(self, frame):
@@ -119,7 +161,7 @@ class Inspection(Effect):
                 'images': sum(int(_shown(e, frame).sum()) for e in impostors),
                 'new_images': self._newly_taken(frame, pairs),
             }
-            self._rows = self._legend() + self._table(report)
+            self._rows = self._explained() + self._legend() + self._table(report)
         self._show_atlas(frame, self._chosen(drawn))
 
     def finish(self, frame):

@@ -15,6 +15,9 @@ from pvibr.meshes.turntable import LEVEL
 
 _SHADERS = {shader.name: shader for shader in ALL_CARD_SHADERS}
 _CLOSE = 1e-6  # of sizes that are compared, px
+#: Why nothing draws an instance.
+HIDDEN, OUT_OF_VIEW = 'it is hidden', 'it is out of view'
+NOT_FORCED = 'no level is forced at its size'
 
 
 @dataclass(frozen=True)
@@ -27,7 +30,7 @@ class LevelSpan:
     low: float
     high: float
     #: What ends it: ``outline``, ``colour``, ``blur``, ``cost``, ``size`` (larger ones were not
-    #: measured, or the shader draws none), ``forced``, ``translucent``, ``clipped``, ``memory``,
+    #: measured, or the shader is for these), ``forced``, ``translucent``, ``clipped``, ``memory``,
     #: ``not baked``, ``shaders failed``; empty for what is drawn at any size.
     rule: str
     #: Of meshes; 0 of cards.
@@ -82,16 +85,18 @@ def explanation(index, group, slot, frame, limits, *, max_error, hidden, always)
     patch = int(octahedral.cells(toward, PATCH_SIDE, group.atlas.half)[0][0])
     upright = group.atlas.turntable is not None and rise[0] < LEVEL
     model = group.model
-    always = always or (_unbaked_rule(model.unbaked) if model.unbaked else '')
+    if model.unbaked and always in ('', 'forced'):  # there is nothing to be forced
+        always = _unbaked_rule(model.unbaked)
     rules = {} if always else _rules(model, limits, max_error, patch, upright=upright)
     levels = tuple(_spans(model, limits, patch, rules, always, upright=upright))
     note = model.unbaked
     if hidden:
-        note = 'it is hidden'
+        note = HIDDEN
     elif not _in_view(group, slot, frame):
-        note = 'it is out of view'
-    drawn = next((s.name for s in levels if s.low <= size < s.high), 'mesh')
-    level = '' if hidden or note == 'it is out of view' else drawn
+        note = OUT_OF_VIEW
+    elif not (drawn := next((s.name for s in levels if s.low <= size < s.high), '')):
+        note = NOT_FORCED
+    level = '' if note in (HIDDEN, OUT_OF_VIEW, NOT_FORCED) else drawn
     return Explanation(index, size, patch, level, note, levels)
 
 
@@ -156,8 +161,9 @@ def _rules(model, limits, max_error, patch, *, upright) -> dict[str, str]:
     rules = {}
     for name, (_, highs) in ours.items():
         ended_early = highs[patch] < theirs[name][1, patch] - _CLOSE
-        at_largest = theirs[name][1, patch] >= min(_SHADERS[name].largest, errors['sizes'][-1])
-        rules[name] = 'cost' if ended_early else 'size' if at_largest else ''
+        shader, end = _SHADERS[name], theirs[name][1, patch]
+        of_shader = end >= min(shader.largest, errors['sizes'][-1]) or end == shader.least > 0
+        rules[name] = 'cost' if ended_early else 'size' if of_shader else ''
         rules[name] = rules[name] or cause_of(errors, name, max_error, patch)
     for k in range(1, len(model.levels)):
         ended_early = limits.meshes[k, patch] < accurate.meshes[k, patch] - _CLOSE

@@ -8,6 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import pyvista as pv
+from vtkmodules.vtkRenderingCore import vtkTextActor
 
 import pvibr
 from pvibr.core.errors import ClosedError
@@ -185,6 +186,31 @@ def test_a_closed_plotter_says_so(row):
     pl.close()
     with pytest.raises(ClosedError, match='closed'):
         pl.ibr.inspect()
+
+
+@pytest.mark.parametrize('number', [0, 2])
+def test_the_instance_under_the_pointer_is_explained(row, number):
+    pl, cubes, points = row()
+    view = pl.ibr.inspect()
+    see(pl)
+    pl.renderer.SetWorldPoint(*points[number], 1)
+    pl.renderer.WorldToDisplay()
+    x, y, _ = pl.renderer.GetDisplayPoint()
+    pl.iren.interactor.SetEventInformation(int(x), int(y), 0, 0)
+    pl.iren.interactor.InvokeEvent('MouseMoveEvent')
+    pl.render()
+    told = cubes.explain(number)
+    words = [actor.GetInput() or '' for actor in view.props if isinstance(actor, vtkTextActor)]
+    assert any(text.startswith(f'instance {number} ') for text in words)
+    assert any(text.startswith('patch') and text.endswith(str(told.patch)) for text in words)
+    assert sum(text.endswith(' forced') for text in words) >= 5
+    assert not view.point_at(int(x), int(y))  # still the same one
+    assert view.point_at(2, 2)
+    pl.render()
+    assert not any(row[0].startswith('instance') for row in view._rows)
+    view.remove()
+    pl.iren.interactor.InvokeEvent('MouseMoveEvent')
+    pl.close()
 
 
 def test_alone_it_leaves_no_observer(empty):

@@ -105,6 +105,8 @@ def test_rules_other_than_errors_are_named(knots):
     things.force_level = 'flat'
     assert {s.rule for s in things.explain(0).levels} == {'forced'}
     assert things.explain(0).level in ('flat', '')
+    things.force_level = {'flat': (0.0, 1.0), 'mesh': (1e6, 1e7)}
+    assert {things.explain(i).level for i in range(len(things))} <= {'flat', ''}
     things.force_level = None
     planes = _vtk.vtkPlaneCollection()
     planes.AddItem(_vtk.vtkPlane())
