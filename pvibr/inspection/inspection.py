@@ -138,7 +138,7 @@ class Inspection(Effect):
         rows = [_row(f'instance {index}', f'{told.size:.0f} px'), _row('patch', told.patch)]
         rows += [_row(told.note[:_NAME], '')] if told.note else []
         used = [span for span in told.levels if span.high > span.low]
-        rows += [_row(f'{s.name} to {s.high:.0f} px', s.rule) for s in used]
+        rows += [_row(_until(span), span.rule) for span in used]
         colors = [None] * (len(rows) - len(used)) + [LEVELS.get(s.name, _LIGHTER) for s in used]
         return list(zip(rows, colors, strict=True))
 
@@ -332,6 +332,12 @@ def _milliseconds(report) -> list[str]:
     """Return a line per effect: its time, or its status."""
     told = [f'{row.ms:.1f}' if row.state == 'ran' else row.state for row in report.rows]
     return [_row(row.effect, value) for row, value in zip(report.rows, told, strict=True)]
+
+
+def _until(span) -> str:
+    """Return the name of a level, and up to or from which size it is used."""
+    ends = f'to {span.high:.0f}' if np.isfinite(span.high) else f'from {span.low:.0f}'
+    return f'{span.name} {ends} px'
 
 
 def _row(name, value) -> str:
