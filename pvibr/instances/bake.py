@@ -204,12 +204,10 @@ def fill_depth(geometry, tile):
     within each tile: averages of the covered texels are pulled up a pyramid, holes take the value
     of the finest level that has one.
     """
-    levels = []
     weight = (geometry[..., 1] > 0).astype(np.float32)
-    total = geometry[..., 0] * weight
-    for _ in range(tile.bit_length()):
-        levels.append((total, weight))
-        total, weight = _halve(total), _halve(weight)
+    levels = [(geometry[..., 0] * weight, weight)]
+    for _ in range(tile.bit_length() - 1):
+        levels.append(tuple(map(_halve, levels[-1])))
     filled = np.full_like(levels[-1][0], 127.5)
     for total, weight in reversed(levels):
         if filled.shape != total.shape:

@@ -19,7 +19,7 @@ from pvibr.instances.group import InstanceGroup
 from pvibr.instances.mesh_pool import MeshPool
 from pvibr.maths import octahedral
 from pvibr.maths.flip import Flip
-from pvibr.maths.image_error import outline_distances
+from pvibr.maths.image_error import crossed, outline_distances
 from pvibr.maths.sharpness import local_gradients, lowest_ratio
 from pvibr.meshes.turntable import LEVEL
 
@@ -40,13 +40,14 @@ class Layout:
         return self.side**2
 
 
-#: From four views of each patch of directions what is small; from one what is large.
-LAYOUTS = Layout(2 * PATCH_SIDE, (8, 16, 32, 64)), Layout(PATCH_SIDE, (128, 256))
+#: From four views of each patch of directions; from one what is larger.
+LAYOUTS = Layout(2 * PATCH_SIDE, (8, 16, 32, 64, 128)), Layout(PATCH_SIDE, (256,))
 _HOPELESS = 4.0  # px: a level that allows no `max_error` up to it is not tried at larger sizes
 SLACK = 0.5  # px, of outlines whose distances are whole pixels apart
 #: FLIP that is allowed of cards: the mesh's own, or a little beyond a smaller share of it:
 #: where things touch or pierce one another theirs is more.
 CARD_SHARE, CARD_SURE, CARD_LEAST = 1.0, 0.75, 0.005
+_BEYOND = 0.6  # of what is allowed at 1 px, for each px beyond it
 #: The same of lighter meshes, beside what one sample per pixel adds to theirs as to the mesh's.
 MESH_SHARE, MESH_LEAST = 0.35, 0.005
 #: The share of local gradients that a level may lose where it loses most: of fields of things of
@@ -165,8 +166,11 @@ def _rows(truths, errors, largest=np.inf):
         beyond = i and truths[i - 1].size >= largest
         if beyond or (rows and np.median(worst(card_needs(rows[-1]))) > _HOPELESS):
             rows.append(rows[-1] * [2.0, 1.5, 1.0, 1.5])  # it grows with the size
-        else:
-            rows.append(errors(truth))
+            continue
+        rows.append(errors(truth))
+        if i and truth.layout != truths[i - 1].layout:  # whose fewer views may miss the worst
+            grown = rows[-2][:, 0] * truth.size / truths[i - 1].size
+            rows[-1][:, 0] = np.maximum(rows[-1][:, 0], grown)
     return np.array(rows)
 
 
@@ -174,7 +178,8 @@ def card_needs(rows) -> dict[str, np.ndarray]:
     """Return by cause the least `max_error`, px, that allows errors of cards, (..., 4)."""
     displaced, flip, own, blur = np.moveaxis(np.asarray(rows), -1, 0)
     allowed = np.maximum(CARD_SHARE * own, CARD_SURE * own + CARD_LEAST)
-    return _needs(displaced, flip / allowed, blur)
+    color = flip / allowed
+    return _needs(displaced, np.where(color > 1, 1 + (color - 1) / _BEYOND, color), blur)
 
 
 def mesh_needs(rows) -> dict[str, np.ndarray]:
@@ -206,6 +211,9 @@ class _Truth:
         once = _once(samples, layout.sizes[-1], size)
         self.base, self.moved = self._flip(once), _moved(once, picture, layout.side)
         self.strayed = self._strayed(once)
+        outlines = self._tiles(crossed(picture[..., 3]).astype(np.float32)[..., None])
+        self.outlines = np.maximum(outlines.sum((1, 2, 3)), 1.0)
+        self.faded = self._faded(once)
         self.gradients = self._gradients(tiles)
 
     def errors(self, picture, moved):
@@ -217,10 +225,19 @@ class _Truth:
         """Return the same of cards, whose soft outlines may be no worse than the mesh's."""
         moved = _moved(picture, self.picture, self.layout.side)
         moved = np.where(moved > self.moved, moved, 0.0)  # thin things: no worse than the mesh
-        found = self.errors(picture, moved)
-        strayed = _patches(self._strayed(picture)) / _patches(self.strayed)
-        found[:, 1] = np.maximum(found[:, 1], found[:, 2] * strayed)
-        return found
+        faded = self._faded(picture)
+        faded = _by_patch(np.where(faded > self.faded, faded, 0.0)).max(1)
+        moved = np.maximum(moved, 2 * faded + SLACK)  # each side of what is thin
+        rows = self.errors(picture, moved)
+        # Of each view by itself: what is seen edge-on covers little, and fades.
+        strayed = _patches(self.base * self._strayed(picture) / self.strayed)
+        rows[:, 1] = np.maximum(rows[:, 1], strayed)
+        return rows
+
+    def _faded(self, picture):
+        """Return how much more or less is covered than in the reference, px along outlines."""
+        covered = self._tiles(picture[..., 3:]).sum((1, 2, 3))
+        return np.abs(covered - self._tiles(self.picture[..., 3:]).sum((1, 2, 3))) / self.outlines
 
     def _strayed(self, picture):
         """Return how far coverage is from the reference's, of a pixel that is covered."""
