@@ -29,7 +29,7 @@ from pvibr.meshes.parts import as_parts, check_triangles
 from pvibr.meshes.smoothed import interpolated, smoothed
 from pvibr.scene.content_key import textures_of
 
-VERSION = 51  # of what is kept in the cache: a change of bake, measure or decimation raises it
+VERSION = 52  # of what is kept in the cache: a change of bake, measure or decimation raises it
 SHARE = 0.25  # of a level's triangles, in the next lighter
 #: The same of levels of so many triangles, which are most of what frames draw.
 _HALF, _HALVED = 0.5, (2_500, 40_000)
@@ -37,9 +37,8 @@ _ALIKE = 0.5  # of what is allowed of lighter meshes: views are taken of what ha
 _LIGHTEST = 150  # triangles of the lightest level, at least
 _WORTH_A_LEVEL = 0.8  # of a mesh's triangles: what has more saves hardly anything
 #: Views along a side of the grid, and texels along that of one: what is magnified is blurred, and
-#: fewer views serve to smaller sizes; an odd number has views along the axes and edge-on.
-#: Cut-outs are of details that neighbouring views mix up.
-_GRID, _CUT_GRID = (23, 128), (16, 128)
+#: fewer views serve to smaller sizes; cut-outs are of details that neighbouring views mix up.
+_GRID, _CUT_GRID = (24, 128), (16, 128)
 _ROUNDING = 1e-9  # of a mesh's size, by which the bounds of its hull may differ from its own
 # Those in use, by their content: sets of the same mesh share one, and its textures.
 _atlases: weakref.WeakValueDictionary[str, Atlas] = weakref.WeakValueDictionary()

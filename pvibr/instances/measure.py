@@ -54,6 +54,9 @@ MESH_SHARE, MESH_LEAST = 0.35, 0.005
 #: all sizes at their limits less than half of that is lost.
 BLUR = 0.25
 _BLURRED_FROM = 32  # px from which blur is seen
+#: px of `max_error` for each px by which coverage is lost or gained along outlines: both sides of
+#: what is thin, and directions between the few views of a patch are several times worse.
+_FADED = 8.0
 _ROUNDED = 1.5 / 255  # what eight bits of a colour make of hardly any difference
 _FLOOR = 1e-4  # FLIP below which nothing can be seen
 
@@ -227,7 +230,7 @@ class _Truth:
         moved = np.where(moved > self.moved, moved, 0.0)  # thin things: no worse than the mesh
         faded = self._faded(picture)
         faded = _by_patch(np.where(faded > self.faded, faded, 0.0)).max(1)
-        moved = np.maximum(moved, 2 * faded + SLACK)  # each side of what is thin
+        moved = np.maximum(moved, _FADED * faded + SLACK)
         rows = self.errors(picture, moved)
         # Of each view by itself: what is seen edge-on covers little, and fades.
         strayed = _patches(self.base * self._strayed(picture) / self.strayed)

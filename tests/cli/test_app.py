@@ -154,7 +154,7 @@ def test_bake_says_what_it_made(tmp_path, capsys):
         cli.main(['bake', str(tmp_path / 'ball.ply'), '-o', str(out), '--sheet', str(sheet)]) == 0
     )
     said = capsys.readouterr().out
-    assert f'wrote {out}: 529 views' in said
+    assert f'wrote {out}: 576 views' in said
     assert str(sheet) in said
     assert out.is_file()
     assert sheet.is_file()
