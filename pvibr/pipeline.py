@@ -205,6 +205,11 @@ class Pipeline:
             self._stage.release()
             self.buffers.release()
 
+    def view(self) -> Frame:
+        """Return the view of the camera as it is now, at the quality of the last frame."""
+        quality = 1.0 if self._adaptive_quality is None else self._adaptive_quality.latest
+        return Frame.of(self.renderer, time=self.time, quality=quality)
+
     def _on_start(self, _renderer, _event):
         if self._turn is not None:  # a frame that did not end
             self._turn.put_camera_back()

@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from pvibr.core.frame import Frame
 from pvibr.instances.arguments import checked_ids
 from pvibr.instances.explain import Explanation, explanation
+from pvibr.instances.group import InstanceGroup
 from pvibr.instances.levels import make_model, no_images, unbaked
 from pvibr.instances.limits import Limits, forced_limits, limits_of, needs_images
 from pvibr.instances.materials import MATERIAL_CHANGED, Material
@@ -248,19 +248,22 @@ class BakedSet(PosedSet):
         if self.pipeline is None:
             msg = 'instances must be in a plotter to be explained: its camera decides'
             raise RuntimeError(msg)
-        frame = Frame.of(self.pipeline.renderer)
-        k = next(k for k, group in enumerate(self.groups) if index in group.ids)
-        group = self.groups[k]
+        group, slot = self._place_of(index)
         return explanation(
             index,
             group,
-            int(np.flatnonzero(group.ids == index)[0]),
-            frame,
-            self._limits_in(frame)[k],
+            slot,
+            self.pipeline.view(),
+            self._limits(group.model),
             max_error=self.max_error,
             hidden=not (self.visible[index] and self.GetVisibility()),
             always=self._rule_of_all(),
         )
+
+    def _place_of(self, index) -> tuple[InstanceGroup, int]:
+        """Return the group that draws an instance, and its slot there."""
+        group = next(group for group in self.groups if index in group.ids)
+        return group, int(np.flatnonzero(group.ids == index)[0])
 
     def _rule_of_all(self) -> str:
         """Return the rule by which the levels of all are chosen, empty for errors and costs."""

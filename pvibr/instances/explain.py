@@ -7,13 +7,11 @@ from dataclasses import asdict, dataclass
 import numpy as np
 
 from pvibr.instances.card_layers import PATCH_SIDE
-from pvibr.instances.cards import ALL_CARD_SHADERS
-from pvibr.instances.limits import cause_of, limits_of
+from pvibr.instances.limits import card_ends, level_ends, mesh_ends
 from pvibr.maths import octahedral
 from pvibr.maths.blocks import frustum_planes
 from pvibr.meshes.turntable import LEVEL
 
-_SHADERS = {shader.name: shader for shader in ALL_CARD_SHADERS}
 _CLOSE = 1e-6  # of sizes that are compared, px
 #: Why nothing draws an instance.
 HIDDEN, OUT_OF_VIEW = 'it is hidden', 'it is out of view'
@@ -88,7 +86,8 @@ def explanation(index, group, slot, frame, limits, *, max_error, hidden, always)
     if model.unbaked and always in ('', 'forced'):  # there is nothing to be forced
         always = _unbaked_rule(model.unbaked)
     rules = {} if always else _rules(model, limits, max_error, patch, upright=upright)
-    levels = tuple(_spans(model, limits, patch, rules, always, upright=upright))
+    drawn_at = limits.coarser(frame.quality)
+    levels = tuple(_spans(model, drawn_at, patch, rules, always, upright=upright))
     note = model.unbaked
     if hidden:
         note = HIDDEN
@@ -145,32 +144,30 @@ def _spans(model, limits, patch, rules, always, *, upright):
     reached, last = float(limits.mesh[patch]), len(model.levels) - 1
     for k in range(last, -1, -1):
         high = max(float(limits.meshes[k, patch]), reached)
-        name = f'mesh{k}' if k else 'mesh'
-        rule = rules.get(name, always) if k or always else ''
-        yield LevelSpan(name, reached, high, rule, model.levels[k].triangles)
+        name = _mesh_name(k)
+        yield LevelSpan(name, reached, high, rules.get(name, always), model.levels[k].triangles)
         reached = high
 
 
 def _rules(model, limits, max_error, patch, *, upright) -> dict[str, str]:
     """Return what ends each level from one side: its errors, or the cost of others."""
     errors = model.atlas.errors
-    accurate = limits_of(errors, len(model.levels), max_error)
-    ours, theirs = (
-        found.level if upright and found.level else found.cards for found in (limits, accurate)
-    )
-    rules = {}
-    for name, (_, highs) in ours.items():
-        ended_early = highs[patch] < theirs[name][1, patch] - _CLOSE
-        shader, end = _SHADERS[name], theirs[name][1, patch]
-        of_shader = end >= min(shader.largest, errors['sizes'][-1]) or end == shader.least > 0
-        rules[name] = 'cost' if ended_early else 'size' if of_shader else ''
-        rules[name] = rules[name] or cause_of(errors, name, max_error, patch)
-    for k in range(1, len(model.levels)):
-        ended_early = limits.meshes[k, patch] < accurate.meshes[k, patch] - _CLOSE
-        rules[f'mesh{k}'] = (
-            'cost' if ended_early else cause_of(errors, f'mesh{k}', max_error, patch)
-        )
-    return rules
+    level = upright and limits.level
+    ends = (level_ends if level else card_ends)(errors, max_error)
+    highs = {name: high for name, (_, high) in (limits.level if level else limits.cards).items()}
+    for k, mesh in enumerate(mesh_ends(errors, len(model.levels), max_error)):
+        name = _mesh_name(k)
+        ends[name], highs[name] = mesh, limits.meshes[k]
+    return {name: _rule(end, highs[name], patch) for name, end in ends.items()}
+
+
+def _mesh_name(k) -> str:
+    return f'mesh{k}' if k else 'mesh'
+
+
+def _rule(ends, highs, patch) -> str:
+    """Return the rule that ends a level: what others cost if its errors allow larger sizes."""
+    return 'cost' if highs[patch] < ends.sizes[patch] - _CLOSE else str(ends.rules[patch])
 
 
 def _in_view(group, slot, frame) -> bool:

@@ -8,7 +8,6 @@ import numpy as np
 import pyvista as pv
 
 from pvibr.core.errors import warn
-from pvibr.core.frame import Frame
 from pvibr.core.params import Param
 from pvibr.core.plotters import put_inner
 from pvibr.core.signatures import takes
@@ -310,8 +309,7 @@ class Instances(BakedSet):
 
     def item_mesh(self, index) -> pv.PolyData:
         """Return the mesh of an instance in world units, for VTK's pickers."""
-        group = next(group for group in self.groups if index in group.ids)
-        slot = int(np.flatnonzero(group.ids == index)[0])
+        group, slot = self._place_of(index)
         return joined([(group.parts(slot), group.matrix(slot))])
 
     def actors(self) -> list:
@@ -449,7 +447,7 @@ class Instances(BakedSet):
         """Return the measured error of what each mesh's instances were drawn by, in words."""
         if self.pipeline is None or self._forced or self._needs_meshes:
             return {}
-        frame = Frame.of(self.pipeline.renderer)
+        frame = self.pipeline.view()
         told = {}
         pairs = zip(self._models, self.groups, self._limits_in(frame), strict=True)
         for k, group, limits in pairs:

@@ -29,7 +29,7 @@ from pvibr.meshes.parts import as_parts, check_triangles
 from pvibr.meshes.smoothed import interpolated, smoothed
 from pvibr.scene.content_key import textures_of
 
-VERSION = 52  # of what is kept in the cache: a change of bake, measure or decimation raises it
+VERSION = 53  # of what is kept in the cache: a change of bake, measure or decimation raises it
 SHARE = 0.25  # of a level's triangles, in the next lighter
 #: The same of levels of so many triangles, which are most of what frames draw.
 _HALF, _HALVED = 0.5, (2_500, 40_000)

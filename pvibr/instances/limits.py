@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass, field, replace
+from functools import reduce
+from typing import NamedTuple
 
 import numpy as np
 
@@ -65,18 +67,10 @@ def limits_of(errors, mesh_levels, max_error) -> Limits:
     if not errors:
         never = {p.name: np.zeros((2, PATCHES)) for p in CARD_SHADERS}
         return Limits(never, np.zeros(PATCHES), _everywhere([np.inf, *[0.0] * (mesh_levels - 1)]))
-    turned = set(errors) >= SIDES
-    cards = _spans(errors, CARD_SHADERS, max_error)
+    cards = _spans(card_ends(errors, max_error))
     reached = list(cards.values())[-1][1]
-    level: dict = {}
-    if turned:
-        # What is seen from the side was measured in patches of its own.
-        level = _spans(errors, ALL_CARD_SHADERS, max_error)
-        level = {name: np.minimum(span, reached) for name, span in level.items()}
-    meshes = _everywhere([np.inf] * mesh_levels)
-    for i in range(1, mesh_levels):
-        meshes[i] = _mesh_good_up_to(errors, f'mesh{i}', max_error)
-    return Limits(cards, reached, np.minimum.accumulate(meshes), level)
+    meshes = np.array([sizes for sizes, _ in mesh_ends(errors, mesh_levels, max_error)])
+    return Limits(cards, reached, meshes, _spans(level_ends(errors, max_error)))
 
 
 def _everywhere(sizes) -> np.ndarray:
@@ -169,29 +163,87 @@ def forced_limits(ranges, mesh_levels) -> Limits:
     return Limits(cards, np.full(PATCHES, least), _everywhere(meshes), level)
 
 
-def _spans(errors, shaders, max_error) -> dict:
-    """Return the sizes at which each shader is used, in the order of cost."""
-    reached, spans = np.zeros(PATCHES), {}
-    for shader in shaders:
-        good = good_up_to(errors['sizes'], worst(card_needs(errors[shader.name])), max_error)
-        good = good.min() if shader.sides else good
-        good = np.maximum(np.clip(good, shader.least, shader.largest), reached)
-        spans[shader.name] = np.stack([reached, good])
-        reached = good
-    return spans
+class Ends(NamedTuple):
+    """Up to which sizes a level is accurate in each patch, and the rules that end it there."""
+
+    sizes: np.ndarray  # px, shape (PATCHES,)
+    rules: np.ndarray  # 'outline', 'colour', 'blur' or 'size', shape (PATCHES,)
 
 
-def cause_of(errors, name, max_error, patch) -> str:
-    """Return which error ends a level in a patch: at the first size that is too large for it."""
-    needs = (mesh_needs if name.startswith('mesh') else card_needs)(errors[name])
-    by_cause = np.array([need[:, patch] for need in needs.values()])
-    over = by_cause.max(0) > max_error
-    return list(needs)[by_cause[:, over.argmax() if over.any() else -1].argmax()]
+def card_ends(errors, max_error) -> dict[str, Ends]:
+    """Return up to which sizes the cards of each shader keep an error, from the cheapest."""
+    return {shader.name: _card_ends(errors, shader, max_error) for shader in CARD_SHADERS}
 
 
-def good_up_to(sizes, allowed, max_error):
-    """Return the largest size at which outline and colour are within bounds, in each patch."""
-    need = allowed.reshape(len(sizes), -1)
+def level_ends(errors, max_error) -> dict[str, Ends]:
+    """Return the same where the eye is level with a turntable, of nothing else."""
+    if not set(errors) >= SIDES:
+        return {}
+    # What is seen from the side was measured in patches of its own.
+    last = reduce(_wider, card_ends(errors, max_error).values())
+    return {
+        shader.name: _narrower(_card_ends(errors, shader, max_error), last)
+        for shader in ALL_CARD_SHADERS
+    }
+
+
+def mesh_ends(errors, count, max_error) -> list[Ends]:
+    """Return the same of so many meshes, from the heaviest."""
+    ends = [Ends(np.full(PATCHES, np.inf), np.full(PATCHES, ''))]
+    for i in range(1, count):
+        ends.append(_narrower(_mesh_ends(errors, f'mesh{i}', max_error), ends[-1]))
+    return ends
+
+
+def _narrower(one, other) -> Ends:
+    """Return of two ends those at smaller sizes."""
+    return _chosen(one.sizes <= other.sizes, one, other)
+
+
+def _wider(one, other) -> Ends:
+    """Return of two ends those at larger sizes."""
+    return _chosen(one.sizes >= other.sizes, one, other)
+
+
+def _chosen(first, one, other) -> Ends:
+    """Return in each patch the first of two ends or the other."""
+    return Ends(*(np.where(first, *pair) for pair in zip(one, other, strict=True)))
+
+
+def _card_ends(errors, shader, max_error) -> Ends:
+    sizes, rules = _within(errors['sizes'], card_needs(errors[shader.name]), max_error)
+    if shader.sides:  # it serves all sides or none
+        narrowest = np.full(PATCHES, sizes.argmin())
+        sizes, rules = sizes[narrowest], rules[narrowest]
+    allowed = np.clip(sizes, shader.least, shader.largest)
+    return Ends(allowed, np.where(allowed == sizes, rules, 'size'))
+
+
+def _mesh_ends(errors, name, max_error) -> Ends:
+    # Beyond what was measured as well.
+    largest, needs = errors['sizes'][-1], mesh_needs(errors[name])
+    sizes, rules = _within(errors['sizes'], needs, max_error)
+    last = {cause: need[-1] for cause, need in needs.items()}
+    # Facets that grow visible: an error of colour doubles with the size, or nearly.
+    octaves = np.log2(max_error / np.maximum(worst(last), 1e-9))
+    far = largest * 2 ** np.clip(octaves, 0, _OCTAVES)
+    cause = np.array([*last])[np.argmax([*last.values()], axis=0)]
+    cause = np.where(octaves < _OCTAVES, cause, 'size')
+    moved = max(2 * max_error / max(float(errors[f'{name}.radii']), 1e-9), largest)
+    outline = Ends(np.full(PATCHES, moved), np.full(PATCHES, 'outline'))
+    return _chosen(sizes < largest, Ends(sizes, rules), _narrower(Ends(far, cause), outline))
+
+
+def _within(sizes, needs, max_error) -> Ends:
+    """Return up to which of the measured sizes all causes allow an error, and the first to end."""
+    by_cause = np.array([_good_up_to(sizes, need, max_error) for need in needs.values()])
+    ends = by_cause.min(0)
+    rules = np.array([*needs])[by_cause.argmin(0)]
+    return Ends(ends, np.where(ends < sizes[-1], rules, 'size'))
+
+
+def _good_up_to(sizes, need, max_error):
+    """Return the largest size at which a need, (sizes, patches), is met in each patch."""
     over = need > max_error
     k = over.argmax(0)
     patch = np.arange(len(k))
@@ -201,12 +253,11 @@ def good_up_to(sizes, allowed, max_error):
     return np.where(over.any(0), low + part * (sizes[k] - low), sizes[-1])
 
 
-def _mesh_good_up_to(errors, name, max_error):
-    """Return the same for a lighter mesh; beyond what was measured as well."""
-    sizes, allowed = errors['sizes'], worst(mesh_needs(errors[name]))
-    good = good_up_to(sizes, allowed, max_error)
-    # Facets that grow visible: an error of colour doubles with the size, or nearly.
-    octaves = np.log2(max_error / np.maximum(allowed[-1], 1e-9))
-    far = sizes[-1] * 2 ** np.clip(octaves, 0, _OCTAVES)
-    moved = 2 * max_error / max(float(errors[f'{name}.radii']), 1e-9)
-    return np.where(good < sizes[-1], good, np.minimum(far, max(moved, sizes[-1])))
+def _spans(ends) -> dict:
+    """Return the contiguous sizes at which each shader is used, in the order of cost."""
+    reached, spans = np.zeros(PATCHES), {}
+    for name, (good, _) in ends.items():
+        good = np.maximum(good, reached)
+        spans[name] = np.stack([reached, good])
+        reached = good
+    return spans

@@ -172,8 +172,8 @@ def _rows(truths, errors, largest=np.inf):
             continue
         rows.append(errors(truth))
         if i and truth.layout != truths[i - 1].layout:  # whose fewer views may miss the worst
-            grown = rows[-2][:, 0] * truth.size / truths[i - 1].size
-            rows[-1][:, 0] = np.maximum(rows[-1][:, 0], grown)
+            grown = (rows[-2][:, 0] - SLACK) * truth.size / truths[i - 1].size
+            rows[-1][:, 0] = np.maximum(rows[-1][:, 0], grown + SLACK)
     return np.array(rows)
 
 
