@@ -228,6 +228,8 @@ class BakedSet(PosedSet):
         ------
         IndexError
             If the instance does not exist.
+        TypeError
+            If `index` is not one number.
         RuntimeError
             If the set is in no plotter.
 
@@ -242,8 +244,8 @@ class BakedSet(PosedSet):
         >>> pl.close()
         """
         if np.ndim(index) != 0:
-            msg = f'index must be the number of one instance, got {index!r:.80}'
-            raise IndexError(msg)
+            msg = f'index must be an int, the number of one instance, got {index!r:.80}'
+            raise TypeError(msg)
         (index,) = checked_ids(index, len(self)).tolist()
         if self.pipeline is None:
             msg = 'instances must be in a plotter to be explained: its camera decides'

@@ -84,7 +84,7 @@ def explanation(index, group, slot, frame, limits, *, max_error, hidden, always)
     upright = group.atlas.turntable is not None and rise[0] < LEVEL
     model = group.model
     if model.unbaked and always in ('', 'forced'):  # there is nothing to be forced
-        always = _unbaked_rule(model.unbaked)
+        always = _unbaked_rule(model)
     rules = {} if always else _rules(model, limits, max_error, patch, upright=upright)
     drawn_at = limits.coarser(frame.quality)
     levels = tuple(_spans(model, drawn_at, patch, rules, always, upright=upright))
@@ -132,8 +132,10 @@ def _interpolated(errors, name, sizes, patches) -> np.ndarray:
     return ((1 - part) * rows[low, patches] + part * rows[low + 1, patches]).T
 
 
-def _unbaked_rule(why) -> str:
-    return 'memory' if 'memory' in why else 'not baked'
+def _unbaked_rule(model) -> str:
+    if any(part.actor.GetProperty().GetOpacity() < 1 for part in model.levels[0].parts):
+        return 'translucent'
+    return 'memory' if 'memory' in model.unbaked else 'not baked'
 
 
 def _spans(model, limits, patch, rules, always, *, upright):

@@ -330,3 +330,18 @@ def test_baking_leaves_rigid_bodies_as_they_are(show, tmp_path, cached):
         (actor,) = (a for group in crowd.groups for a in group.mesh_actors())
         np.testing.assert_allclose(actor.GetBounds(), crowd.mesh(0).bounds, atol=1e-5)
         np.testing.assert_allclose(np.mean(actor.GetBounds()[4:]), 1.0, atol=1e-5)
+
+
+def test_a_member_is_explained(show, figure):
+    pl, crowd = show(figure, apart())
+    grab(pl)
+    (group,) = crowd.groups
+    levels = {crowd.explain(i).level for i in range(2)}
+    cards = {name for name in levels if not name.startswith('mesh')}
+    assert cards
+    assert all(group.counts[name] for name in cards)
+    assert ('mesh' in levels) == (group.near.level_of == 0).any()
+    place(pl, **NEAR)
+    grab(pl)
+    assert {crowd.explain(i).level for i in range(2)} == {'mesh'}
+    assert (group.near.level_of == 0).all()

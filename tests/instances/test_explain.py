@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import pairwise
 from types import SimpleNamespace
 
@@ -10,6 +11,7 @@ import pytest
 import pyvista as pv
 from scipy.spatial.transform import Rotation
 
+import pvibr
 from pvibr.core import _vtk
 from pvibr.core.frame import Frame
 from pvibr.instances.cards import FADE
@@ -77,6 +79,47 @@ def test_the_level_told_is_the_level_drawn(knots, turn, parallel):
     pl.camera.parallel_projection = False
 
 
+def alone(things, pl, index):
+    """Return the names of what draws an instance when no other is visible."""
+    things.visible = np.arange(len(things)) == index
+    pl.render()
+    (group,) = things.groups
+    names = {f'mesh {level.triangles}': f'mesh{k or ""}' for k, level in enumerate(group.levels)}
+    counts = {k: n for k, n in group.counts.items() if n and 'blocks' not in k}
+    return {names.get(name, name) for name in counts}
+
+
+@pytest.mark.parametrize('turntable', [False, True])
+@pytest.mark.parametrize('matrices', [False, True])
+def test_the_shader_told_is_the_shader_drawn(atlases, matrices, turntable):
+    pl = pv.Plotter(off_screen=True, window_size=(320, 240))
+    mesh = fir() if turntable else pv.ParametricTorus(1.0, 0.4, u_res=60, v_res=40)
+    poses = placed(40, 8, matrices=matrices) * ([1, 1, 0.05] if turntable and not matrices else 1)
+    things = pl.ibr.add_instances(mesh, poses, bake=True, cache=atlases, progress=False)
+    assert bool(things.limits[0].level) == turntable
+    pl.camera_position = [(0, 0, 0), (0, 1, 0), (0, 0, 1)]
+    pl.camera.view_angle = 120
+    pl.show(auto_close=False)
+    told = [e for e in map(things.explain, range(len(things))) if e.level]
+    seen = {e.level for e in told}
+    assert len(seen) > 2
+    for e in told:
+        assert e.level in alone(things, pl, e.index), str(e)
+    pl.close()
+
+
+def fir():
+    """Return discs of two colours about a stem, as a mesh with foliage's levels."""
+    rng = np.random.default_rng(2)
+    discs = []
+    for normal, height in zip(rng.normal(size=(50, 3)), rng.uniform(0.2, 3, 50), strict=True):
+        center = (*rng.normal(size=2) * (3.2 - height) * 0.25, height)
+        disc = pv.Disc(center=center, inner=0, outer=0.2, normal=normal, c_res=8).triangulate()
+        discs.append(disc)
+    mesh = discs[0].append_polydata(*discs[1:])
+    return pvibr.foliage_levels(mesh, texels=128, view_size=32, views=12)
+
+
 def test_levels_follow_one_another_from_nothing_to_any_size(knots):
     for index in range(0, len(knots.things), 7):
         spans = knots.things.explain(index).levels
@@ -115,6 +158,35 @@ def test_rules_other_than_errors_are_named(knots):
     things.set_clipping_planes(None)
 
 
+def test_what_is_translucent_or_beyond_memory_says_so(knots, atlases):
+    things = knots.things
+    things.GetProperty().SetOpacity(0.5)
+    knots.pl.render()
+    assert {s.rule for s in things.explain(0).levels} == {'translucent'}
+    things.GetProperty().SetOpacity(1.0)
+    knots.pl.render()
+    assert 'translucent' not in {s.rule for s in things.explain(0).levels}
+    add = knots.pl.ibr.add_instances
+    torus = pv.ParametricTorus(1.1, 0.4, u_res=60, v_res=40)  # whose images no one holds
+    small = add(torus, placed(3), bake=True, cache=atlases, gpu_memory=0.01, progress=False)
+    assert small.explain(0).levels[-1].rule == 'memory'
+    assert 'memory' in small.explain(0).note or small.explain(0).note == 'it is out of view'
+    small.remove()
+
+
+def test_levels_are_told_at_the_quality_of_the_frame(knots):
+    things = knots.things
+    before = things.explain(0)
+    view = things.pipeline.view
+    coarse = replace(view(), quality=0.5)
+    things.pipeline.view = lambda: coarse
+    after = things.explain(0)
+    del things.pipeline.view
+    spans = {span.name: span for span in before.levels}
+    assert after.levels[-1].low == pytest.approx(2 * before.levels[-1].low)
+    assert [s.rule for s in after.levels] == [spans[s.name].rule for s in after.levels]
+
+
 def test_what_is_hidden_or_not_baked_says_so(knots):
     things = knots.things
     things.visible = np.arange(len(things)) != 4
@@ -132,9 +204,18 @@ def test_what_is_hidden_or_not_baked_says_so(knots):
     pl.close()
 
 
-@pytest.mark.parametrize('bad', [60, -61, 'first', 1.5, [1, 2]])
-def test_only_an_instance_can_be_explained(knots, bad):
-    with pytest.raises(IndexError):
+@pytest.mark.parametrize(
+    ('bad', 'error'),
+    [
+        (60, IndexError),
+        (-61, IndexError),
+        ('first', IndexError),
+        (1.5, IndexError),
+        ([1, 2], TypeError),
+    ],
+)
+def test_only_an_instance_can_be_explained(knots, bad, error):
+    with pytest.raises(error):
         knots.things.explain(bad)
 
 
