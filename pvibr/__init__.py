@@ -20,8 +20,7 @@ def lazy_exports(package, exports):
 
     def __getattr__(name):
         if name not in exports:
-            msg = f'module {package!r} has no attribute {name!r}'
-            raise AttributeError(msg)
+            raise AttributeError(f'module {package!r} has no attribute {name!r}')
         module = importlib.import_module(exports[name])
         value = module if exports[name] == f'{package}.{name}' else getattr(module, name)
         vars(importlib.import_module(package))[name] = value

@@ -133,8 +133,7 @@ class IBRAccessor:
         >>> pl.close()
         """
         if not isinstance(self._mesh, pv.DataSet):
-            msg = 'glyph needs a dataset with points; combine() the blocks first'
-            raise TypeError(msg)
+            raise TypeError('glyph needs a dataset with points; combine() the blocks first')
         from pvibr.meshes.glyphs import glyph
 
         return glyph(

@@ -115,8 +115,7 @@ class IBRComponent(
         found = [effect for effect in self.effects if effect.name == name]
         if not found:
             names = ', '.join(repr(effect.name) for effect in self.effects) or 'nothing'
-            msg = f'no thing {name!r} is in this subplot; here are: {names}'
-            raise KeyError(msg)
+            raise KeyError(f'no thing {name!r} is in this subplot; here are: {names}')
         return found[0]
 
     # -- adding and removing ---------------------------------------------------------------------
@@ -197,8 +196,7 @@ class IBRComponent(
         reset_camera = checked_flag('reset_camera', reset_camera, optional=True)
         render = checked_flag('render', render)
         if not isinstance(label, str | None):
-            msg = f'label = {label!r}: must be a str or None'
-            raise TypeError(msg)
+            raise TypeError(f'label = {label!r}: must be a str or None')
         if accepts(make, 'theme'):
             if kwargs.get('color') is True:  # PyVista's word for the next one
                 kwargs['color'] = None

@@ -220,8 +220,9 @@ class LooksFacade(Facade):
 def checked_look(name):
     """Return the name of a look."""
     if not isinstance(name, str) or name not in LOOKS:
-        msg = f'name = {name!r}: must be one of {", ".join(LOOKS)}{nearest(str(name), LOOKS)}'
-        raise ValueError(msg)
+        raise ValueError(
+            f'name = {name!r}: must be one of {", ".join(LOOKS)}{nearest(str(name), LOOKS)}'
+        )
     return name
 
 

@@ -86,8 +86,7 @@ class Pipeline:
         finally:
             self.remove(tap)
         if tap.array is None:
-            msg = f'buffer {name!r} could not be read: {why or "no frame was drawn"}'
-            raise RuntimeError(msg)
+            raise RuntimeError(f'buffer {name!r} could not be read: {why or "no frame was drawn"}')
         return tap
 
     def stops(self, frame, picture) -> float:
@@ -119,31 +118,30 @@ class Pipeline:
     def check_addable(self, effect):
         """Raise an error unless an effect can be added."""
         if self._closed:
-            msg = 'the plotter is closed: make a new one and add the effect there'
-            raise ClosedError(msg)
+            raise ClosedError('the plotter is closed: make a new one and add the effect there')
         if not isinstance(effect, Effect):
             near = get_close_matches(getattr(effect, '__name__', str(effect)), ORDER, 1, 0.8)
             meant = near[0] if near else 'Shadows'
-            msg = f'effect = {effect!r}: must be a pvibr.Effect, such as pvibr.{meant}()'
-            raise TypeError(msg)
+            raise TypeError(
+                f'effect = {effect!r}: must be a pvibr.Effect, such as pvibr.{meant}()'
+            )
         if effect.before not in (None, *ORDER):
-            msg = f'{effect.name}.before = {effect.before!r}: must be one of {", ".join(ORDER)}'
-            raise ValueError(msg)
+            raise ValueError(
+                f'{effect.name}.before = {effect.before!r}: must be one of {", ".join(ORDER)}'
+            )
         if effect.pipeline is not None:
             effect.pipeline.forget_removed()
         if effect.pipeline is not None:
             here = 'this subplot' if effect.pipeline is self else 'another subplot'
-            msg = (
+            raise ValueError(
                 f'{effect.name} is in {here} already: remove it first, or add one more of its kind'
             )
-            raise ValueError(msg)
 
     def remove(self, effect):
         """Take an effect or a thing out and free what it holds on the GPU."""
         if effect not in self.effects:
             name = effect.name if isinstance(effect, Effect) else f'thing = {effect!r:.80}'
-            msg = f'{name} is not in this subplot; here are: {self._names() or "none"}'
-            raise ValueError(msg)
+            raise ValueError(f'{name} is not in this subplot; here are: {self._names() or "none"}')
         put_into(effect, self)  # Python's collector may have cleared it, a weak reference
         self._enter([e for e in self._entries if e.effect is not effect])
         self.make_current()

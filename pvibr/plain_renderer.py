@@ -85,11 +85,13 @@ def attach(renderer, draw=None) -> IBRComponent:
     ()
     """
     if not (hasattr(renderer, 'IsA') and renderer.IsA('vtkRenderer')):
-        msg = f'renderer = {renderer!r}: must be a vtkRenderer; a plotter has its own plotter.ibr'
-        raise TypeError(msg)
+        raise TypeError(
+            f'renderer = {renderer!r}: must be a vtkRenderer; a plotter has its own plotter.ibr'
+        )
     if draw is not None and not callable(draw):
-        msg = f'draw = {draw!r}: must be a function without arguments, such as view.update'
-        raise TypeError(msg)
+        raise TypeError(
+            f'draw = {draw!r}: must be a function without arguments, such as view.update'
+        )
     component = _attached.get(id(renderer))
     if component is None or not component.serves(renderer):
         component = _attached[id(renderer)] = _Attached(renderer)

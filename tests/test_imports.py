@@ -16,16 +16,7 @@ ROOT = Path(pvibr.__file__).parent
 # The floors of the house, highest first: an import goes down, or stays in its room.
 FLOORS = (
     ('cli', 'plain_renderer'),
-    (
-        'component',
-        'bench',
-        'bench.billboards',
-        'bench.effects',
-        'bench.figures',
-        'bench.instances',
-        'bench.shadows',
-    ),
-    ('bench.common',),
+    ('component',),
     ('accessor', 'looks', 'export', 'figures', 'image_layers', 'inspection', 'quadrics', 'scenes'),
     ('pipeline', 'add_methods', 'billboards', 'billboard_clouds', 'capture', 'impostors'),
     ('effects', 'instances', 'projection', 'shadows'),

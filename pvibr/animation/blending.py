@@ -13,8 +13,7 @@ def mix(poses, weights):
     poses = list(poses)
     weights = shares(weights)
     if not poses or weights.shape[-1] != len(poses):
-        msg = f'weights has the shape {weights.shape} for {len(poses)} poses.'
-        raise ValueError(msg)
+        raise ValueError(f'weights has the shape {weights.shape} for {len(poses)} poses.')
     lead = np.broadcast_shapes(weights.shape[:-1], *(pose.shape for pose in poses))
     total = PoseSum(lead, poses[0])
     for i, pose in enumerate(poses):
@@ -91,8 +90,7 @@ def joint_mask(skeleton, joints, feather=0):
     [0.0, 0.5, 1.0, 1.0]
     """
     if feather < 0:
-        msg = f'feather is {feather}; it must be at least 0.'
-        raise ValueError(msg)
+        raise ValueError(f'feather is {feather}; it must be at least 0.')
     mask = np.zeros(len(skeleton))
     first = [skeleton.index(joint) for joint in joints]
     step = 1 / (feather + 1)
@@ -140,8 +138,7 @@ def shares(weights):
     weights = np.atleast_1d(np.asarray(weights, dtype=np.float64))
     total = weights.sum(-1, keepdims=True)
     if not np.isfinite(weights).all() or (weights < 0).any() or not (total > 0).all():
-        msg = 'weights must be finite, not negative and not all 0.'
-        raise ValueError(msg)
+        raise ValueError('weights must be finite, not negative and not all 0.')
     return weights / total
 
 
@@ -150,8 +147,7 @@ def unit_range(name, values):
     values = np.asarray(values, dtype=np.float64)
     bad = values[~((values >= 0) & (values <= 1))]
     if bad.size:
-        msg = f'{name} is {bad.flat[0]}; it must be from 0 to 1.'
-        raise ValueError(msg)
+        raise ValueError(f'{name} is {bad.flat[0]}; it must be from 0 to 1.')
     return values
 
 
@@ -161,6 +157,5 @@ def _factors(mask, n):
         return np.ones(n), 1.0
     mask = unit_range('mask', mask)
     if mask.shape != (n,):
-        msg = f'mask has the shape {mask.shape}; there are {n} joints.'
-        raise ValueError(msg)
+        raise ValueError(f'mask has the shape {mask.shape}; there are {n} joints.')
     return mask, 0.0

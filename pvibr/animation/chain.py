@@ -17,12 +17,14 @@ class Chain:
         self.parents = np.array(parents, dtype=np.int64).reshape(-1)
         n = len(self.parents)
         for joint in np.flatnonzero((self.parents < -1) | (self.parents >= np.arange(n))):
-            msg = f'parents[{joint}] is {self.parents[joint]}; parents come before children.'
-            raise ValueError(msg)
+            raise ValueError(
+                f'parents[{joint}] is {self.parents[joint]}; parents come before children.'
+            )
         self.offsets = np.array(offsets, dtype=np.float64)
         if self.offsets.shape != (n, 3) or not np.isfinite(self.offsets).all():
-            msg = f'offsets must be finite and of shape {(n, 3)}, not {self.offsets.shape}.'
-            raise ValueError(msg)
+            raise ValueError(
+                f'offsets must be finite and of shape {(n, 3)}, not {self.offsets.shape}.'
+            )
         self.limits = Limits(limits or {}, _identities(n) if rest is None else rest)
         self.rest_matrices = quaternions.to_matrices(self.limits.rest)
         self.lengths = np.where(self.parents < 0, 0.0, np.linalg.norm(self.offsets, axis=1))

@@ -57,8 +57,7 @@ class Track:
         check_one_of('path', self.path, tuple(WIDTHS))
         check_one_of('interpolation', self.interpolation, INTERPOLATIONS)
         if self.node < 0:
-            msg = f'node is {self.node}; it must be 0 or more.'
-            raise ValueError(msg)
+            raise ValueError(f'node is {self.node}; it must be 0 or more.')
         times = checked_keys(self.times, 'times')
         values = np.asarray(self.values, dtype=np.float64)
         self._check_values(values, len(times))
@@ -93,13 +92,11 @@ class Track:
         shape = (k, 3, width) if cubic else (k, width)
         if values.shape != shape:
             what = f'a {self.interpolation} track of {self.path} with {k} keys'
-            msg = f'values of {what} must be {shape}, not of shape {values.shape}.'
-            raise ValueError(msg)
+            raise ValueError(f'values of {what} must be {shape}, not of shape {values.shape}.')
         bad = np.argwhere(~np.isfinite(values))
         if len(bad):
             place = ', '.join(str(int(i)) for i in bad[0])
-            msg = f'values[{place}] is {values[tuple(bad[0])]}; it must be finite.'
-            raise ValueError(msg)
+            raise ValueError(f'values[{place}] is {values[tuple(bad[0])]}; it must be finite.')
 
     def _unit(self, values):
         """Return unit quaternions; tangents stay as they are."""
@@ -141,8 +138,9 @@ class Clip:
         last = max((track.times[-1] for track in self.tracks), default=0.0)
         self.duration = float(last if duration is None else duration)
         if not 0 <= self.duration < np.inf:
-            msg = f'duration of the clip {self.name!r} is {duration}; it must be >= 0 seconds.'
-            raise ValueError(msg)
+            raise ValueError(
+                f'duration of the clip {self.name!r} is {duration}; it must be >= 0 seconds.'
+            )
 
     def __repr__(self):
         return f'Clip({self.name!r}, {len(self.tracks)} tracks, {self.duration:g} s)'
@@ -227,8 +225,9 @@ class Clip:
     def _check_fit(self, rest):
         for what, last, many in self._ends(rest):
             if last >= many:
-                msg = f'clip {self.name!r} drives {what} {last}; the figure has {many}.'
-                raise ValueError(msg)
+                raise ValueError(
+                    f'clip {self.name!r} drives {what} {last}; the figure has {many}.'
+                )
 
     def _ends(self, rest):
         yield 'joint', self._last_joint, rest.n_joints

@@ -48,8 +48,9 @@ class Aim(Step):
         self.up = None if up is None else checked_direction('up', up)
         self.up_axis = checked_direction('up_axis', up_axis)
         if self.up is not None and np.linalg.norm(np.cross(self.axis, self.up_axis)) < 1e-6:
-            msg = f'up_axis {up_axis} is parallel to axis {axis}; choose another up_axis.'
-            raise ValueError(msg)
+            raise ValueError(
+                f'up_axis {up_axis} is parallel to axis {axis}; choose another up_axis.'
+            )
         self.weight = checked_number('weight', weight, 0, 1)
         self.asks = (at,) if isinstance(at, str) else ()
 
@@ -123,8 +124,7 @@ class CopyTransform(Step):
         self.joint, self.source = joint, source
         self.rotation, self.position = bool(rotation), bool(position)
         if not (rotation or position):
-            msg = 'rotation and position are both False; set at least one of them.'
-            raise ValueError(msg)
+            raise ValueError('rotation and position are both False; set at least one of them.')
         check_one_of('space', space, ('figure', 'local'))
         self.space = space
         self.weight = checked_number('weight', weight, 0, 1)

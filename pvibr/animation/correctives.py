@@ -62,13 +62,11 @@ class PoseSpace:
         self.joints = _joints(joints, neutral.n_joints)
         if len(keys.shape) != 1 or not keys.shape[0] or keys.n_joints != neutral.n_joints:
             held, n = f'poses {keys.shape} of {keys.n_joints} joints', neutral.n_joints
-            msg = f'keys holds {held}; it must be (k,) poses of {n}, with k > 0.'
-            raise ValueError(msg)
+            raise ValueError(f'keys holds {held}; it must be (k,) poses of {n}, with k > 0.')
         k = keys.shape[0]
         self.names = tuple(f'key{i}' for i in range(k)) if names is None else tuple(names)
         if len(self.names) != k:
-            msg = f'names holds {len(self.names)} names for {k} key poses.'
-            raise ValueError(msg)
+            raise ValueError(f'names holds {len(self.names)} names for {k} key poses.')
         self.influence = _positive('influence', influence, len(self.joints), 1.0)
         centers = [neutral.rotation[None], keys.rotation]
         self._centers = np.concatenate(centers)[:, self.joints]
@@ -102,8 +100,9 @@ class PoseSpace:
             If the pose lacks joints.
         """
         if pose.n_joints <= self.joints.max():
-            msg = f'the pose has {pose.n_joints} joints; joint {self.joints.max()} is needed.'
-            raise ValueError(msg)
+            raise ValueError(
+                f'the pose has {pose.n_joints} joints; joint {self.joints.max()} is needed.'
+            )
         distances = self._distances(pose.rotation[..., self.joints, :])
         return _wendland(distances / self._radii) @ self._mix
 
@@ -118,14 +117,16 @@ class PoseSpace:
         i, j = np.unravel_index(np.argmin(apart + np.pi * 1e3 * np.eye(len(apart))), apart.shape)
         if apart[i, j] < _SAME:
             names = ('the neutral pose', *self.names)
-            msg = f'{names[i]} and {names[j]} are equal poses of joints {self.joints.tolist()}.'
-            raise ValueError(msg)
+            raise ValueError(
+                f'{names[i]} and {names[j]} are equal poses of joints {self.joints.tolist()}.'
+            )
 
     def _solved(self, kernel):
         """Return the factors that make each weight 1 at its own key and 0 at the others."""
         if np.linalg.cond(kernel) > _CONDITION:
-            msg = f'radius is {self.radius.tolist()}; too large to separate the key poses.'
-            raise ValueError(msg)
+            raise ValueError(
+                f'radius is {self.radius.tolist()}; too large to separate the key poses.'
+            )
         return np.linalg.solve(kernel, np.eye(len(kernel))[:, 1:])
 
 
@@ -160,8 +161,9 @@ class Correctives:
         self.shapes = dict(shapes)
         for mesh, morphs in self.shapes.items():
             if len(morphs) != len(self):
-                msg = f'shapes[{mesh}] has {len(morphs)} shapes; there are {len(self)} key poses.'
-                raise ValueError(msg)
+                raise ValueError(
+                    f'shapes[{mesh}] has {len(morphs)} shapes; there are {len(self)} key poses.'
+                )
 
     def __len__(self):
         return sum(len(space) for space in self.spaces)
@@ -247,8 +249,7 @@ class Correctives:
         shape = (len(space), len(figure.meshes[mesh].points), 3)
         for name, values in (('points', points), ('normals', normals)):
             if values is not None and np.shape(values) != shape:
-                msg = f'{name} has the shape {np.shape(values)}; it must be {shape}.'
-                raise ValueError(msg)
+                raise ValueError(f'{name} has the shape {np.shape(values)}; it must be {shape}.')
         differences = [
             _brought_back(
                 figure, mesh, keys[i], skinning, points[i], None if normals is None else normals[i]
@@ -272,8 +273,7 @@ def _brought_back(figure, mesh, pose, skinning, points, normals):
     collapsed = np.flatnonzero(np.abs(np.linalg.det(linear)) < _COLLAPSED * stretch**3)
     if collapsed.size:
         lost = f'{collapsed.size} vertices in a key pose, first {collapsed[0]}'
-        msg = f'{skinning} skinning collapses {lost}: use a smaller angle or "dual".'
-        raise ValueError(msg)
+        raise ValueError(f'{skinning} skinning collapses {lost}: use a smaller angle or "dual".')
     posed, upright = figure.posed(mesh, pose, skinning)
     moved = np.linalg.solve(linear, (np.asarray(points) - posed)[..., None])[..., 0]
     if normals is None:
@@ -324,14 +324,14 @@ def _entry(target):
 def _joints(joints, n):
     joints = np.array(joints, dtype=np.int64).reshape(-1)
     if not joints.size or joints.min() < 0 or joints.max() >= n:
-        msg = f'joints is {joints.tolist()}; it must name at least one of the {n} joints.'
-        raise ValueError(msg)
+        raise ValueError(
+            f'joints is {joints.tolist()}; it must name at least one of the {n} joints.'
+        )
     return joints
 
 
 def _positive(name, values, n, default):
     values = np.asarray(default if values is None else values, dtype=np.float64)
     if values.shape not in ((), (1,), (n,)) or not ((values > 0) & np.isfinite(values)).all():
-        msg = f'{name} is {values.tolist()}; it must be positive, one or {n}.'
-        raise ValueError(msg)
+        raise ValueError(f'{name} is {values.tolist()}; it must be positive, one or {n}.')
     return np.broadcast_to(values, n)

@@ -37,8 +37,9 @@ class Curve:
         self.values = np.asarray(values, dtype=np.float64)
         self.times = checked_keys([0.0] if times is None else times, 'times')
         if self.values.shape[:1] != self.times.shape:
-            msg = f'values have the shape {self.values.shape} for {len(self.times)} times.'
-            raise ValueError(msg)
+            raise ValueError(
+                f'values have the shape {self.values.shape} for {len(self.times)} times.'
+            )
         check_finite('values', self.values)
 
     def __repr__(self):
@@ -102,8 +103,9 @@ class Curve:
             is not above 0.
         """
         if not self.times[0] <= at < np.inf:
-            msg = f'at is {at}; it must be finite and not before the first key, {self.times[0]} s.'
-            raise ValueError(msg)
+            raise ValueError(
+                f'at is {at}; it must be finite and not before the first key, {self.times[0]} s.'
+            )
         checked_positive('fade', fade)
         kept = self.times < at
         value = np.broadcast_to(np.asarray(value, dtype=np.float64), self.values.shape[1:])

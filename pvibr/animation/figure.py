@@ -190,8 +190,9 @@ class Figure(Model):
         surfaces, times = sources.series_of(meshes, times)
         frames = VertexAnimation.from_meshes(surfaces, times, interpolation)
         if frames.times[0] < 0:
-            msg = f'times[0] is {frames.times[0]}; times of a series must not be negative.'
-            raise ValueError(msg)
+            raise ValueError(
+                f'times[0] is {frames.times[0]}; times of a series must not be negative.'
+            )
         mesh = FigureMesh(surfaces[0], frames=frames, look=look or {}, name=name)
         return cls([mesh], clips=[Clip(name, [], frames.times[-1])], name=name)
 
@@ -250,8 +251,7 @@ class Figure(Model):
             if clip in (known.name, i):
                 return known
         names = ', '.join(repr(known.name) for known in self.clips) or 'none'
-        msg = f'there is no clip {clip!r}; clips: {names}.'
-        raise ValueError(msg)
+        raise ValueError(f'there is no clip {clip!r}; clips: {names}.')
 
     def sample(self, time, clip=None, loop=True):
         """Return the poses at given times, of shape ``time.shape``.
@@ -398,8 +398,7 @@ class Figure(Model):
             if camera in (known.name, i):
                 return known.placed(self.world(pose))
         names = ', '.join(repr(known.name or i) for i, known in enumerate(self.cameras)) or 'none'
-        msg = f'there is no camera {camera!r}; cameras: {names}.'
-        raise ValueError(msg)
+        raise ValueError(f'there is no camera {camera!r}; cameras: {names}.')
 
     def series(self, clip=None, fps=30.0, *, skinning='linear'):
         """Return a clip as a time series of meshes.

@@ -56,18 +56,17 @@ class Skin:
         self.joints = np.array(joints)
         if self.inverse_bind.shape != (len(self.nodes), 4, 4):
             shape = self.inverse_bind.shape
-            msg = f'inverse_bind must be ({len(self.nodes)}, 4, 4), not of shape {shape}.'
-            raise ValueError(msg)
+            raise ValueError(
+                f'inverse_bind must be ({len(self.nodes)}, 4, 4), not of shape {shape}.'
+            )
         if self.joints.shape != self.weights.shape or self.joints.dtype.kind not in 'iu':
             shape, found = self.weights.shape, f'{self.joints.dtype} of shape {self.joints.shape}'
-            msg = (
+            raise ValueError(
                 f'joints must be whole numbers of the shape of the weights, {shape}, not {found}.'
             )
-            raise ValueError(msg)
         for row, column in np.argwhere((self.joints < 0) | (self.joints >= len(self.nodes))):
             bad, n = self.joints[row, column], len(self.nodes)
-            msg = f'joints[{row}, {column}] is {bad}; the skin has {n} joints.'
-            raise ValueError(msg)
+            raise ValueError(f'joints[{row}, {column}] is {bad}; the skin has {n} joints.')
         self.joints = self.joints.astype(np.int64)
 
     def __repr__(self):
@@ -153,8 +152,9 @@ class FigureMesh:
     def __post_init__(self):
         n = self.mesh.n_points
         if self.skin is not None and len(self.skin.joints) != n:
-            msg = f'the skin has {len(self.skin.joints)} vertices, the mesh {n} points.'
-            raise ValueError(msg)
+            raise ValueError(
+                f'the skin has {len(self.skin.joints)} vertices, the mesh {n} points.'
+            )
         if self.morphs is not None:
             self.morphs.check(n)
         if self.frames is not None:
@@ -191,8 +191,9 @@ def turned_by(mesh, signs):
 
 def _with_normals(frames, mesh):
     if frames.n_points != mesh.n_points:
-        msg = f'the frames have {frames.n_points} vertices, the mesh {mesh.n_points} points.'
-        raise ValueError(msg)
+        raise ValueError(
+            f'the frames have {frames.n_points} vertices, the mesh {mesh.n_points} points.'
+        )
     if frames.normals is not None:
         return frames
     normals = np.empty(frames.positions.shape, np.float32)

@@ -56,8 +56,9 @@ class InverseKinematics(Step):
         self.method = method
         self.weights = (1.0,) * len(self.effectors) if weights is None else tuple(weights)
         if len(self.weights) != len(self.effectors):
-            msg = f'weights has {len(self.weights)} for {len(self.effectors)} effectors.'
-            raise ValueError(msg)
+            raise ValueError(
+                f'weights has {len(self.weights)} for {len(self.effectors)} effectors.'
+            )
         self.poles = {
             name: pole
             if isinstance(pole, str)
@@ -66,8 +67,9 @@ class InverseKinematics(Step):
         }
         for name in self.poles:
             if name not in self.effectors:
-                msg = f'poles has {name!r}; it must be one of the effectors {self.effectors}.'
-                raise ValueError(msg)
+                raise ValueError(
+                    f'poles has {name!r}; it must be one of the effectors {self.effectors}.'
+                )
         self.tolerance = tolerance
         named = tuple(pole for pole in self.poles.values() if isinstance(pole, str))
         self.asks = self.effectors + named
@@ -98,13 +100,13 @@ class InverseKinematics(Step):
         if self.root is not None:
             root = skeleton.index(self.root)
             if root not in path:
-                msg = f'effector {name!r} is not below the root {self.root!r}.'
-                raise ValueError(msg)
+                raise ValueError(f'effector {name!r} is not below the root {self.root!r}.')
             return path[path.index(root) :]
         if self.method == 'two_bone':
             if len(path) < 3:
-                msg = f'effector {name!r} has {len(path) - 1} joints above it; two bones need 2.'
-                raise ValueError(msg)
+                raise ValueError(
+                    f'effector {name!r} has {len(path) - 1} joints above it; two bones need 2.'
+                )
             return path[-3:]
         return path
 
@@ -173,8 +175,9 @@ class _Limb:
         spread = np.ptp(scale, axis=1) > _EVEN * np.abs(scale).max(1)
         for i in self.bears[spread[self.bears]]:
             name, found = self.skeleton.names[self.joints[i]], scale[i].tolist()
-            msg = f'joint {name!r} has the scale {found}; inverse kinematics needs a uniform one.'
-            raise ValueError(msg)
+            raise ValueError(
+                f'joint {name!r} has the scale {found}; inverse kinematics needs a uniform one.'
+            )
         own, sizes = scale.mean(1), np.ones(len(scale))
         for i, parent in enumerate(self.parents):
             if parent >= 0:

@@ -70,8 +70,9 @@ def solve(
 def _start(chain, rotations):
     rotations = quaternions.normalized(rotations)
     if rotations.shape != (len(chain), 4):
-        msg = f'rotations are of shape {rotations.shape}; the chain has {len(chain)} joints.'
-        raise ValueError(msg)
+        raise ValueError(
+            f'rotations are of shape {rotations.shape}; the chain has {len(chain)} joints.'
+        )
     return chain.limits.clamped(rotations)
 
 
@@ -79,16 +80,15 @@ def _task(chain, effectors, targets, weights, tolerance):
     effectors = np.atleast_1d(np.asarray(effectors, dtype=np.int64))
     for effector in effectors:
         if not 0 <= effector < len(chain):
-            msg = f'effectors has {effector}; there are joints 0 to {len(chain) - 1}.'
-            raise ValueError(msg)
+            raise ValueError(f'effectors has {effector}; there are joints 0 to {len(chain) - 1}.')
     targets = np.atleast_2d(np.asarray(targets, dtype=np.float64))
     if targets.shape != (len(effectors), 3) or not np.isfinite(targets).all():
-        msg = f'targets must be finite and of shape {(len(effectors), 3)}: {targets.tolist()}.'
-        raise ValueError(msg)
+        raise ValueError(
+            f'targets must be finite and of shape {(len(effectors), 3)}: {targets.tolist()}.'
+        )
     weights = np.ones(len(effectors)) if weights is None else np.asarray(weights, dtype=float)
     if weights.shape != effectors.shape or not ((weights > 0) & np.isfinite(weights)).all():
-        msg = f'weights must be {len(effectors)} positive numbers: {weights.tolist()}.'
-        raise ValueError(msg)
+        raise ValueError(f'weights must be {len(effectors)} positive numbers: {weights.tolist()}.')
     # A target out of reach is moved to the nearest point that the stretched chain can reach.
     roots = chain.offsets[[chain.path(effector)[0] for effector in effectors]]
     reach = np.array([chain.reach(effector) for effector in effectors])
@@ -138,8 +138,9 @@ def _two_bone(chain, rotations, effector, target):
     """Bend the middle joint to the right distance, then turn its parent to the target."""
     path = chain.path(effector)
     if len(path) < 3:
-        msg = f'effector {effector} has {len(path) - 1} joints above it; two bones need 2.'
-        raise ValueError(msg)
+        raise ValueError(
+            f'effector {effector} has {len(path) - 1} joints above it; two bones need 2.'
+        )
     root, middle, _ = path[-3:]
     world = chain.world(rotations)
     a, b, c = world[path[-3:], :3, 3]
@@ -188,8 +189,9 @@ def _swivelled(task, rotations, effector, pole, method):
     """Turn a limb about the line from root to effector until its knee points at the pole."""
     chain = task.chain
     if effector not in task.effectors:
-        msg = f'poles has {effector}; it must be one of the effectors {task.effectors.tolist()}.'
-        raise ValueError(msg)
+        raise ValueError(
+            f'poles has {effector}; it must be one of the effectors {task.effectors.tolist()}.'
+        )
     others = {j for e in task.effectors if e != effector for j in chain.path(e)}
     path = [joint for joint in chain.path(effector) if joint not in others]
     path = path[-3:] if method == 'two_bone' else path

@@ -49,12 +49,10 @@ class JointLimit:
 
     def __post_init__(self):
         if not 0 <= self.swing <= math.pi:
-            msg = f'swing is {self.swing}; it must be from 0 to pi, in radians.'
-            raise ValueError(msg)
+            raise ValueError(f'swing is {self.swing}; it must be from 0 to pi, in radians.')
         low, high = map(float, self.twist)
         if not 0 <= high - low <= 2 * math.pi * (1 + 1e-12):
-            msg = f'twist is {self.twist}; it must be (low, high), at most 2 pi apart.'
-            raise ValueError(msg)
+            raise ValueError(f'twist is {self.twist}; it must be (low, high), at most 2 pi apart.')
         object.__setattr__(self, 'axis', tuple(checked_direction('axis', self.axis).tolist()))
         object.__setattr__(self, 'swing', float(self.swing))
         object.__setattr__(self, 'twist', (low, high))
@@ -81,8 +79,7 @@ class Limits:
         n = len(self.rest)
         for joint in limits:
             if not 0 <= joint < n:
-                msg = f'limits has joint {joint}; there are joints 0 to {n - 1}.'
-                raise ValueError(msg)
+                raise ValueError(f'limits has joint {joint}; there are joints 0 to {n - 1}.')
         free = JointLimit((0.0, 0.0, 1.0))
         all_ = [limits.get(joint, free) for joint in range(n)]
         self.axis = np.array([limit.axis for limit in all_]).reshape(n, 3)

@@ -183,13 +183,13 @@ class SyncedClips(Source):
         self.clips = tuple(figure.clip(clip) for clip in clips)
         weights = np.atleast_2d(shares(weights))
         if weights.shape[1] != len(self.clips):
-            msg = f'weights has the shape {weights.shape} for {len(self.clips)} clips.'
-            raise ValueError(msg)
+            raise ValueError(f'weights has the shape {weights.shape} for {len(self.clips)} clips.')
         self.weights = Curve(weights, times)
         for clip in self.clips:
             if not clip.duration:
-                msg = f'clip {clip.name!r} has no duration, so it cannot be synchronised.'
-                raise ValueError(msg)
+                raise ValueError(
+                    f'clip {clip.name!r} has no duration, so it cannot be synchronised.'
+                )
         self._rates = 1 / np.array([clip.duration for clip in self.clips])
 
     def go(self, weights, at, fade=0.2):
@@ -211,8 +211,7 @@ class SyncedClips(Source):
         """
         weights = shares(weights)
         if weights.shape != (len(self.clips),):
-            msg = f'weights has the shape {weights.shape} for {len(self.clips)} clips.'
-            raise ValueError(msg)
+            raise ValueError(f'weights has the shape {weights.shape} for {len(self.clips)} clips.')
         self.weights.go(weights, at, fade)
 
     def phase(self, times):

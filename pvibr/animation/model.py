@@ -31,8 +31,7 @@ class Model:
             low, high = (nodes.min(), nodes.max()) if len(nodes) else (-1, -1)
             if not -1 <= low <= high < len(self.skeleton):
                 used, n = f'the joints {low} to {high}', len(self.skeleton)
-                msg = f'meshes[{i}] uses {used}; the skeleton has {n}.'
-                raise ValueError(msg)
+                raise ValueError(f'meshes[{i}] uses {used}; the skeleton has {n}.')
 
     @cached_property
     def rest(self):
@@ -57,8 +56,9 @@ class Model:
             return self.skeleton.world(self.rest if pose is None else pose)
         world = as_matrices(pose, 'pose')
         if world.shape[-3] != len(self.skeleton):
-            msg = f'pose has {world.shape[-3]} matrices, the skeleton {len(self.skeleton)} joints.'
-            raise ValueError(msg)
+            raise ValueError(
+                f'pose has {world.shape[-3]} matrices, the skeleton {len(self.skeleton)} joints.'
+            )
         return world
 
     def weights(self, index, pose=None):
@@ -80,8 +80,9 @@ class Model:
         if isinstance(pose, Pose) and pose.weights.shape[-1]:
             if pose.weights.shape[-1] != len(weights):
                 many = pose.weights.shape[-1]
-                msg = f'the pose has {many} morph weights, the figure {len(weights)} targets.'
-                raise ValueError(msg)
+                raise ValueError(
+                    f'the pose has {many} morph weights, the figure {len(weights)} targets.'
+                )
             weights = pose.weights
         first = sum(mesh.n_targets for mesh in self.meshes[:index])
         return weights[..., first : first + self.meshes[index].n_targets]
@@ -112,8 +113,7 @@ class Model:
         """
         world = self.world(pose)
         if world.ndim != 3:
-            msg = f'pose holds {world.shape[:-3]} poses; one is posed at a time.'
-            raise ValueError(msg)
+            raise ValueError(f'pose holds {world.shape[:-3]} poses; one is posed at a time.')
         points, normals = self._deformed(index, pose)
         matrices = self._moves(self.meshes[index], world, skinning, bulge)
         return moved_points(matrices, points), moved_normals(matrices, normals)

@@ -57,8 +57,7 @@ class Morphs:
         self.weights = np.zeros(n) if weights is None else np.array(weights, dtype=np.float64)
         for name, value in (('names', self.names), ('weights', self.weights)):
             if np.shape(value) != (n,):
-                msg = f'{name} has the shape {np.shape(value)} for {n} morph targets.'
-                raise ValueError(msg)
+                raise ValueError(f'{name} has the shape {np.shape(value)} for {n} morph targets.')
         check_finite('weights', self.weights)
 
     def __len__(self):
@@ -152,17 +151,14 @@ class Morphs:
                 where, values = target
                 mesh = f'the mesh has {n_points} points.'
                 if isinstance(where, slice) and len(values) != n_points:
-                    msg = f'{what}[{i}] has {len(values)} rows; {mesh}'
-                    raise ValueError(msg)
+                    raise ValueError(f'{what}[{i}] has {len(values)} rows; {mesh}')
                 if not isinstance(where, slice) and len(where) and where.max() >= n_points:
-                    msg = f'{what}[{i}] has the index {where.max()}; {mesh}'
-                    raise ValueError(msg)
+                    raise ValueError(f'{what}[{i}] has the index {where.max()}; {mesh}')
 
 
 def _targets(what, values, n):
     if len(values) != n:
-        msg = f'{what} has {len(values)} targets, positions {n}.'
-        raise ValueError(msg)
+        raise ValueError(f'{what} has {len(values)} targets, positions {n}.')
     values = [*values]
     known: dict[int, tuple | None] = {id(None): None}
     for i, value in enumerate(values):
@@ -180,12 +176,10 @@ def _target(name, what, value):
     values = np.asarray(value[1] if sparse else value)
     values = values if values.dtype == np.float32 else values.astype(np.float64)
     if values.ndim != 2 or values.shape[1] not in WIDTHS[what]:
-        msg = f'{name} must be (v, {WIDTHS[what][-1]}), not of shape {values.shape}.'
-        raise ValueError(msg)
+        raise ValueError(f'{name} must be (v, {WIDTHS[what][-1]}), not of shape {values.shape}.')
     if not np.isfinite(values).all():
         row = np.flatnonzero(~np.isfinite(values).all(1))[0]
-        msg = f'{name}, row {row}, is {values[row].tolist()}; it must be finite.'
-        raise ValueError(msg)
+        raise ValueError(f'{name}, row {row}, is {values[row].tolist()}; it must be finite.')
     if sparse:
         where = _indices(name, where, len(values))
     return where, values
@@ -193,6 +187,7 @@ def _target(name, what, value):
 
 def _indices(name, where, n):
     if where.shape != (n,) or (n and where.dtype.kind not in 'iu') or (n and where.min() < 0):
-        msg = f'indices of {name} must be {n} whole numbers >= 0, not {where.tolist()[:5]}...'
-        raise ValueError(msg)
+        raise ValueError(
+            f'indices of {name} must be {n} whole numbers >= 0, not {where.tolist()[:5]}...'
+        )
     return where.astype(np.int64)

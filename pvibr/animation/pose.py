@@ -82,8 +82,7 @@ class Pose:
     def __getitem__(self, index):
         """Return the poses at an index of the leading axes."""
         if not self.shape:
-            msg = 'a single pose cannot be indexed.'
-            raise IndexError(msg)
+            raise IndexError('a single pose cannot be indexed.')
         parts = (self.translation, self.rotation, self.scale, self.weights, self.time)
         return Pose(*(part[index] for part in parts))
 
@@ -160,23 +159,22 @@ def as_matrices(matrices, name):
     """Return checked affine matrices, (..., n, 4, 4), float64."""
     matrices = np.asarray(matrices, dtype=np.float64)
     if matrices.ndim < 3 or matrices.shape[-2:] != (4, 4):
-        msg = f'{name} must be (..., n, 4, 4), not of shape {matrices.shape}.'
-        raise ValueError(msg)
+        raise ValueError(f'{name} must be (..., n, 4, 4), not of shape {matrices.shape}.')
     check_finite(name, matrices)
     off = np.abs(matrices[..., 3, :] - [0, 0, 0, 1]) > 1e-9
     if off.any():
         wrong = np.argwhere(off.any(-1))
         row = matrices[tuple(wrong[0])][3].tolist()
-        msg = f'{name}[{place_of(wrong[0])}] has the last row {row}; it must be [0, 0, 0, 1].'
-        raise ValueError(msg)
+        raise ValueError(
+            f'{name}[{place_of(wrong[0])}] has the last row {row}; it must be [0, 0, 0, 1].'
+        )
     return matrices
 
 
 def _checked(name, values, width):
     values = np.asarray(values, dtype=np.float64)
     if values.ndim < 2 or values.shape[-1] != width:
-        msg = f'{name} must be (..., n, {width}), not of shape {values.shape}.'
-        raise ValueError(msg)
+        raise ValueError(f'{name} must be (..., n, {width}), not of shape {values.shape}.')
     check_finite(name, values)
     return values
 
@@ -187,13 +185,13 @@ def _fitted(name, values, shape):
     try:
         return np.broadcast_to(values, shape)
     except ValueError:
-        msg = f'{name} has the shape {values.shape}, which does not fit {shape}.'
-        raise ValueError(msg) from None
+        raise ValueError(
+            f'{name} has the shape {values.shape}, which does not fit {shape}.'
+        ) from None
 
 
 def _refuse(words, bad, matrices):
     places = np.argwhere(bad)
     if len(places):
         matrix = matrices[tuple(places[0])].tolist()
-        msg = f'{words.format(place_of(places[0]))}: {matrix}.'
-        raise ValueError(msg)
+        raise ValueError(f'{words.format(place_of(places[0]))}: {matrix}.')

@@ -88,8 +88,9 @@ class Rig:
         """
         if pose.shape or pose.n_joints != len(self.skeleton):
             shape, n = pose.translation.shape[:-1], len(self.skeleton)
-            msg = f"pose is of shape {shape}; it must be one pose of the skeleton's {n} joints."
-            raise ValueError(msg)
+            raise ValueError(
+                f"pose is of shape {shape}; it must be one pose of the skeleton's {n} joints."
+            )
         targets = self._targets(targets or {})
         for step in self._bound:
             pose = step(pose, targets)
@@ -132,15 +133,15 @@ class Rig:
 
     def _targets(self, targets):
         if not isinstance(targets, Mapping):
-            msg = f'targets must map names to points, not be a {type(targets).__name__}.'
-            raise ValueError(msg)
+            raise ValueError(
+                f'targets must map names to points, not be a {type(targets).__name__}.'
+            )
         asked = {name for step in self.steps for name in step.asks}
         points = {}
         for name, point in targets.items():
             if name not in asked:
                 wanted = ', '.join(sorted(map(str, asked))) or 'none'
-                msg = f'no step uses the target {name!r}; targets in use: {wanted}.'
-                raise ValueError(msg)
+                raise ValueError(f'no step uses the target {name!r}; targets in use: {wanted}.')
             points[name] = checked_numbers(f'targets[{name!r}]', point, (3,))
         return points
 
@@ -151,8 +152,7 @@ class Rigged(Source):
     def __init__(self, rig, source, targets=None):
         source = PoseSource(source) if isinstance(source, Pose) else source
         if not callable(getattr(source, 'sample', None)):
-            msg = f'source is {source!r}; it must be a Pose or have sample(times).'
-            raise TypeError(msg)
+            raise TypeError(f'source is {source!r}; it must be a Pose or have sample(times).')
         self.rig, self.source, self.targets = rig, source, targets
 
     @property

@@ -44,8 +44,9 @@ class Skeleton:
         self.parents = parents
         self.rest = rest if isinstance(rest, Pose) else Pose.from_matrices(rest, name='rest')
         if self.rest.translation.shape != (n, 3):
-            msg = f'rest holds joints of shape {self.rest.translation.shape[:-1]}, parents {n}.'
-            raise ValueError(msg)
+            raise ValueError(
+                f'rest holds joints of shape {self.rest.translation.shape[:-1]}, parents {n}.'
+            )
         parents.setflags(write=False)
         self._check_range()
         #: Joints by distance from their root: parents come first.
@@ -89,8 +90,9 @@ class Skeleton:
         if isinstance(name, (int, np.integer)) and 0 <= name < len(self):
             return int(name)
         if name not in self.names:
-            msg = f'there is no joint {name!r}; joints: {", ".join(self.names) or "none"}.'
-            raise ValueError(msg)
+            raise ValueError(
+                f'there is no joint {name!r}; joints: {", ".join(self.names) or "none"}.'
+            )
         return self.names.index(name)
 
     def world(self, pose):
@@ -131,23 +133,22 @@ class Skeleton:
     def _matrices(self, pose):
         matrices = pose.matrices() if isinstance(pose, Pose) else as_matrices(pose, 'pose')
         if matrices.shape[-3] != len(self):
-            msg = f'the pose has {matrices.shape[-3]} joints, the skeleton {len(self)}.'
-            raise ValueError(msg)
+            raise ValueError(
+                f'the pose has {matrices.shape[-3]} joints, the skeleton {len(self)}.'
+            )
         return matrices
 
     def _check_range(self):
         for joint in np.flatnonzero((self.parents < -1) | (self.parents >= len(self))):
             what = f'parents[{joint}] ({self.names[joint]!r}) is {self.parents[joint]}'
-            msg = f'{what}; it must be -1 or one of the {len(self)} joints.'
-            raise ValueError(msg)
+            raise ValueError(f'{what}; it must be -1 or one of the {len(self)} joints.')
 
     def _levels(self):
         depth = depths(self.parents)
         lost = np.flatnonzero(depth < 0)
         if len(lost):
             names = [self.names[joint] for joint in self._cycle(lost[0])]
-            msg = f'parents have a cycle: {" -> ".join(names)}.'
-            raise ValueError(msg)
+            raise ValueError(f'parents have a cycle: {" -> ".join(names)}.')
         if not len(depth):
             return []
         return np.split(np.argsort(depth, kind='stable'), np.cumsum(np.bincount(depth))[:-1])
@@ -199,8 +200,9 @@ def whole_numbers(values, name):
     """Return a checked row of integers, shape (n,), int64."""
     values = np.asarray(values)
     if values.ndim != 1 or (len(values) and values.dtype.kind not in 'iu'):
-        msg = f'{name} must be whole numbers (n,), not {values.dtype} of shape {values.shape}.'
-        raise ValueError(msg)
+        raise ValueError(
+            f'{name} must be whole numbers (n,), not {values.dtype} of shape {values.shape}.'
+        )
     return values.astype(np.int64)
 
 
@@ -209,6 +211,5 @@ def _names(names, n):
         return tuple(f'joint{i}' for i in range(n))
     names = tuple(str(name) for name in names)
     if len(names) != n:
-        msg = f'names holds {len(names)} names for {n} joints.'
-        raise ValueError(msg)
+        raise ValueError(f'names holds {len(names)} names for {n} joints.')
     return names

@@ -25,11 +25,13 @@ def surface_of(points, faces, normals=None):
     points = points if points.dtype.kind == 'f' else points.astype(np.float64)
     faces = np.asarray(faces)
     if points.ndim != 2 or points.shape[1] != 3 or not np.isfinite(points).all():
-        msg = f'points must be finite numbers of shape (v, 3), not of shape {points.shape}.'
-        raise ValueError(msg)
+        raise ValueError(
+            f'points must be finite numbers of shape (v, 3), not of shape {points.shape}.'
+        )
     if faces.dtype.kind not in 'iu' or faces.ndim not in (1, 2):
-        msg = f'faces must be whole numbers, (f, 3) or flat, not {faces.dtype} {faces.shape}.'
-        raise ValueError(msg)
+        raise ValueError(
+            f'faces must be whole numbers, (f, 3) or flat, not {faces.dtype} {faces.shape}.'
+        )
     if faces.ndim == 2:
         mesh = pv.PolyData.from_regular_faces(points, faces)
     else:
@@ -37,8 +39,7 @@ def surface_of(points, faces, normals=None):
     used = mesh.GetPolys().GetConnectivityArray()
     low, high = used.GetRange() if used.GetNumberOfValues() else (0, -1)
     if low < 0 or high >= len(points):
-        msg = f'faces hold the points {low:g} to {high:g}; there are {len(points)}.'
-        raise ValueError(msg)
+        raise ValueError(f'faces hold the points {low:g} to {high:g}; there are {len(points)}.')
     if normals is not None:
         mesh.point_data.active_normals = np.asarray(normals, dtype=np.float64)
     return mesh
@@ -47,15 +48,12 @@ def surface_of(points, faces, normals=None):
 def skeleton_and_skin(joints, weights, parents, rest, inverse_bind=None, names=None):
     """Return a skeleton and a skin on all its joints, or None for what is missing."""
     if (parents is None) != (rest is None):
-        msg = 'parents and rest define the skeleton: give both or neither.'
-        raise ValueError(msg)
+        raise ValueError('parents and rest define the skeleton: give both or neither.')
     if joints is not None and weights is None:
-        msg = 'joints are given without weights: give both.'
-        raise ValueError(msg)
+        raise ValueError('joints are given without weights: give both.')
     if parents is None:
         if weights is not None:
-            msg = 'weights need a skeleton: give parents and rest.'
-            raise ValueError(msg)
+            raise ValueError('weights need a skeleton: give parents and rest.')
         return None, None
     skeleton = Skeleton(parents, rest, names)
     if weights is None:
@@ -66,8 +64,9 @@ def skeleton_and_skin(joints, weights, parents, rest, inverse_bind=None, names=N
         world = skeleton.world(skeleton.rest)
         flat = np.flatnonzero(np.linalg.det(world[:, :3, :3]) == 0)
         if len(flat):
-            msg = f'rest[{flat[0]}] is singular, so it has no inverse: give inverse_bind.'
-            raise ValueError(msg)
+            raise ValueError(
+                f'rest[{flat[0]}] is singular, so it has no inverse: give inverse_bind.'
+            )
         inverse_bind = np.linalg.inv(world)
     return skeleton, Skin(np.arange(len(skeleton)), inverse_bind, joints, weights)
 
@@ -76,13 +75,13 @@ def heaviest(weights, n):
     """Return the joints (v, k) that influence each vertex, and weights, from dense weights."""
     weights = np.asarray(weights, dtype=np.float64)
     if weights.ndim != 2 or weights.shape[1] != n:
-        msg = f'weights without joints must be (v, {n}), not of shape {weights.shape}.'
-        raise ValueError(msg)
+        raise ValueError(f'weights without joints must be (v, {n}), not of shape {weights.shape}.')
     influences = (weights != 0).sum(1)
     if influences.max(initial=0) > MAX_INFLUENCES:
         row = influences.argmax()
-        msg = f'weights[{row}] has {influences[row]} joints; at most {MAX_INFLUENCES} are allowed.'
-        raise ValueError(msg)
+        raise ValueError(
+            f'weights[{row}] has {influences[row]} joints; at most {MAX_INFLUENCES} are allowed.'
+        )
     joints = np.argsort(np.abs(weights), axis=1)[:, ::-1][:, : max(influences.max(initial=0), 1)]
     return joints, np.take_along_axis(weights, joints, 1)
 
@@ -98,8 +97,9 @@ def series_of(meshes, times=None):
             meshes.append(reader.read())
         times = read if times is None else times
     elif hasattr(meshes, 'read'):
-        msg = f'{type(meshes).__name__} reads a single mesh, not a series; give a list of files.'
-        raise ValueError(msg)
+        raise ValueError(
+            f'{type(meshes).__name__} reads a single mesh, not a series; give a list of files.'
+        )
     surfaces = [_surface(mesh, f'meshes[{i}]') for i, mesh in enumerate(meshes)]
     _warn_of_data(surfaces)
     return surfaces, times
@@ -135,12 +135,12 @@ def _surface(mesh, name):
     if isinstance(mesh, pv.MultiBlock):
         leaves = [block for block in mesh.recursive_iterator(skip_none=True) if block.n_points]
         if len(leaves) != 1:
-            msg = f'{name} holds {len(leaves)} meshes; merge them, or make a series of each.'
-            raise ValueError(msg)
+            raise ValueError(
+                f'{name} holds {len(leaves)} meshes; merge them, or make a series of each.'
+            )
         (mesh,) = leaves
     if mesh is None:
-        msg = f'{name} is empty.'
-        raise ValueError(msg)
+        raise ValueError(f'{name} is empty.')
     return mesh if isinstance(mesh, pv.PolyData) else mesh.extract_surface(algorithm=None)
 
 
@@ -156,8 +156,7 @@ def _warn_of_data(surfaces):
     ]
     if changing:
         names = ', '.join(repr(name) for name in changing[:5]) + ', ...' * (len(changing) > 5)
-        msg = f'{names} differ between meshes: the figure shows those of the first one'
-        warn(msg)
+        warn(f'{names} differ between meshes: the figure shows those of the first one')
 
 
 def _same(one, other):

@@ -44,8 +44,7 @@ class States:
     ):
         self.states = dict(states)
         if not self.states:
-            msg = 'states is empty; give at least one state.'
-            raise ValueError(msg)
+            raise ValueError('states is empty; give at least one state.')
         self.start = self._known(next(iter(self.states)) if start is None else start)
         self.fade = checked_number('fade', fade, 0)
         self.fades = {
@@ -184,8 +183,9 @@ class States:
         seen = [visits[-1].name]
         while (name := self._ruled(seen[-1], parameters)) is not None:
             if name in seen:
-                msg = f'rules form a cycle: {" -> ".join([*seen, name])} with {parameters}.'
-                raise ValueError(msg)
+                raise ValueError(
+                    f'rules form a cycle: {" -> ".join([*seen, name])} with {parameters}.'
+                )
             seen.append(name)
             self._enter(visits, name, at)
 
@@ -228,18 +228,17 @@ class States:
 
     def _known(self, name):
         if name not in self.states:
-            msg = f'there is no state {name!r}; known states: {", ".join(map(repr, self.states))}.'
-            raise ValueError(msg)
+            raise ValueError(
+                f'there is no state {name!r}; known states: {", ".join(map(repr, self.states))}.'
+            )
         return name
 
     def _ending(self, name, following):
         duration = getattr(self.states[self._known(name)], 'duration', np.inf)
         if not 0 < duration < np.inf:
-            msg = f'state {name!r} cannot end by itself: its duration is {duration}.'
-            raise ValueError(msg)
+            raise ValueError(f'state {name!r} cannot end by itself: its duration is {duration}.')
         if name == following:
-            msg = f'then leads from {name!r} to itself; use a looping clip instead.'
-            raise ValueError(msg)
+            raise ValueError(f'then leads from {name!r} to itself; use a looping clip instead.')
         return name
 
 

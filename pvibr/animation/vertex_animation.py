@@ -59,8 +59,9 @@ class VertexAnimation:
             if getattr(self, name) is not None:
                 object.__setattr__(self, name, self._floats(name))
         if self.states is not None and self.states.last >= len(times):
-            msg = f'states refer to frame {self.states.last}; there are {len(times)} frames.'
-            raise ValueError(msg)
+            raise ValueError(
+                f'states refer to frame {self.states.last}; there are {len(times)} frames.'
+            )
 
     @property
     def n_points(self):
@@ -156,8 +157,7 @@ class VertexAnimation:
         """
         meshes = list(meshes)
         if not meshes:
-            msg = 'meshes is empty; give at least one mesh.'
-            raise ValueError(msg)
+            raise ValueError('meshes is empty; give at least one mesh.')
         for i, mesh in enumerate(meshes):
             _check_alike(meshes[0], mesh, i)
         times = np.arange(float(len(meshes))) if times is None else times
@@ -173,13 +173,11 @@ class VertexAnimation:
         size = np.shape(self.positions)[1] if np.ndim(self.positions) == 3 else 'v'
         f = len(self.times)
         if values.shape != (f, size, 3):
-            msg = f'{name} has the shape {values.shape}; it must be ({f}, {size}, 3).'
-            raise ValueError(msg)
+            raise ValueError(f'{name} has the shape {values.shape}; it must be ({f}, {size}, 3).')
         # Frame by frame: the file may be larger than memory.
         for i, frame in enumerate(values):
             if not np.isfinite(frame).all():
-                msg = f'{name}[{i}] is not finite.'
-                raise ValueError(msg)
+                raise ValueError(f'{name}[{i}] is not finite.')
         return values
 
 
@@ -187,9 +185,9 @@ def _check_alike(first, mesh, i):
     """Raise an error unless a mesh has the vertices and faces of the first one."""
     if mesh.n_points != first.n_points:
         counts = f'meshes[{i}] has {mesh.n_points} points and meshes[0] has {first.n_points}'
-        msg = f'{counts}; all frames must have the same vertices.'
-        raise ValueError(msg)
+        raise ValueError(f'{counts}; all frames must have the same vertices.')
     for part in ('verts', 'lines', 'faces', 'strips'):
         if not np.array_equal(getattr(mesh, part), getattr(first, part)):
-            msg = f'meshes[{i}] and meshes[0] differ in {part}; all frames must have the same.'
-            raise ValueError(msg)
+            raise ValueError(
+                f'meshes[{i}] and meshes[0] differ in {part}; all frames must have the same.'
+            )

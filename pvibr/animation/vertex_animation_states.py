@@ -43,8 +43,9 @@ class FrameRange:
 
     def __post_init__(self):
         if not 0 <= self.first <= self.last:
-            msg = f'first is {self.first}, last {self.last}; it must be 0 <= first <= last.'
-            raise ValueError(msg)
+            raise ValueError(
+                f'first is {self.first}, last {self.last}; it must be 0 <= first <= last.'
+            )
         checked_positive('fps', self.fps)
 
     @property

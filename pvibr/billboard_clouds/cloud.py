@@ -148,8 +148,9 @@ class BillboardCloud:
         path = Path(path).expanduser()
         writers = {'.glb': write_glb, '.obj': write_obj}
         if path.suffix.lower() not in writers:
-            msg = f'path is {str(path)!r}; billboard clouds are written as .glb or .obj.'
-            raise ValueError(msg)
+            raise ValueError(
+                f'path is {str(path)!r}; billboard clouds are written as .glb or .obj.'
+            )
         return writers[path.suffix.lower()](self, path)
 
 
@@ -179,8 +180,7 @@ def billboard_cloud(
     points, faces = joined(parts, 0.0)
     diagonal = float(np.linalg.norm(np.ptp(points, axis=0)))
     if not diagonal > 0:
-        msg = 'mesh has no size: all of its points are in one place.'
-        raise ValueError(msg)
+        raise ValueError('mesh has no size: all of its points are in one place.')
     # Near its own origin: far from the world's, little would be left of a small number.
     origin = points.mean(0)
     local = points - origin

@@ -65,8 +65,9 @@ def arranged(planes, points, faces, side) -> Sheet:
     try:
         scale, texels, corners = largest_scale(size, side, _MARGIN)
     except ValueError as error:
-        msg = f'size is {side}; {len(planes)} billboards need more texels. Raise size or epsilon.'
-        raise ValueError(msg) from error
+        raise ValueError(
+            f'size is {side}; {len(planes)} billboards need more texels. Raise size or epsilon.'
+        ) from error
     first[:, :2] -= (texels / scale - size) / 2
     return Sheet(np.array(axes), first, scale, texels, corners, side)
 

@@ -231,8 +231,9 @@ class Billboards(CardSet):
         if self.facing == 'world':
             self._check_similar(linear, 'cards that face the world stay rectangles')
         if np.linalg.det(linear) < 0:
-            msg = f'scale or user_matrix of {self.name} must not mirror: images are not mirrored'
-            raise ValueError(msg)
+            raise ValueError(
+                f'scale or user_matrix of {self.name} must not mirror: images are not mirrored'
+            )
 
     def _put(self):
         """Upload the positions for the next frame."""

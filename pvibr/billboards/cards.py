@@ -120,8 +120,9 @@ class BillboardLayout:
         """Set the points; their number must not change."""
         points = as_points(points)
         if len(points) != len(self):
-            msg = f'points has {len(points)} rows; it must keep its {len(self)} billboards'
-            raise ValueError(msg)
+            raise ValueError(
+                f'points has {len(points)} rows; it must keep its {len(self)} billboards'
+            )
         self.own_points = points
         self._move()
         self._arrange()
@@ -310,13 +311,13 @@ def as_points(points, name='points') -> np.ndarray:
         points = source_of(points, argument=name, oriented=False).poses
     array = _floats(name, getattr(points, 'points', points))
     if array.shape not in ((0,), (3,)) and array.shape[1:] != (3,):
-        msg = f'{name} has shape {array.shape}; it must be (n, 3)'
-        raise ValueError(msg)
+        raise ValueError(f'{name} has shape {array.shape}; it must be (n, 3)')
     array = array.reshape(-1, 3)
     bad = np.flatnonzero(~np.isfinite(array).all(1))
     if len(bad):
-        msg = f'{name}[{bad[0]}] is {array[bad[0]].tolist()}; it must be finite ({len(bad)} such)'
-        raise ValueError(msg)
+        raise ValueError(
+            f'{name}[{bad[0]}] is {array[bad[0]].tolist()}; it must be finite ({len(bad)} such)'
+        )
     return array
 
 
@@ -324,8 +325,7 @@ def _floats(name, values) -> np.ndarray:
     try:
         return as_array(name, values, float)
     except (TypeError, ValueError) as error:
-        msg = f'{name} must be numbers, not {values!r}'
-        raise TypeError(msg) from error
+        raise TypeError(f'{name} must be numbers, not {values!r}') from error
 
 
 def as_anchor(anchor) -> np.ndarray:
@@ -334,16 +334,18 @@ def as_anchor(anchor) -> np.ndarray:
     values = ANCHORS.get(anchor) if named else anchor
     values = as_array('anchor', () if values is None else values)
     if values.shape != (2,) or values.dtype.kind not in 'iuf' or not np.isfinite(values).all():
-        msg = f'anchor is {anchor!r}; it must be one of {", ".join(ANCHORS)} or two shares'
-        raise ValueError(msg)
+        raise ValueError(
+            f'anchor is {anchor!r}; it must be one of {", ".join(ANCHORS)} or two shares'
+        )
     return np.asarray(values, float)
 
 
 def checked_cutout(cutout):
     """Return a checked alpha threshold, or None."""
     if cutout is not None and not 0 < checked_number('cutout', cutout) <= 1:
-        msg = f'cutout is {cutout!r}; it must be above 0 and at most 1, or None to blend'
-        raise ValueError(msg)
+        raise ValueError(
+            f'cutout is {cutout!r}; it must be above 0 and at most 1, or None to blend'
+        )
     return cutout
 
 
@@ -351,43 +353,38 @@ def checked_opacity(opacity, count, cut) -> np.ndarray:
     """Return the opacity of all, shape (), or of each, shape (n,)."""
     values = _floats('opacity', opacity)
     if values.shape not in ((), (count,)) or not ((values >= 0) & (values <= 1)).all():
-        msg = f'opacity must be one number or {count}, from 0 to 1'
-        raise ValueError(msg)
+        raise ValueError(f'opacity must be one number or {count}, from 0 to 1')
     if values.ndim and cut:
-        msg = 'opacity of each needs cutout=None: cut-outs are there or not'
-        raise ValueError(msg)
+        raise ValueError('opacity of each needs cutout=None: cut-outs are there or not')
     return values
 
 
 def _numbers(name, values, count):
     array = _floats(name, values)
     if array.shape not in ((), (count,)) or not np.isfinite(array).all():
-        msg = f'{name} must be one finite number or {count}'
-        raise ValueError(msg)
+        raise ValueError(f'{name} must be one finite number or {count}')
     return np.broadcast_to(array, (count,))
 
 
 def _checked_views(views, facing, images):
     if isinstance(views, bool) or not isinstance(views, int | np.integer) or views < 1:
-        msg = f'views is {views!r}; it must be 1 or more'
-        raise ValueError(msg)
+        raise ValueError(f'views is {views!r}; it must be 1 or more')
     if views > 1 and facing != 'cylindrical':
-        msg = f"views are about the axis of cards with facing='cylindrical', not {facing!r}"
-        raise ValueError(msg)
+        raise ValueError(
+            f"views are about the axis of cards with facing='cylindrical', not {facing!r}"
+        )
     if images % views:
-        msg = f'views is {views}; it must divide the {images} images'
-        raise ValueError(msg)
+        raise ValueError(f'views is {views}; it must divide the {images} images')
     return int(views)
 
 
 def _checked_size(size, count):
     array = _floats('size', size)
     if array.shape not in ((), (count,), (count, 2), (1, 2)):
-        msg = (
+        raise ValueError(
             f'size has shape {array.shape}; it must be one number, ({count},), ({count}, 2) or '
             '(1, 2)'
         )
-        raise ValueError(msg)
     return checked_lengths('size', array)
 
 
@@ -402,11 +399,13 @@ def _full_sizes(size, images):
 def _turn(facing, axis, orientation, count):
     """Return the common axis or quaternion, shape (4,), or one each, shape (n, 4)."""
     if facing != 'world' and orientation is not None:
-        msg = f"orientation is of cards with facing='world', not {facing!r}; give axis or rotation"
-        raise ValueError(msg)
+        raise ValueError(
+            f"orientation is of cards with facing='world', not {facing!r}; give axis or rotation"
+        )
     if facing in ('world', 'screen') and axis is not None:
-        msg = f"axis is of cards with facing='cylindrical' or 'spherical', not {facing!r}"
-        raise ValueError(msg)
+        raise ValueError(
+            f"axis is of cards with facing='cylindrical' or 'spherical', not {facing!r}"
+        )
     if facing == 'world':
         turn = as_units('orientation', (1.0, 0, 0, 0) if orientation is None else orientation)
         return _of_shape('orientation', turn, 4, count)
@@ -419,17 +418,20 @@ def _turn(facing, axis, orientation, count):
 
 def _of_shape(name, array, width, count):
     if array.shape not in ((width,), (count, width)):
-        msg = f'{name} has shape {array.shape}; it must be ({width},) or ({count}, {width})'
-        raise ValueError(msg)
+        raise ValueError(
+            f'{name} has shape {array.shape}; it must be ({width},) or ({count}, {width})'
+        )
     return array
 
 
 def _checked_index(index, count, images):
     array = as_array('index', index)
     if array.shape not in ((), (count,)) or array.dtype.kind not in 'iu':
-        msg = f'index has shape {array.shape}, dtype {array.dtype}; it must be ({count},) integers'
-        raise ValueError(msg)
+        raise ValueError(
+            f'index has shape {array.shape}, dtype {array.dtype}; it must be ({count},) integers'
+        )
     if ((array < 0) | (array >= images)).any():
-        msg = f'index is {int(array.min())} to {int(array.max())}; there are {images} images'
-        raise ValueError(msg)
+        raise ValueError(
+            f'index is {int(array.min())} to {int(array.max())}; there are {images} images'
+        )
     return np.broadcast_to(array, (count,))

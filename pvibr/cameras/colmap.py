@@ -46,8 +46,9 @@ def read(path):
     entries = []
     for place, number, pose, camera, name in tables.images():
         if camera not in cameras:
-            msg = f'image {number} has camera {camera}, which {tables.file("cameras")} lacks'
-            raise place.error(msg)
+            raise place.error(
+                f'image {number} has camera {camera}, which {tables.file("cameras")} lacks'
+            )
         origin, model, size, numbers = cameras[camera]
         entries.append(_entry(place, name, poses.get(number, pose), origin, model, size, numbers))
     return entries
@@ -149,8 +150,9 @@ class _Binary:
             elif model in known:
                 name, more = known[model], 2 + sum(MODELS[known[model]][1:])
             else:
-                msg = f'camera model {model} is unknown; known are 0 to {EQUIRECTANGULAR[1]}'
-                raise place.error(msg)
+                raise place.error(
+                    f'camera model {model} is unknown; known are 0 to {EQUIRECTANGULAR[1]}'
+                )
             yield number, (place, name, (width, height), np.atleast_1d(cursor.take(f'{more}d')))
 
     def images(self):
@@ -228,8 +230,7 @@ class _Text:
             elif line.text and line.text[0] != '#':
                 number, *rest = line.text.split(maxsplit=9)
                 if len(rest) != 9:
-                    msg = 'it should be IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME'
-                    raise line.error(msg)
+                    raise line.error('it should be IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME')
                 (number, camera), points = line.numbers([number, rest[7]], 2, int), True
                 yield line, number, line.numbers(rest[:7], 7), camera, rest[8]
 
@@ -260,8 +261,7 @@ class _Text:
             (count,) = line.numbers(tokens[9:10], 1, int)
             rest = tokens[10:]
             if len(rest) != 3 * count:
-                msg = f'{count} images are announced; {len(rest) / 3:g} follow'
-                raise line.error(msg)
+                raise line.error(f'{count} images are announced; {len(rest) / 3:g} follow')
             ids = [line.numbers(rest[i + 1 : i + 3], 2, int) for i in range(0, len(rest), 3)]
             images = [
                 ((0, s), i) for (s, i), k in zip(ids, rest[::3], strict=True) if k == 'CAMERA'

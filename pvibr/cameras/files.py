@@ -53,18 +53,16 @@ class Cursor:
 
     def _need(self, size):
         if size > len(self.data) - self.at:
-            msg = (
+            raise self.place.error(
                 f'the file is cut: {size} bytes are expected, {len(self.data) - self.at} are left'
             )
-            raise self.place.error(msg)
 
     def take(self, form):
         """Return numbers by :mod:`struct`, a single one by itself."""
         self._need(struct.calcsize('<' + form))
         found = struct.unpack_from('<' + form, self.data, self.at)
         if not all(math.isfinite(x) for x in found):
-            msg = f'{found} has a number that is not finite'
-            raise self.place.error(msg)
+            raise self.place.error(f'{found} has a number that is not finite')
         self.at += struct.calcsize('<' + form)
         return found if len(found) > 1 else found[0]
 
@@ -72,8 +70,9 @@ class Cursor:
         """Return a count of things of at least some bytes, which must fit into the file."""
         place, number = self.place, self.take(form)
         if number * least > len(self.data) - self.at:
-            msg = f'{number} entries are announced, of which the file cannot hold as many'
-            raise place.error(msg)
+            raise place.error(
+                f'{number} entries are announced, of which the file cannot hold as many'
+            )
         return number
 
     def skip(self, size):
@@ -87,8 +86,7 @@ class Cursor:
         if size is None:
             end = self.data.find(b'\0', start)
             if end < 0:
-                msg = 'a text has no end'
-                raise place.error(msg)
+                raise place.error('a text has no end')
             self.at = end + 1
         else:
             self.skip(size)
@@ -110,8 +108,7 @@ class Line(Place):
         except (ValueError, OverflowError):
             found = [math.nan]
         if not all(math.isfinite(x) for x in found) or count not in (None, len(found)):
-            msg = f'{" ".join(tokens)!r:.80} should be {count or ""} finite numbers'
-            raise self.error(msg)
+            raise self.error(f'{" ".join(tokens)!r:.80} should be {count or ""} finite numbers')
         return found
 
 
@@ -146,8 +143,7 @@ class Node(Place):
         if not isinstance(self.value, kinds) or (
             isinstance(self.value, bool) and kinds is not bool
         ):
-            msg = f'{self.value!r:.60} should be {what}'
-            raise self.error(msg)
+            raise self.error(f'{self.value!r:.60} should be {what}')
         return self.value
 
     def get(self, key):
@@ -158,8 +154,7 @@ class Node(Place):
     def __getitem__(self, key):
         found = self.get(key)
         if found is None:
-            msg = f'there is no {key!r}'
-            raise self.error(msg)
+            raise self.error(f'there is no {key!r}')
         return found
 
     def items(self):
@@ -180,16 +175,14 @@ class Node(Place):
         except OverflowError:
             found = math.inf
         if not math.isfinite(found):
-            msg = f'{found} should be finite'
-            raise self.error(msg)
+            raise self.error(f'{found} should be finite')
         return found
 
     def whole(self) -> int:
         """Return a whole number."""
         found = self._is((int, float), 'a whole number')
         if not math.isfinite(found) or found != int(found):
-            msg = f'{found} should be a whole number'
-            raise self.error(msg)
+            raise self.error(f'{found} should be a whole number')
         return int(found)
 
     def text(self) -> str:
@@ -200,8 +193,7 @@ class Node(Place):
         """Return a list of numbers, nested ones in a row."""
         found = list(_flat(self, 3))
         if count not in (None, len(found)):
-            msg = f'there are {len(found)} numbers; {count} are needed'
-            raise self.error(msg)
+            raise self.error(f'there are {len(found)} numbers; {count} are needed')
         return found
 
     def value_of(self, key, default=0.0) -> float:
@@ -294,8 +286,7 @@ class Element(Line):
     def get(self, name) -> str:
         """Return an attribute."""
         if name not in self.attributes:
-            msg = f'<{self.tag}> has no {name!r}'
-            raise self.error(msg)
+            raise self.error(f'<{self.tag}> has no {name!r}')
         return self.attributes[name]
 
 
@@ -309,8 +300,7 @@ def xml_of(path) -> Element:
     def start(tag, attributes):
         element = Element(path, parser.CurrentLineNumber, tag, attributes)
         if len(open_) > _DEEPEST:
-            msg = f'elements are nested deeper than {_DEEPEST}'
-            raise element.error(msg)
+            raise element.error(f'elements are nested deeper than {_DEEPEST}')
         open_[-1].children.append(element)
         open_.append(element)
 

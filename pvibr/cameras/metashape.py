@@ -67,8 +67,7 @@ def _similarity(element):
 def _sensor(camera, sensors):
     key = camera.attributes.get('sensor_id')
     if key not in sensors:
-        msg = f'there is no sensor {key!r}'
-        raise camera.error(msg)
+        raise camera.error(f'there is no sensor {key!r}')
     return sensors[key]
 
 
@@ -99,8 +98,7 @@ def _entry(camera, sensor, matrix):
     )
     resolution = resolution or sensor.find('resolution')
     if resolution is None:
-        msg = 'the sensor has no resolution'
-        raise sensor.error(msg)
+        raise sensor.error('the sensor has no resolution')
     sides = [resolution.get('width'), resolution.get('height')]
     size = tuple(resolution.numbers(sides, 2, int))
     return Entry(
@@ -123,8 +121,7 @@ def _camera(sensor, calibration, pose, size):
             sensor, pinhole_matrix(focal, focal, *middle), pose, size, lens=Lens(kind)
         )
     if calibration is None:
-        msg = 'the sensor has no calibration'
-        raise sensor.error(msg)
+        raise sensor.error('the sensor has no calibration')
     value, place = calibration.value, calibration
     fy = value('f', value('fy', 0.0))
     fx, skew = value('fx', fy) + value('b1'), value('b2', value('skew'))

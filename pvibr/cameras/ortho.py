@@ -98,8 +98,7 @@ def _entry(path, place, matrix, crs):
         corner = np.append(matrix[:, 2] + down, 0.0)
         width, height = np.hypot(*right), np.hypot(*down)
         if right[0] * down[1] - right[1] * down[0] >= 0:
-            msg = f'the picture is mirrored: {matrix.tolist()}'
-            raise place.error(msg)
+            raise place.error(f'the picture is mirrored: {matrix.tolist()}')
         sides = np.append(right, 0.0), np.append(-down, 0.0)
         with place.named():
             return Orthographic(corner, *sides, width, height, size=size)

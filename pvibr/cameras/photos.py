@@ -61,11 +61,11 @@ class Photo:
         for name in ('name', 'crs'):
             text: object = getattr(self, name)
             if not isinstance(text, str) and (text is not None or name == 'name'):
-                msg = f'{name} = {text!r:.80}: must be text'
-                raise TypeError(msg)
+                raise TypeError(f'{name} = {text!r:.80}: must be text')
         if not isinstance(self.camera, Pinhole | LensCamera | Orthographic):
-            msg = f'camera = {self.camera!r:.80}: must be a Pinhole, LensCamera or Orthographic'
-            raise TypeError(msg)
+            raise TypeError(
+                f'camera = {self.camera!r:.80}: must be a Pinhole, LensCamera or Orthographic'
+            )
         if self.path is not None:
             with naming('path', self.path):
                 object.__setattr__(self, 'path', Path(self.path))
@@ -143,16 +143,18 @@ class Photo:
             If there is no picture, it cannot be read, or its size is not the camera's.
         """
         if self.path is None:
-            msg = f'{self.name!r} has no picture: read_cameras(..., images=) names their folder'
-            raise ValueError(msg)
+            raise ValueError(
+                f'{self.name!r} has no picture: read_cameras(..., images=) names their folder'
+            )
         small = None if size is None else decoded(self.path, self.size, size)
         if small is not None:
             return small
         picture = as_rgba(self.path)
         high, wide = picture.shape[:2]
         if (wide, high) != self.size:
-            msg = f'{self.path} has {wide} x {high} pixels; its camera has {self.size}.'
-            raise ValueError(msg)
+            raise ValueError(
+                f'{self.path} has {wide} x {high} pixels; its camera has {self.size}.'
+            )
         return picture if size is None else resized(picture, size)
 
     def slides(self) -> list:
@@ -252,8 +254,10 @@ class Photo:
         matrix = checked_numbers('matrix', matrix, (4, 4))
         turn, scale = similarity(matrix[:3, :3], 'matrix')
         if isinstance(self.camera, Orthographic) or matrix[3].tolist() != [0, 0, 0, 1]:
-            msg = f'matrix is {matrix.tolist()}, of {self!r}; perspective and orthophotos are not'
-            raise ValueError(msg + ' transformed.')
+            raise ValueError(
+                f'matrix is {matrix.tolist()}, of {self!r}; perspective and orthophotos are not '
+                'transformed.'
+            )
         R = self.camera.R @ turn.T
         t = -R @ (scale * turn @ self.position + matrix[:3, 3])
         return replace(self, camera=replace(self.camera, R=R, t=t))
@@ -304,8 +308,9 @@ class Photos(tuple):
             for photo in self:
                 if photo.name == key:
                     return photo
-            msg = f'{key!r}: there is no such photograph; there are {[p.name for p in self][:20]}'
-            raise KeyError(msg)
+            raise KeyError(
+                f'{key!r}: there is no such photograph; there are {[p.name for p in self][:20]}'
+            )
         found = super().__getitem__(key)
         return Photos(found) if isinstance(key, slice) else found
 
@@ -416,8 +421,9 @@ class Photos(tuple):
         texels = checked_whole('texels', texels, 1, _MOST_TEXELS)
         shown = [k for k, photo in enumerate(self) if photo.path is not None]
         if not shown:
-            msg = 'no photograph has a picture: read_cameras(..., images=) names their folder'
-            raise ValueError(msg)
+            raise ValueError(
+                'no photograph has a picture: read_cameras(..., images=) names their folder'
+            )
         sizes = np.array([self[k].size for k in shown])
         sizes = np.maximum(sizes * texels // sizes.max(1, keepdims=True), 1)
         columns = int(np.ceil(np.sqrt(len(shown))))
@@ -455,8 +461,9 @@ def similarity(matrix, name):
     """Return the rotation next to a matrix, and its uniform scale."""
     u, s, vt = np.linalg.svd(matrix)
     if not s[2] > 0 or s[0] / s[2] - 1 > 2e-3 or np.linalg.det(u @ vt) < 0:
-        msg = f'{name} is {np.asarray(matrix).tolist()}; it must be a rotation, perhaps scaled.'
-        raise ValueError(msg)
+        raise ValueError(
+            f'{name} is {np.asarray(matrix).tolist()}; it must be a rotation, perhaps scaled.'
+        )
     return u @ vt, float(np.cbrt(s.prod()))
 
 

@@ -45,14 +45,14 @@ def read_opensfm(path):
 def _opensfm_entry(name, shot, cameras):
     key = shot['camera'].text()
     if key not in cameras:
-        msg = f'there is no camera {key!r}'
-        raise shot.error(msg)
+        raise shot.error(f'there is no camera {key!r}')
     camera = cameras[key]
     turn = np.array(shot['rotation'].numbers(3))
     angle = np.linalg.norm(turn)
     if not angle < 1e6:
-        msg = f'its rotation is {turn.tolist()}; an axis times an angle in radians is needed'
-        raise shot.error(msg)
+        raise shot.error(
+            f'its rotation is {turn.tolist()}; an axis times an angle in radians is needed'
+        )
     q = from_axis_angle(turn / angle, angle) if angle else [1.0, 0, 0, 0]
     pose = to_matrices(q), shot['translation'].numbers(3)
     size = camera['width'].whole(), camera['height'].whole()
@@ -80,8 +80,7 @@ def _opensfm_camera(node, pose, size):
         prism = [k(f's{i}') for i in range(4)]
         lens = Lens('equidistant', (), radial, (k('p1'), k('p2')), prism)
     else:
-        msg = f'projection_type {kind!r} is unknown'
-        raise node.error(msg)
+        raise node.error(f'projection_type {kind!r} is unknown')
     return camera_of(node, K, pose, size, lens=lens)
 
 
@@ -102,8 +101,7 @@ def read_openmvg(path):
         if pose is None or number == _NONE:
             continue  # it was not registered
         if number not in intrinsics:
-            msg = f'there is no intrinsic {number}'
-            raise view.error(msg)
+            raise view.error(f'there is no intrinsic {number}')
         local = view.get('local_path')
         parts = [root.text() if root else '', local.text() if local else '']
         name = '/'.join([part for part in parts if part] + [view['filename'].text()])
@@ -150,11 +148,11 @@ def read_openmvs(path):
         cursor.skip(4)
         place, (version, _) = cursor.place, cursor.take('II')
         if version > 7:
-            msg = f'version {version} of the interface is unknown; known are 0 to 7'
-            raise place.error(msg)
+            raise place.error(f'version {version} of the interface is unknown; known are 0 to 7')
     elif cursor.data[:3] == b'MVS':
-        msg = "it is OpenMVS's own archive: export an interface archive (--archive-type 0)"
-        raise cursor.place.error(msg)
+        raise cursor.place.error(
+            "it is OpenMVS's own archive: export an interface archive (--archive-type 0)"
+        )
     platforms = [_openmvs_platform(cursor, version) for _ in range(cursor.count(24))]
     entries = [_openmvs_image(cursor, version, platforms) for _ in range(cursor.count(20))]
     return [entry for entry in entries if entry is not None]
@@ -192,8 +190,9 @@ def _openmvs_image(cursor, version, platforms):
         cameras, poses = platforms[platform]
         (size, K, R, C), (outer, position) = cameras[camera], poses[pose]
     except IndexError:
-        msg = f'{name!r} has platform {platform}, camera {camera}, pose {pose}: one is not there'
-        raise place.error(msg) from None
+        raise place.error(
+            f'{name!r} has platform {platform}, camera {camera}, pose {pose}: one is not there'
+        ) from None
     # The camera's position is relative to the platform's.
     placed = posed(place, R @ outer, outer.T @ C + position)
     return Entry(
@@ -233,8 +232,7 @@ def read_bundler(path):
         while len(numbers) < 15:
             line = next(rows, None)
             if line is None:
-                msg = f'the file is cut: {count} cameras are announced'
-                raise (place or head).error(msg)
+                raise (place or head).error(f'the file is cut: {count} cameras are announced')
             place = place or line
             numbers += line.numbers(line.text.split())
         focal, k1, k2 = numbers[:3]
@@ -256,11 +254,10 @@ def _bundle_names(path, head, count):
             names = [line.text.split(' 0 ')[0].strip() for line in data_lines(place)]
             if len(names) == count:
                 return names
-    msg = (
+    raise head.error(
         f'{count} cameras are announced; the pictures should be listed, one a line, beside it in '
         f'{", ".join(BUNDLE_LISTS).replace("STEM", stem)}'
     )
-    raise head.error(msg)
 
 
 def _middle_entry(place, name, focal, pose, distortion=(), lens=None):
@@ -282,8 +279,7 @@ def read_nvm(path):
     fixed = head.text.split()[1:]
     shared = head.numbers(fixed[1:]) if fixed[:1] == ['FixedK'] else None
     if shared is not None and len(shared) not in (4, 5):
-        msg = 'FixedK should have fx, cx, fy, cy, and perhaps the distortion'
-        raise head.error(msg)
+        raise head.error('FixedK should have fx, cx, fy, cy, and perhaps the distortion')
     line = next(rows, head)
     (count,) = line.numbers(line.text.split(), 1, int)
     as_matrix = 'R9T' in head.text.split()[0]
@@ -291,8 +287,9 @@ def read_nvm(path):
     for _ in range(count):
         line = next(rows, None)
         if line is None:
-            msg = f'the file is cut: {count} cameras are announced, {len(entries)} are there'
-            raise head.error(msg)
+            raise head.error(
+                f'the file is cut: {count} cameras are announced, {len(entries)} are there'
+            )
         entries.append(_nvm_entry(line, shared, as_matrix))
     return entries
 

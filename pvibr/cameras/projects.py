@@ -30,8 +30,7 @@ def read_opf(path):
     """
     files = _opf_files(path)
     if 'cameras' not in files:
-        msg = 'the project has no calibrated cameras'
-        raise json_of(path).error(msg)
+        raise json_of(path).error('the project has no calibrated cameras')
     top = files['cameras']
     sensors = {s['id'].whole(): s['internals'] for s in top['sensors']}
     sizes, names = {}, {}
@@ -44,8 +43,7 @@ def read_opf(path):
     for camera in top['cameras']:
         sensor = camera['sensor_id'].whole()
         if sensor not in sensors:
-            msg = f'there is no sensor {sensor}'
-            raise camera.error(msg)
+            raise camera.error(f'there is no sensor {sensor}')
         size = sizes.get(sensor)
         size = size and tuple(int(s) for s in size.numbers(2))
         number = camera['id'].whole()
@@ -73,8 +71,7 @@ def _opf_files(path) -> dict:
             inside = file.resolve().is_relative_to(root)
             if form in meaning and meaning[form] not in found and inside:
                 if not file.is_file():
-                    msg = f'{file} does not exist'
-                    raise resource.error(msg)
+                    raise resource.error(f'{file} does not exist')
                 found[meaning[form]] = json_of(file)
     return found
 
@@ -127,8 +124,7 @@ def _opf_camera(node, pose, size):
             node, pinhole_matrix(focal, focal, cx, cy), pose, size, [*k[:2], *p, k[2]]
         )
     if kind != 'fisheye':
-        msg = f'type {kind!r} is unknown'
-        raise node.error(msg)
+        raise node.error(f'type {kind!r} is unknown')
     c, d, e, f = node['affine'].numbers(4)
     # A rotation about the axis on the right of K is one of the camera, as nothing but it is
     # not symmetric about the axis.
@@ -153,8 +149,7 @@ def read_transforms(path):
     for frame in top['frames']:
         numbers = frame['transform_matrix'].numbers()
         if len(numbers) not in (12, 16):
-            msg = f'transform_matrix has {len(numbers)} numbers; it needs 4 x 4'
-            raise frame.error(msg)
+            raise frame.error(f'transform_matrix has {len(numbers)} numbers; it needs 4 x 4')
         matrix = np.reshape(numbers, (-1, 4))[:3]
         flip = np.diag([1.0, -1.0, -1.0])
         pose = posed(frame, (matrix[:, :3] @ flip).T, matrix[:, 3])
@@ -185,8 +180,7 @@ def _frame_camera(frame, given, pose, size):
     fx = value('fl_x', None) or _focal(given('camera_angle_x'), size[0])
     fy = value('fl_y', None) or _focal(given('camera_angle_y'), size[1])
     if not (fx or fy):
-        msg = 'there is no fl_x and no camera_angle_x'
-        raise frame.error(msg)
+        raise frame.error('there is no fl_x and no camera_angle_x')
     K = pinhole_matrix(
         fx or fy, fy or fx, value('cx', size[0] / 2) - 0.5, value('cy', size[1] / 2) - 0.5
     )
@@ -194,8 +188,7 @@ def _frame_camera(frame, given, pose, size):
     k = [value(f'k{i}') for i in range(1, 7)]
     p1, p2 = value('p1'), value('p2')
     if model in ('THIN_PRISM_FISHEYE', 'RAD_TAN_THIN_PRISM_FISHEYE', 'FISHEYE624', 'FOV', 'EUCM'):
-        msg = f'camera_model {model!r} is not read from transforms.json'
-        raise frame.error(msg)
+        raise frame.error(f'camera_model {model!r} is not read from transforms.json')
     if params is not None:
         *k, p1, p2 = params.numbers(6)
     if model in _FISHEYES or (fisheye is not None and fisheye.value is True):

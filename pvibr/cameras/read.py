@@ -112,14 +112,12 @@ def read_cameras(path, images=None, *, format=None):
     with naming('path', path):
         path = Path(path).expanduser()
     if not path.exists():
-        msg = f'path is {str(path)!r}; there is no such file or folder.'
-        raise FileNotFoundError(msg)
+        raise FileNotFoundError(f'path is {str(path)!r}; there is no such file or folder.')
     if images is not None:
         with naming('images', images):
             images = Path(images).expanduser()
         if not images.is_dir():
-            msg = f'images is {str(images)!r}; there is no such folder.'
-            raise FileNotFoundError(msg)
+            raise FileNotFoundError(f'images is {str(images)!r}; there is no such folder.')
     if format is not None:
         check_one_of('format', format, _READERS)
     found, file = _located(path, format)
@@ -143,11 +141,10 @@ def _located(path, wanted):
             return name, file
     if wanted in (None, 'orthophoto') and any(map(ortho.is_referenced, _listed(path))):
         return 'orthophoto', path
-    msg = (
+    raise ValueError(
         f'{path}: the folder at this path has no cameras; there should be one of '
         f'{", ".join(p for patterns in _IN_FOLDERS.values() for p in patterns)}, or orthophotos.'
     )
-    raise ValueError(msg)
 
 
 def _in_folder(path, name):
@@ -185,8 +182,7 @@ def format_of(path, *, strict=True):
         head = file.read(_HEAD)
     found = _by_name(path.suffix.lower(), path.name.lower()) or _by_content(head)
     if found is None and strict:
-        msg = f'{path}, byte 0: the path is of no camera file that pvibr knows.'
-        raise ValueError(msg)
+        raise ValueError(f'{path}, byte 0: the path is of no camera file that pvibr knows.')
     return found
 
 

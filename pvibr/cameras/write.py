@@ -84,14 +84,12 @@ def _photos(cameras, size) -> list[Photo]:
             camera = camera.camera
         view = view or getattr(camera, 'size', None)
         if view is None:
-            msg = f'size is None; camera {k} ({camera!r:.60}) has none of its own.'
-            raise ValueError(msg)
+            raise ValueError(f'size is None; camera {k} ({camera!r:.60}) has none of its own.')
         if not isinstance(camera, LensCamera):
             camera = as_camera(camera, view)
         found.append(Photo(f'{k:04}.png', camera))
     if not found:
-        msg = 'cameras is empty; at least one is needed.'
-        raise ValueError(msg)
+        raise ValueError('cameras is empty; at least one is needed.')
     return found
 
 
@@ -99,15 +97,15 @@ def _described(photo):
     """Return COLMAP's model and numbers; the centre of the first pixel is at (0.5, 0.5)."""
     camera = photo.camera
     if isinstance(camera, Orthographic):
-        msg = f'{photo.name}: an orthographic camera cannot be written; no such format has any.'
-        raise ValueError(msg)
+        raise ValueError(
+            f'{photo.name}: an orthographic camera cannot be written; no such format has any.'
+        )
     model, numbers = _model(photo)
     if model == EQUIRECTANGULAR[0]:
         return model, [float(s) for s in camera.size]
     K = camera.K
     if max(abs(K[0, 1]), abs(K[1, 0])) * max(camera.size) > _SKEW * min(K[0, 0], K[1, 1]):
-        msg = f'{photo.name}: K is {K.tolist()}; its skew cannot be written.'
-        raise ValueError(msg)
+        raise ValueError(f'{photo.name}: K is {K.tolist()}; its skew cannot be written.')
     return model, [K[0, 0], K[1, 1], K[0, 2] + 0.5, K[1, 2] + 0.5, *numbers]
 
 
@@ -142,8 +140,7 @@ def _model(photo):
     try:
         return 'FULL_OPENCV', [float(x) for x in camera.as_pinhole().distortion]
     except ValueError as error:
-        msg = f'{photo.name}: {error}'
-        raise ValueError(msg) from None
+        raise ValueError(f'{photo.name}: {error}') from None
 
 
 def _write_colmap(folder, photos, *, binary):
@@ -207,8 +204,9 @@ def _write_transforms(path, photos):
         elif model in _IN_TRANSFORMS:
             model, names = _IN_TRANSFORMS[model]
         else:
-            msg = f'{photo.name}: transforms.json has no {model}; write COLMAP, a folder, instead.'
-            raise ValueError(msg)
+            raise ValueError(
+                f'{photo.name}: transforms.json has no {model}; write COLMAP, a folder, instead.'
+            )
         models.add('OPENCV' if model == 'PINHOLE' else model)
         width, height = photo.size
         frame = {'file_path': _relative(photo, path.parent), 'w': width, 'h': height}
@@ -217,8 +215,9 @@ def _write_transforms(path, photos):
         matrix = np.linalg.inv(photo.camera.view_from_world)
         frames.append({**frame, 'transform_matrix': matrix.tolist()})
     if len(models) > 1:
-        msg = f'the cameras are of {", ".join(sorted(models))}; transforms.json has one model.'
-        raise ValueError(msg)
+        raise ValueError(
+            f'the cameras are of {", ".join(sorted(models))}; transforms.json has one model.'
+        )
     with replacing(path) as part:
         part.write_text(json.dumps({'camera_model': models.pop(), 'frames': frames}, indent=1))
 

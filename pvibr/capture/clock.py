@@ -280,8 +280,7 @@ def _fps_of(writer):
         return float(given['fps'])
     if given.get('duration'):
         return 1e3 / float(given['duration'])
-    msg = 'the frame rate of the movie is unknown: give play(fps=...)'
-    raise ValueError(msg)
+    raise ValueError('the frame rate of the movie is unknown: give play(fps=...)')
 
 
 def checked_time(seconds) -> float:
@@ -291,6 +290,5 @@ def checked_time(seconds) -> float:
     except (TypeError, ValueError, OverflowError):
         time = math.nan
     if not math.isfinite(time):
-        msg = f'time = {seconds!r:.60}: must be a finite number of seconds'
-        raise ValueError(msg)
+        raise ValueError(f'time = {seconds!r:.60}: must be a finite number of seconds')
     return time

@@ -30,8 +30,7 @@ IMAGES = ('.png', '.jpg', '.jpeg', '.tif', '.tiff', '.webp', '.bmp')
 def check_image(path):
     """Raise if :func:`save` cannot write a file of this ending."""
     if Path(path).suffix.lower() not in IMAGES:
-        msg = f'{path} must end in one of {", ".join(IMAGES)}.'
-        raise ValueError(msg)
+        raise ValueError(f'{path} must end in one of {", ".join(IMAGES)}.')
 
 
 def save(path, picture):

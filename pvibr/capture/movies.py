@@ -36,8 +36,9 @@ class Film:
         self.ending = self.path.suffix.lower()
         if self.ending and self.ending not in MOVIES:
             known = ', '.join(MOVIES)
-            msg = f'path is {str(path)!r}; it must end in one of {known}, or be a folder.'
-            raise ValueError(msg)
+            raise ValueError(
+                f'path is {str(path)!r}; it must end in one of {known}, or be a folder.'
+            )
         if self.ending not in ('', '.gif'):
             require('imageio_ffmpeg', 'movie', 'Movies')
         with naming('path', path):
@@ -154,13 +155,13 @@ def record(
     check_samples(samples)
     shutter = checked_number('shutter', shutter, 0, 1)
     if each is not None and not callable(each):
-        msg = f'each = {each!r:.80}: must be a function of the time, or None'
-        raise TypeError(msg)
+        raise TypeError(f'each = {each!r:.80}: must be a function of the time, or None')
     resume = checked_flag('resume', resume)
     progress = checked_flag('progress', progress, optional=True)
     if shutter and samples == 1:
-        msg = f'shutter = {shutter!r}: needs several samples over that time, such as samples=32.'
-        raise ValueError(msg)
+        raise ValueError(
+            f'shutter = {shutter!r}: needs several samples over that time, such as samples=32.'
+        )
     ibr.stop()
     before = ibr.time
     start = before if start is None else checked_number('start', start)
@@ -204,8 +205,7 @@ def write_movie(film, draw, *, progress=None):
     except OSError as error:
         named = str(error) if error.strerror is None or error.filename else error.strerror
         why = named.partition('\n')[0].rstrip('.')
-        msg = f'{why}. {film.kept}'
-        raise OSError(error.errno, msg) from error
+        raise OSError(error.errno, f'{why}. {film.kept}') from error
 
 
 def _bar(film, missing, wanted):
@@ -229,13 +229,13 @@ def _bar(film, missing, wanted):
 def checked_count(seconds, frames, fps) -> int:
     """Return the number of frames of a movie, of which it or the duration is given."""
     if (seconds is None) == (frames is None):
-        msg = 'give seconds, the duration of the movie, or frames, their number: one of these'
-        raise TypeError(msg)
+        raise TypeError(
+            'give seconds, the duration of the movie, or frames, their number: one of these'
+        )
     fps = checked_positive('fps', fps)
     if frames is not None:
         return checked_whole('frames', frames, 1, _MOST)
     count = checked_positive('seconds', seconds) * fps
     if count > _MOST:
-        msg = f'seconds = {seconds} at fps = {fps} are more than {_MOST:,} frames'
-        raise ValueError(msg)
+        raise ValueError(f'seconds = {seconds} at fps = {fps} are more than {_MOST:,} frames')
     return max(1, round(count))

@@ -175,8 +175,7 @@ class TiledScreenshot:
 
     def _window(self):
         if is_closed(self._plotter):
-            msg = 'the plotter was closed: nothing can be drawn'
-            raise ClosedError(msg)
+            raise ClosedError('the plotter was closed: nothing can be drawn')
         if is_never_shown(self._plotter):
             self._plotter.screenshot(return_img=False)  # sets up camera and window
         return self._plotter.renderer.GetRenderWindow()
@@ -213,17 +212,16 @@ class TiledScreenshot:
 def _checked(window, scale, size):
     """Return the size of the window, the scale and the size of the image."""
     if scale is not None and size is not None:
-        msg = f'scale = {scale!r} and window_size = {size!r}: give only one of them.'
-        raise ValueError(msg)
+        raise ValueError(f'scale = {scale!r} and window_size = {size!r}: give only one of them.')
     if size is None:
         scale = 1 if scale is None else scale
         if not _is_count(scale):
-            msg = f'scale = {scale!r}: must be a positive integer.'
-            raise ValueError(msg)
+            raise ValueError(f'scale = {scale!r}: must be a positive integer.')
         return window, scale, tuple(n * scale for n in window)
     if np.shape(size) != (2,) or not all(map(_is_count, size)):
-        msg = f'window_size = {size!r}: must be two positive integers, width and height in pixels.'
-        raise ValueError(msg)
+        raise ValueError(
+            f'window_size = {size!r}: must be two positive integers, width and height in pixels.'
+        )
     scale = max(-(-n // m) for n, m in zip(size, window, strict=True))
     return tuple(-(-n // scale) for n in size), scale, tuple(size)
 
@@ -231,8 +229,7 @@ def _checked(window, scale, size):
 def check_samples(samples):
     """Raise an error unless a number of samples of each pixel is one."""
     if not _is_count(samples):
-        msg = f'samples = {samples!r}: must be a positive integer.'
-        raise ValueError(msg)
+        raise ValueError(f'samples = {samples!r}: must be a positive integer.')
 
 
 #: Of what VTK takes as a whole number.

@@ -13,7 +13,7 @@ from cyclopts import App, CycloptsError, Parameter
 from cyclopts.types import ExistingFile
 
 import pvibr
-from pvibr.bench import BENCHES, SURVEYS
+from pvibr.cli.clone import benchmarks
 from pvibr.core.errors import PvibrError
 
 OK, WANTING, FAILED, INTERRUPTED = 0, 1, 2, 130
@@ -21,32 +21,27 @@ OK, WANTING, FAILED, INTERRUPTED = 0, 1, 2, 130
 
 def _positive(type_: type, value: float | None) -> None:
     if value is not None and not (value > 0 and math.isfinite(value)):
-        msg = 'Must be a positive number.'
-        raise ValueError(msg)
+        raise ValueError('Must be a positive number.')
 
 
 def _seed(type_: type, value: int | None) -> None:
     if value is not None and value < 0:
-        msg = 'Must be a seed, 0 or more.'
-        raise ValueError(msg)
+        raise ValueError('Must be a seed, 0 or more.')
 
 
 def _finite(type_: type, value: float | None) -> None:
     if value is not None and not math.isfinite(value):
-        msg = 'Must be a finite number.'
-        raise ValueError(msg)
+        raise ValueError('Must be a finite number.')
 
 
 def _moving(type_: type, value: float) -> None:
     if not (value and math.isfinite(value)):
-        msg = 'Must be a finite number other than 0.'
-        raise ValueError(msg)
+        raise ValueError('Must be a finite number other than 0.')
 
 
 def _in_a_folder(type_: type, value: Path | None) -> None:
     if value is not None and not value.absolute().parent.is_dir():
-        msg = f'There is no folder {value.parent}: make it first.'
-        raise ValueError(msg)
+        raise ValueError(f'There is no folder {value.parent}: make it first.')
 
 
 _Positive = Parameter(validator=_positive)
@@ -64,9 +59,13 @@ app = App(
     version=lambda: pvibr.__version__,
     suppress_keyboard_interrupt=False,
 )
+_benchmarks = benchmarks()
 _BENCH = 'Measure run time against error, here and now.'
-_NO_BENCH = "Measurements come with a clone of pvibr: python -m pip install -e '.[bench]' in it."
-bench = app.command(App(name='bench', help=_BENCH if BENCHES else _NO_BENCH))
+_NO_BENCH = (
+    "Benchmarks are in the folder benchmarks of pvibr's repository, not in the installed package: "
+    "clone it and run python -m pip install -e '.[bench]' there."
+)
+bench = app.command(App(name='bench', help=_BENCH if _benchmarks else _NO_BENCH))
 
 
 @app.command
@@ -232,13 +231,20 @@ def _surveyed_command(name):
     return command
 
 
-for _name, _help in BENCHES.items():
-    _make = _surveyed_command if _name in SURVEYS else _bench_command
-    bench.command(_make(_name), name=_name, help=_help)
+def _no_benchmarks(*_names: Annotated[str, Parameter(allow_leading_hyphen=True)]) -> None:
+    raise FileNotFoundError(_NO_BENCH)
+
+
+if _benchmarks:
+    for _name, _help in _benchmarks.BENCHES.items():
+        _make = _surveyed_command if _name in _benchmarks.SURVEYS else _bench_command
+        bench.command(_make(_name), name=_name, help=_help)
+else:
+    bench.default(_no_benchmarks)
 
 
 def _measure(name, out, quick, **survey):
-    from pvibr.bench import main
+    from benchmarks import main
 
     _require_gl()
     main(name, out=out, quick=quick, **survey)
@@ -269,8 +275,7 @@ def _one_line(error: Exception) -> str:
 def _size(text: str) -> tuple[int, int]:
     width, _, height = text.lower().partition('x')
     if not (width.isdecimal() and height.isdecimal() and int(width) and int(height)):
-        msg = f'--size must be like 1280x720, in pixels, got {text!r}.'
-        raise ValueError(msg)
+        raise ValueError(f'--size must be like 1280x720, in pixels, got {text!r}.')
     return int(width), int(height)
 
 
@@ -279,8 +284,9 @@ def _columns(text: str | None) -> tuple[str | None, ...] | None:
         return None
     names = tuple(None if name.strip() == '-' else name.strip() for name in text.split(','))
     if len(names) != 3 or '' in names:
-        msg = f'--columns must name three columns like gx,gy,- (- stands for zero), got {text!r}.'
-        raise ValueError(msg)
+        raise ValueError(
+            f'--columns must name three columns like gx,gy,- (- stands for zero), got {text!r}.'
+        )
     return names
 
 
@@ -292,7 +298,8 @@ def _require_gl(*, window: bool = False) -> None:
     from pvibr.cli.doctor import prefer_egl, require_gl
 
     if window and not _has_display():
-        msg = '--window needs a display, and the environment variable DISPLAY names none.'
-        raise ValueError(msg)
+        raise ValueError(
+            '--window needs a display, and the environment variable DISPLAY names none.'
+        )
     prefer_egl()
     require_gl()

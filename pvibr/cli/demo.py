@@ -13,8 +13,6 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from pvibr.bench.common.peers import LOD_REDUCTION, beside_peers, tree_glyphs
-from pvibr.bench.common.timing import CLOCKS, medians_ms
 from pvibr.capture.montage import compose, error_colors, save
 from pvibr.capture.offscreen import (
     MULTI_SAMPLES,
@@ -24,6 +22,8 @@ from pvibr.capture.offscreen import (
     mesh_actors,
     spheres,
 )
+from pvibr.cli.peers import LOD_REDUCTION, beside_peers, tree_glyphs
+from pvibr.cli.timing import CLOCKS, medians_ms
 from pvibr.core.errors import require
 from pvibr.maths.flip import flip
 from pvibr.maths.image_error import psnr, silhouette_iou

@@ -71,8 +71,9 @@ def require_gl() -> None:
         return
     from pvibr.core.errors import PvibrError
 
-    msg = f'Nothing can be drawn here: OpenGL libraries are missing. Run: {gl_remedy()}'
-    raise PvibrError(msg)
+    raise PvibrError(
+        f'Nothing can be drawn here: OpenGL libraries are missing. Run: {gl_remedy()}'
+    )
 
 
 def prefer_egl() -> None:
@@ -182,8 +183,7 @@ def _draw() -> None:
     plotter.add_mesh(pv.Sphere(), color='white', lighting=False)
     image = plotter.screenshot(return_img=True)
     if image is None or not image[32, 32].all():
-        msg = 'the picture stayed empty'
-        raise RuntimeError(msg)
+        raise RuntimeError('the picture stayed empty')
     print(json.dumps(_window_facts(plotter.render_window)))
 
 

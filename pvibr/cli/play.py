@@ -50,16 +50,14 @@ def main(file, *, clip, movie, time, out, fps, size, speed, seconds, skinning):
 
 def _check(movie, time, out):
     if movie is not None and (time is not None or out is not None):
-        msg = '--movie writes a movie, --time and -o one image: give one of them.'
-        raise ValueError(msg)
+        raise ValueError('--movie writes a movie, --time and -o one image: give one of them.')
     if out is not None:
         check_image(out)
     if movie is None:
         return
     ending = Path(movie).suffix.lower()
     if ending not in MOVIES:
-        msg = f'--movie is {str(movie)!r}; it must end in one of {", ".join(MOVIES)}.'
-        raise ValueError(msg)
+        raise ValueError(f'--movie is {str(movie)!r}; it must end in one of {", ".join(MOVIES)}.')
 
 
 def _clip_of(figure, name):
@@ -83,8 +81,9 @@ def _length(figure, clip, speed, seconds):
     if seconds is not None:
         return seconds
     if clip is None or not clip.duration:
-        msg = f'nothing in {figure.name or "the file"} moves: give --seconds, or --time 0.'
-        raise ValueError(msg)
+        raise ValueError(
+            f'nothing in {figure.name or "the file"} moves: give --seconds, or --time 0.'
+        )
     return clip.duration / abs(speed)
 
 

@@ -37,13 +37,11 @@ def main(
     matrices, looks, name = np.zeros((1, 3)), {}, Path(mesh).stem
     of_tables = {'--scalars': scalars, '--columns': columns}
     if poses is None and any(given := [n for n, value in of_tables.items() if value is not None]):
-        msg = f'{" and ".join(given)} name columns of a table: add --poses, its file.'
-        raise ValueError(msg)
+        raise ValueError(f'{" and ".join(given)} name columns of a table: add --poses, its file.')
     if poses is not None:
         matrices, found = read_poses(poses, columns)
         if not len(matrices):
-            msg = f'{poses} names columns and has no rows: there is nothing to show.'
-            raise ValueError(msg)
+            raise ValueError(f'{poses} names columns and has no rows: there is nothing to show.')
         looks, name = _looks(poses, found, scalars, cmap), f'{name} at {Path(poses).name}'
     looks |= {'name': scalars or name, 'max_error': max_error}
 
@@ -72,11 +70,13 @@ def _looks(poses, found, scalars, cmap):
     if scalars is None:
         return {}
     if scalars not in found:
-        msg = f'--scalars is {scalars!r}; {poses} has the columns {", ".join(found) or "(none)"}.'
-        raise ValueError(msg)
+        raise ValueError(
+            f'--scalars is {scalars!r}; {poses} has the columns {", ".join(found) or "(none)"}.'
+        )
     if found[scalars].dtype.kind not in 'fiu':
-        msg = f'--scalars is {scalars!r}, a column of text in {poses}; name one of numbers.'
-        raise ValueError(msg)
+        raise ValueError(
+            f'--scalars is {scalars!r}, a column of text in {poses}; name one of numbers.'
+        )
     return {'scalars': found[scalars], 'cmap': cmap}
 
 

@@ -63,8 +63,7 @@ def _candidates(root):
 
 def __getattr__(name):
     if name.startswith('__'):  # Python's own questions are never about VTK
-        msg = f'module {__name__!r} has no attribute {name!r}'
-        raise AttributeError(msg)
+        raise AttributeError(f'module {__name__!r} has no attribute {name!r}')
     root = _root()
     for module in _candidates(root):
         try:
@@ -73,5 +72,6 @@ def __getattr__(name):
             continue
         globals()[name] = found
         return found
-    msg = f'{root!r} has no {name!r} in the modules that pvibr knows: see pvibr/core/_vtk.py'
-    raise AttributeError(msg)
+    raise AttributeError(
+        f'{root!r} has no {name!r} in the modules that pvibr knows: see pvibr/core/_vtk.py'
+    )

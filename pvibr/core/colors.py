@@ -23,8 +23,7 @@ def as_rgb(name, color) -> tuple[float, float, float]:
             return pv.Color(color).float_rgb
     except (TypeError, ValueError):
         pass
-    msg = f'{name} = {color!r}: must be {ALLOWED}'
-    raise ValueError(msg)
+    raise ValueError(f'{name} = {color!r}: must be {ALLOWED}')
 
 
 def _is_floats(color) -> bool:

@@ -47,8 +47,7 @@ class deterministic(ContextDecorator):
 
     def __init__(self, on=True):
         if not isinstance(on, bool):
-            msg = f'on = {on!r}: must be True or False'
-            raise TypeError(msg)
+            raise TypeError(f'on = {on!r}: must be True or False')
         global _on
         self._wanted, self._before = on, [_on]
         _on = on

@@ -287,8 +287,9 @@ class Effect(Spelled):
         if unknown:
             known = ', '.join(params) or 'none'
             hint = nearest(unknown[0], params)
-            msg = f'{self.name} has no setting {", ".join(unknown)}{hint}; it has: {known}'
-            raise TypeError(msg)
+            raise TypeError(
+                f'{self.name} has no setting {", ".join(unknown)}{hint}; it has: {known}'
+            )
         return {n: params[n].check(v, type(self).__name__) for n, v in settings.items()}
 
     def _set(self, settings):

@@ -72,5 +72,6 @@ def require(module, extra, what):
         return importlib.import_module(module)
     except ImportError as error:
         package = module.partition('.')[0]
-        msg = f"{what} need {package}: run pip install 'pvibr[{extra}]'"
-        raise ImportError(msg, name=package) from error
+        raise ImportError(
+            f"{what} need {package}: run pip install 'pvibr[{extra}]'", name=package
+        ) from error

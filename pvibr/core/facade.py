@@ -26,8 +26,7 @@ class Facade(Spelled):
 
     def _check_open(self):
         if self._is_closed:
-            msg = 'the plotter is closed: make a new one and add to its ibr'
-            raise ClosedError(msg)
+            raise ClosedError('the plotter is closed: make a new one and add to its ibr')
 
     @property
     def pipeline(self):

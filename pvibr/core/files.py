@@ -20,8 +20,7 @@ def existing(path, what='file') -> Path:
     """Return the path of a file that must be there."""
     path = _as_path(path)
     if not path.is_file():
-        msg = f'there is no {what} at the path {str(path)!r}'
-        raise FileNotFoundError(msg)
+        raise FileNotFoundError(f'there is no {what} at the path {str(path)!r}')
     return path
 
 
@@ -32,11 +31,9 @@ def in_a_folder(name, path) -> Path:
         with contextlib.suppress(OSError):
             path.stat()  # raises if it is no path at all
         if not path.absolute().parent.is_dir():
-            msg = f'there is no folder {str(path.parent)!r}: make it first'
-            raise FileNotFoundError(msg)
+            raise FileNotFoundError(f'there is no folder {str(path.parent)!r}: make it first')
         if not path.name:
-            msg = 'it must end in the name of a file'
-            raise ValueError(msg)
+            raise ValueError('it must end in the name of a file')
     return path
 
 
@@ -44,8 +41,7 @@ def with_suffix(path, suffix) -> Path:
     """Return a path that must end in a suffix."""
     path = _as_path(path)
     if path.suffix.lower() != suffix:
-        msg = f'path is {str(path)!r}; it must end in {suffix}'
-        raise ValueError(msg)
+        raise ValueError(f'path is {str(path)!r}; it must end in {suffix}')
     return path
 
 
@@ -61,8 +57,9 @@ def replacing(path):
         part.replace(path)
     except OSError as error:
         why = 'the disk is full' if error.errno == errno.ENOSPC else error.strerror or error
-        msg = f'{path} could not be written: {why}; what was there before is as it was.'
-        raise OSError(error.errno, msg) from error
+        raise OSError(
+            error.errno, f'{path} could not be written: {why}; what was there before is as it was.'
+        ) from error
     finally:
         with contextlib.suppress(OSError):
             part.unlink()

@@ -22,8 +22,9 @@ class Interval:
         except (ValueError, IndexError):
             well_formed = False
         if not well_formed:
-            msg = f'range {text!r}: write two ordered bounds in brackets, such as [0, inf)'
-            raise ValueError(msg)
+            raise ValueError(
+                f'range {text!r}: write two ordered bounds in brackets, such as [0, inf)'
+            )
 
     def __contains__(self, value) -> bool:
         above = value >= self.low if self.text[0] == '[' else value > self.low
@@ -96,8 +97,9 @@ class Param:
         self.length = length or (len(default) if self.kind is tuple and default else 0)
         self.name = ''
         if self.kind not in (*_KINDS, tuple):
-            msg = f'default {default!r}: give a bool, int, float, str, tuple, or None with kind='
-            raise TypeError(msg)
+            raise TypeError(
+                f'default {default!r}: give a bool, int, float, str, tuple, or None with kind='
+            )
         self.__doc__ = self.describe()
 
     def __set_name__(self, owner, name):
@@ -193,16 +195,14 @@ def checked_flag(name, value, *, optional=False) -> bool | None:
         return None
     if isinstance(value, (bool, np.bool_)) or (isinstance(value, int) and value in (0, 1)):
         return bool(value)
-    msg = f'{name} = {value!r}: must be True or False{" or None" if optional else ""}'
-    raise TypeError(msg)
+    raise TypeError(f'{name} = {value!r}: must be True or False{" or None" if optional else ""}')
 
 
 def checked_name(name) -> str | None:
     """Return a name, or None for that of the class."""
     if name is None or isinstance(name, str):
         return name
-    msg = f'name = {name!r}: must be a str or None'
-    raise TypeError(msg)
+    raise TypeError(f'name = {name!r}: must be a str or None')
 
 
 def params_of(owner) -> dict[str, Param]:

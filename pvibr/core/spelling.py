@@ -52,8 +52,7 @@ class Spelled(metaclass=_Complete):
             kind = type(self).__name__
             near = get_close_matches(name, (n for n in dir(self) if not n.startswith('_')), 1)
             hint = f'did you mean {near[0]!r}?' if near else f'see dir() of the {kind}'
-            msg = f'{kind} has no attribute {name!r}: {hint}'
-            raise AttributeError(msg)
+            raise AttributeError(f'{kind} has no attribute {name!r}: {hint}')
         super().__setattr__(name, value)
 
 

@@ -54,8 +54,7 @@ def named(effects) -> dict:
 
 def _mapping(name, value) -> dict:
     if not isinstance(value, dict):
-        msg = f'{name} is {type(value).__name__} {value!r:.60}: must be a dict of names'
-        raise TypeError(msg)
+        raise TypeError(f'{name} is {type(value).__name__} {value!r:.60}: must be a dict of names')
     return value
 
 
@@ -80,8 +79,7 @@ def _restore_one(name, thing, settings, lenient):
     enabled = settings.get('enabled', thing.enabled)
     try:
         if not isinstance(enabled, bool):
-            msg = f'{name}.enabled = {enabled!r}: must be a bool'
-            raise TypeError(msg)
+            raise TypeError(f'{name}.enabled = {enabled!r}: must be a bool')
         left_out = thing.restore({n: v for n, v in settings.items() if n != 'enabled'})
     except (TypeError, ValueError):
         if not lenient:
@@ -94,8 +92,7 @@ def _restore_one(name, thing, settings, lenient):
 def warn_of(unknown):
     """Warn once of all unknown names, at the caller's caller."""
     if unknown:
-        msg = f'unknown names are not restored: {", ".join(unknown)}; add the effects first'
-        warn(msg)
+        warn(f'unknown names are not restored: {", ".join(unknown)}; add the effects first')
 
 
 def to_text(kind, values) -> str:
@@ -106,19 +103,18 @@ def to_text(kind, values) -> str:
 def from_text(kind, text, name='the text') -> tuple[dict, int]:
     """Return the values in a text, and the version of its layout."""
     if not isinstance(text, (str, bytes)):
-        msg = f'text = {text!r:.60}: must be a str or bytes'
-        raise TypeError(msg)
+        raise TypeError(f'text = {text!r:.60}: must be a str or bytes')
     try:
         if isinstance(text, bytes):
             text = text.decode('utf-8-sig')
         values = json.loads(text, parse_constant=_no_number)
     except (ValueError, RecursionError) as error:
-        msg = f'{name} is not JSON written by pvibr: {error}'
-        raise ValueError(msg) from None
+        raise ValueError(f'{name} is not JSON written by pvibr: {error}') from None
     version = values.pop('version', None) if isinstance(values, dict) else None
     if version is None or values.pop('pvibr', None) != kind or not _is_count(version):
-        msg = f'{name} is not a pvibr {kind}: it must begin with "pvibr": "{kind}" and a "version"'
-        raise ValueError(msg)
+        raise ValueError(
+            f'{name} is not a pvibr {kind}: it must begin with "pvibr": "{kind}" and a "version"'
+        )
     return values, version
 
 
@@ -127,8 +123,7 @@ def _is_count(version):
 
 
 def _no_number(word):
-    msg = f'{word} is not a JSON number'
-    raise ValueError(msg)
+    raise ValueError(f'{word} is not a JSON number')
 
 
 def write(path, text):
@@ -142,6 +137,5 @@ def read(path) -> bytes:
     with existing(path).open('rb') as file:
         found = file.read(MOST_BYTES + 1)
     if len(found) > MOST_BYTES:
-        msg = f'{path} is larger than {MOST_BYTES:,} bytes: not a file of settings'
-        raise ValueError(msg)
+        raise ValueError(f'{path} is larger than {MOST_BYTES:,} bytes: not a file of settings')
     return found

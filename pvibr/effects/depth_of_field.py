@@ -284,6 +284,7 @@ def _target(window, size, formats, filter) -> Target:
 def _point(target) -> tuple:
     point = as_array('target', target)
     if point.shape != (3,) or point.dtype.kind not in 'iuf' or not np.isfinite(point).all():
-        msg = f'target = {target!r}: must be None, three finite numbers, an actor or a thing'
-        raise ValueError(msg)
+        raise ValueError(
+            f'target = {target!r}: must be None, three finite numbers, an actor or a thing'
+        )
     return tuple(float(x) for x in point)

@@ -119,8 +119,7 @@ class Glow(LightSpread):
         count = len(self._actors)
         values = as_array('weights', weights, float)
         if values.shape not in ((), (count,)) or not (np.isfinite(values) & (values >= 0)).all():
-            msg = f'weights = {weights!r}: must be a number >= 0, or {count} of them'
-            raise ValueError(msg)
+            raise ValueError(f'weights = {weights!r}: must be a number >= 0, or {count} of them')
         self._seen = ()  # the light of other weights
         self._weights = tuple(np.broadcast_to(values, count).tolist())
 

@@ -290,5 +290,6 @@ def _check_here(actors, pipeline):
             else pipeline.renderer.HasViewProp(item)
         )
         if not here:
-            msg = f'actors has a {type(item).__name__} that is not in this subplot: add it first'
-            raise ValueError(msg)
+            raise ValueError(
+                f'actors has a {type(item).__name__} that is not in this subplot: add it first'
+            )

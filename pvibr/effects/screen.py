@@ -293,8 +293,7 @@ def _shape_of(image):
     pixels = as_rgba(image, 'shape') / 255.0
     bright = np.pad(pixels[..., :3].mean(axis=-1) * pixels[..., 3] > 0.5, 2)
     if not bright.any():
-        msg = 'shape has no bright pixel: the opening must be white and opaque'
-        raise ValueError(msg)
+        raise ValueError('shape has no bright pixel: the opening must be white and opaque')
     inside = distance_transform_edt(bright)
     away = np.where(bright, inside - 0.5, 0.5 - distance_transform_edt(~bright))
     away = gaussian_filter(away, 1.0)  # else a magnified edge has steps

@@ -129,8 +129,9 @@ class ShaderEffect(Effect):
             self._text = Path(source).read_text(encoding='utf-8') if is_file else str(source)
         self._asks_surfaces = bool(_SURFACES.search(_COMMENT.sub(' ', self._text)))
         if not self._text.strip():
-            msg = f'{self.name}.source is empty: give GLSL with vec4 effect(vec2 uv), or a file'
-            raise ValueError(msg)
+            raise ValueError(
+                f'{self.name}.source is empty: give GLSL with vec4 effect(vec2 uv), or a file'
+            )
 
     @property
     def surfaces(self) -> bool:
@@ -245,16 +246,16 @@ def _type_of(param) -> str:
 def _check_names(names, owner):
     for name in names:
         if name in _RESERVED or name.startswith(('ibr_', 'gl_')):
-            msg = f'{owner}.{name}: the name is reserved, see template.glsl; choose another'
-            raise ValueError(msg)
+            raise ValueError(
+                f'{owner}.{name}: the name is reserved, see template.glsl; choose another'
+            )
 
 
 def _check_param(owner, name, param):
     wide = param.kind is tuple and (param.optional or not 2 <= len(param.default) <= 4)
     loose = param.kind is str and param.choices is None
     if param.optional or wide or loose:
-        msg = (
+        raise TypeError(
             f'{owner}.{name}: cannot be a uniform; a setting of the source is a bool, int, float, '
             'choice, or tuple of 2 to 4 floats, and not optional'
         )
-        raise TypeError(msg)

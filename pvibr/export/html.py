@@ -26,8 +26,7 @@ def write_html(plotter, path):
     """Write a vtk.js page; the plotter's cameras are changed to ones that it supports."""
     component = getattr(plotter, 'trame', None)
     if component is None:
-        msg = "pages need trame: pip install 'pvibr[jupyter]'"
-        raise ImportError(msg)
+        raise ImportError("pages need trame: pip install 'pvibr[jupyter]'")
     for camera in {id(r.camera): r.camera for r in plotter.renderers}.values():
         reframe(camera, ANGLE)
     for renderer in plotter.renderers:

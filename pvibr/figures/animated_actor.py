@@ -160,8 +160,9 @@ class AnimatedActor(FigurePlayer, Placed):
         """
         offset = np.eye(4) if offset is None else checked_numbers('offset', offset, (4, 4))
         if prop is self or not (hasattr(prop, 'SetUserMatrix') or isinstance(prop, pv.Light)):
-            msg = f'prop = {prop!r}: must be an actor, a light or another thing that can be moved'
-            raise TypeError(msg)
+            raise TypeError(
+                f'prop = {prop!r}: must be an actor, a light or another thing that can be moved'
+            )
         joint = self.figure.skeleton.index(joint)
         self.detach_prop(prop)
         self._held.append((prop, joint, offset))
@@ -196,8 +197,7 @@ class AnimatedActor(FigurePlayer, Placed):
         >>> pl.close()
         """
         if self.pipeline is None:
-            msg = 'add_lights needs a plotter: add the figure to one first'
-            raise ValueError(msg)
+            raise ValueError('add_lights needs a plotter: add the figure to one first')
         lights = [light.held(exposure) for light in self.figure.lights]
         for light, placed in zip(lights, self.figure.lights, strict=True):
             self.pipeline.renderer.AddLight(light)

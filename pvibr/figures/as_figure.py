@@ -46,8 +46,7 @@ def _of_file(path):
 
         return read_gltf(path)
     if kind in _CONVERTERS:
-        msg = f'{path} is not read: save it as .glb, with {_CONVERTERS[kind]}.'
-        raise ValueError(msg)
+        raise ValueError(f'{path} is not read: save it as .glb, with {_CONVERTERS[kind]}.')
     if _is_series(existing(path)):
         return Figure.from_series(path)
     found = read_mesh(path)
@@ -77,8 +76,7 @@ def _as_mesh(thing):
     if isinstance(thing, pv.DataSet):
         (surface,), _ = series_of([thing])
         return FigureMesh(surface)
-    msg = (
+    raise TypeError(
         f'figure is a {type(thing).__name__}: must be a pvibr.Figure, a .glb or .gltf file, a '
         'trimesh.Scene, a mesh, or a list of meshes as a time series'
     )
-    raise TypeError(msg)

@@ -123,8 +123,9 @@ class Crowd(Instances):
         one = clips is None or isinstance(clips, str | int) or hasattr(clips, 'sample')
         wanted = [self.figure.clip(c) for c in ([clips] if one else clips)]
         if not one and len(wanted) != count:
-            msg = f'clips has {len(wanted)} entries; it must be one clip or {count} of them'
-            raise ValueError(msg)
+            raise ValueError(
+                f'clips has {len(wanted)} entries; it must be one clip or {count} of them'
+            )
         found = list({id(clip): clip for clip in [*known, *wanted]}.values())
         place = {id(clip): i for i, clip in enumerate(found)}
         numbers = np.array([place[id(clip)] for clip in wanted], int)
@@ -163,8 +164,7 @@ class Crowd(Instances):
 
     def _replace(self, poses, index):
         if len(poses) != len(self):
-            msg = f'poses has {len(poses)} rows; a crowd keeps its {len(self)} figures'
-            raise ValueError(msg)
+            raise ValueError(f'poses has {len(poses)} rows; a crowd keeps its {len(self)} figures')
         super()._replace(poses, index)
 
     # -- what each one plays -----------------------------------------------------------------
@@ -296,6 +296,5 @@ def _each(name, values, count, dtype=float) -> np.ndarray:
     if array.shape not in ((), (count,)) or not good or not np.isfinite(array).all():
         what = 'bool' if dtype is bool else 'finite numbers'
         found = f'shape {array.shape}, dtype {array.dtype}'
-        msg = f'{name} has {found}; it must be {what}, one or ({count},)'
-        raise ValueError(msg)
+        raise ValueError(f'{name} has {found}; it must be {what}, one or ({count},)')
     return np.broadcast_to(array.astype(dtype), (count,)).copy()

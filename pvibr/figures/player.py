@@ -107,8 +107,7 @@ class FigurePlayer(Thing):
     @driver.setter
     def driver(self, driver):
         if driver is not None and not callable(getattr(driver, 'sample', None)):
-            msg = f'driver = {driver!r}: must have sample(time) -> Pose'
-            raise TypeError(msg)
+            raise TypeError(f'driver = {driver!r}: must have sample(time) -> Pose')
         if driver is None:
             self._fixed = self.pose
         self._driver, self._finish = driver, None
@@ -167,8 +166,7 @@ class FigurePlayer(Thing):
         """
         speed, fade = checked_number('speed', speed), checked_number('fade', fade, 0)
         if on_finished is not None and not callable(on_finished):
-            msg = f'on_finished = {on_finished!r}: must be callable, with the actor'
-            raise TypeError(msg)
+            raise TypeError(f'on_finished = {on_finished!r}: must be callable, with the actor')
         now = self._now()
         start = now if start is None else checked_number('start', start)
         played = ClipSource(self.figure, clip, speed, -start * speed, loop, root, count)
@@ -176,8 +174,7 @@ class FigurePlayer(Thing):
             played.offset += played.length  # backwards from its end
         end = start + played.length / abs(speed) if speed else np.inf
         if on_finished is not None and not np.isfinite(end):
-            msg = 'on_finished needs an end: give loop=False or a count, and a speed'
-            raise ValueError(msg)
+            raise ValueError('on_finished needs an end: give loop=False or a count, and a speed')
         self.driver = _Fade(self._source(), played, now, fade) if fade else played
         self._finish = None if on_finished is None else (end, on_finished)
 
@@ -217,8 +214,7 @@ class FigurePlayer(Thing):
             pose = self._with_weights(pose)
         shape = pose.shape if isinstance(pose, Pose) else pose.shape[:-3]
         if shape:
-            msg = f'pose holds {shape} poses; it must be a single one'
-            raise ValueError(msg)
+            raise ValueError(f'pose holds {shape} poses; it must be a single one')
         self._driver, self._fixed, self._finish = None, pose, None
         self._show_anew()
 
@@ -229,8 +225,9 @@ class FigurePlayer(Thing):
             return pose
         if not found.size:
             return pose.replaced(weights=wanted)
-        msg = f'the pose has {found.shape[-1]} morph weights, the figure {wanted.shape[-1]}'
-        raise ValueError(msg)
+        raise ValueError(
+            f'the pose has {found.shape[-1]} morph weights, the figure {wanted.shape[-1]}'
+        )
 
     @property
     def weights(self):
@@ -244,8 +241,9 @@ class FigurePlayer(Thing):
                 weights = np.array(weights, np.float64)
             wanted = self.figure.rest.weights.shape
             if weights.shape != wanted or not np.isfinite(weights).all():
-                msg = f'weights = {weights!r}: must be finite numbers of shape {wanted}, or None'
-                raise ValueError(msg)
+                raise ValueError(
+                    f'weights = {weights!r}: must be finite numbers of shape {wanted}, or None'
+                )
         self._weights = weights
         self._show_anew()
 

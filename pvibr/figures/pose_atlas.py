@@ -84,13 +84,13 @@ class PoseAtlas(Atlas):
                 {**arrays, 'geometry': pictures[0][0], 'albedo': pictures[1][0]}
             )
         except (KeyError, IndexError) as error:
-            msg = f'not a pose atlas: {error}'
-            raise ValueError(msg) from error
+            raise ValueError(f'not a pose atlas: {error}') from error
         shape = (len(pictures[0]), *first.geometry.shape)
         good = bins.ndim == 2 and np.isfinite(bins).all() and 0 <= bins.min() <= bins.max()
         if any(p.shape != shape for p in pictures) or not good or bins.max() >= shape[0]:
-            msg = f'not a pose atlas: images must be {shape}, bins must refer to their poses'
-            raise ValueError(msg)
+            raise ValueError(
+                f'not a pose atlas: images must be {shape}, bins must refer to their poses'
+            )
         all_poses = {'geometry': pictures[0], 'albedo': pictures[1], 'bins': bins}
         return cls(**vars(first) | all_poses)
 
@@ -230,11 +230,10 @@ def bake_pose_atlas(
     try:
         atlas = _baked(sampler, motions, counts, poses, (radius, support, tile), advance)
     except RuntimeError as error:
-        msg = (
+        warn(
             f'impostor cards are disabled and meshes are drawn instead: {error}. Run `pvibr '
             'doctor`, or update the graphics driver.'
         )
-        warn(msg)
         return LodModel(levels, Atlas.blank(box)), list(motions)
     if store is not None:
         store.put(key, atlas.to_arrays())

@@ -63,8 +63,9 @@ class Posing:
         sheet = sheet_with_room(window, sum(blocks), sum(heights) * poses)
         if sheet is None:
             asked = f'{sum(len(m.points) for m in rest_meshes)} vertices in {poses} poses'
-            msg = f'the figure has {asked}; at most {texture_limit(window) * WIDTH} fit here.'
-            raise ValueError(msg)
+            raise ValueError(
+                f'the figure has {asked}; at most {texture_limit(window) * WIDTH} fit here.'
+            )
         self._sheet = sheet
         first = sheet.take(sum(heights) * poses)
         #: First row of each mesh, and the end of them.

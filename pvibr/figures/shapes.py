@@ -121,8 +121,7 @@ class ShapeStore:
         oldest = next((shape for shape in self._where if shape not in wanted), None)
         if oldest is None:
             size = f'{len(wanted)} shapes of {self.rows * WIDTH} vertices at once'
-            msg = f'{size}; {held} fit here.'
-            raise ValueError(msg)
+            raise ValueError(f'{size}; {held} fit here.')
         return self._where.pop(oldest)
 
     def _load(self, shape, first):

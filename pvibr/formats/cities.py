@@ -94,8 +94,9 @@ def _upgraded(path) -> dict:
     if model.get_version() != VERSION:
         model.upgrade_version(VERSION, 3)  # silently ignores unknown versions
     if model.get_version() != VERSION:
-        msg = f'version is {model.get_version()!r}; supported are versions up to {VERSION}'
-        raise ValueError(msg)
+        raise ValueError(
+            f'version is {model.get_version()!r}; supported are versions up to {VERSION}'
+        )
     return model.j
 
 
@@ -137,8 +138,7 @@ class _City:
         found = [(mesh, matrices) for mesh, matrices in found if mesh.n_cells]
         if not found:
             what = 'geometry' if self._lod is None else f'geometry of level of detail {self._lod}'
-            msg = f'it has no {what} with surfaces'
-            raise ValueError(msg)
+            raise ValueError(f'it has no {what} with surfaces')
         index = np.repeat(np.arange(len(found)), [len(matrices) for _, matrices in found])
         return [mesh for mesh, _ in found], index, np.concatenate([m for _, m in found])
 
@@ -212,8 +212,7 @@ class _City:
 def _points(rows):
     points = np.asarray(rows, float).reshape(-1, 3)
     if not np.isfinite(points).all():
-        msg = 'a vertex is not finite'
-        raise ValueError(msg)
+        raise ValueError('a vertex is not finite')
     return points
 
 

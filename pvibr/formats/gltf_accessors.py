@@ -41,8 +41,7 @@ class Accessors:
         accessor = follow(self._file.document.accessors, index, place, 'accessors')
         shape = accessor.count, int(np.prod(_SHAPES.get(accessor.type, 0)))
         if elements.shape != shape:
-            msg = f'{place} holds {elements.shape}; accessors[{index}] is {shape}.'
-            raise GltfError(msg)
+            raise GltfError(f'{place} holds {elements.shape}; accessors[{index}] is {shape}.')
         if elements.dtype.itemsize > 4:
             elements = elements.astype(np.float32)
         self._raw.setdefault(index, elements)
@@ -61,8 +60,7 @@ class Accessors:
         """Return an accessor of unsigned integers, (n, c) int64."""
         accessor = self._check_type(index, place, types)
         if accessor.component_type not in (5121, 5123, 5125) or accessor.normalized:
-            msg = f'{place} is accessors[{index}], which must hold unsigned integers.'
-            raise GltfError(msg)
+            raise GltfError(f'{place} is accessors[{index}], which must hold unsigned integers.')
         raw = self._elements(index)
         self._file.spend(8 * raw.size, f'accessors[{index}]')
         return raw.astype(np.int64)
@@ -71,8 +69,7 @@ class Accessors:
         accessor = follow(self._file.document.accessors, index, place, 'accessors')
         if accessor.type not in types:
             found, allowed = accessor.type[:40], ', '.join(types)
-            msg = f'{place} is accessors[{index}] of {found}; allowed: {allowed}.'
-            raise GltfError(msg)
+            raise GltfError(f'{place} is accessors[{index}] of {found}; allowed: {allowed}.')
         return accessor
 
     def _elements(self, index):
@@ -103,8 +100,7 @@ class Accessors:
 
     def _fill_in(self, elements, sparse, dtype, shape, place):
         if sparse.count > len(elements):
-            msg = f'{place}.count is {sparse.count} of {len(elements)} elements.'
-            raise GltfError(msg)
+            raise GltfError(f'{place}.count is {sparse.count} of {len(elements)} elements.')
         where = f'{place}.indices'
         data = self._file.view(sparse.indices.buffer_view, f'{where}.bufferView')
         kind = np.dtype(_TYPES[sparse.indices.component_type])
@@ -112,8 +108,7 @@ class Accessors:
         indices = _read(data, start, sparse.count, kind, (1, 1), None, where)[:, 0]
         indices = indices.astype(np.int64)
         if indices[-1] >= len(elements) or (np.diff(indices) <= 0).any():
-            msg = f'{where} must ascend and be below {len(elements)}.'
-            raise GltfError(msg)
+            raise GltfError(f'{where} must ascend and be below {len(elements)}.')
         where = f'{place}.values'
         data = self._file.view(sparse.values.buffer_view, f'{where}.bufferView')
         start = sparse.values.byte_offset
@@ -128,12 +123,12 @@ def _read(data, start, count, dtype, shape, stride, place):
     column = -(-column // 4) * 4 if columns > 1 else column
     stride = stride or columns * column
     if stride < columns * column:
-        msg = f'{place}: the byteStride {stride} is less than an element of {columns * column}.'
-        raise GltfError(msg)
+        raise GltfError(
+            f'{place}: the byteStride {stride} is less than an element of {columns * column}.'
+        )
     end = start + (count - 1) * stride + columns * column
     if end > len(data):
-        msg = f'{place} ends at byte {end} of a bufferView of {len(data)}.'
-        raise GltfError(msg)
+        raise GltfError(f'{place} ends at byte {end} of a bufferView of {len(data)}.')
     strides = (stride, column, dtype.itemsize)
     array = np.ndarray((count, columns, rows), dtype, data, start, strides)
     return array.reshape(count, columns * rows)
@@ -147,8 +142,7 @@ def _as_floats(raw, shares, place):
         if len(bad):
             element, component = bad[0].tolist()
             value = values[element, component]
-            msg = f'{place} holds {value} in element {element}; numbers must be finite.'
-            raise GltfError(msg)
+            raise GltfError(f'{place} holds {value} in element {element}; numbers must be finite.')
     elif shares:
         values /= np.iinfo(raw.dtype).max
         np.maximum(values, -1, out=values)  # both -128 and -127 mean -1

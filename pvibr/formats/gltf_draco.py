@@ -24,8 +24,7 @@ def unpack(file: GltfFile, accessors: Accessors, primitive, place):
         return False
     place = f'{place}.extensions.KHR_draco_mesh_compression'
     if primitive.indices is None or not primitive.attributes.keys() >= draco.attributes.keys():
-        msg = f'{place} needs indices, and accessors of all its attributes.'
-        raise GltfError(msg)
+        raise GltfError(f'{place} needs indices, and accessors of all its attributes.')
     data = bytes(file.view(draco.buffer_view, f'{place}.bufferView'))
     counts = accessors.count(position, place), accessors.count(primitive.indices, place) // 3
     _check_header(data, counts, place)
@@ -34,8 +33,9 @@ def unpack(file: GltfFile, accessors: Accessors, primitive, place):
     for name, number in draco.attributes.items():
         found = [a['data'] for a in mesh.attributes if a['unique_id'] == number]
         if not found:
-            msg = f'{place}.attributes.{name} is {number}, which the compressed mesh lacks.'
-            raise GltfError(msg)
+            raise GltfError(
+                f'{place}.attributes.{name} is {number}, which the compressed mesh lacks.'
+            )
         accessors.fill(primitive.attributes[name], found[0], f'{place}.attributes.{name}')
     accessors.fill(primitive.indices, np.asarray(mesh.faces, np.uint32).reshape(-1, 1), place)
     return True
@@ -46,26 +46,22 @@ def _decoded(data, place):
     try:
         return decoder.decode(data)
     except Exception as error:  # whatever a decoder raises at broken bytes
-        msg = f'{place} cannot be decoded: {error}.'
-        raise GltfError(msg) from error
+        raise GltfError(f'{place} cannot be decoded: {error}.') from error
 
 
 def _check_header(data, counts, place):
     """Raise an error if a mesh says that it is larger than its accessors: memory follows it."""
     flags = int.from_bytes(data[9:11], 'little')
     if data[:5] != _MAGIC or tuple(data[5:7]) != _VERSION or data[7:8] != b'\1':
-        msg = f'{place} is no Draco mesh of version 2.2.'
-        raise GltfError(msg)
+        raise GltfError(f'{place} is no Draco mesh of version 2.2.')
     if flags & _METADATA or data[8] not in (_SEQUENTIAL, _EDGEBREAKER):
-        msg = f'{place} has metadata or another method, which is not read.'
-        raise GltfError(msg)
+        raise GltfError(f'{place} has metadata or another method, which is not read.')
     first, at = _varint(data, _HEADER + (data[8] == _EDGEBREAKER))
     second, _ = _varint(data, at)
     vertices, faces = (second, first) if data[8] == _SEQUENTIAL else (first, second)
     if vertices > counts[0] or faces > counts[1]:
         said = f'{vertices} vertices and {faces} faces, its accessors {counts[0]} and {counts[1]}'
-        msg = f'{place} has {said}.'
-        raise GltfError(msg)
+        raise GltfError(f'{place} has {said}.')
 
 
 def _varint(data, at):

@@ -54,15 +54,13 @@ def naming(place):
     except GltfError:
         raise
     except ValueError as error:
-        msg = f'{place}: {error}'
-        raise GltfError(msg) from error
+        raise GltfError(f'{place}: {error}') from error
 
 
 def follow(things, index, place, kind):
     """Return the element that an index in the file refers to."""
     if index >= len(things):
-        msg = f'{place} is {index}; the file has {len(things)} {kind}.'
-        raise GltfError(msg)
+        raise GltfError(f'{place} is {index}; the file has {len(things)} {kind}.')
     return things[index]
 
 
@@ -88,8 +86,9 @@ class GltfFile:
         self._room -= size
         if self._room < 0:
             needed, most = (self._most - self._room) >> 20, self._most >> 20
-            msg = f'{place} needs {needed} MiB in all; a file of this size may need {most} MiB.'
-            raise TooLargeError(msg)
+            raise TooLargeError(
+                f'{place} needs {needed} MiB in all; a file of this size may need {most} MiB.'
+            )
 
     def leave_out(self, what, place):
         """Note an unsupported feature of the file."""
@@ -108,8 +107,7 @@ class GltfFile:
         data = self._buffer(view.buffer, f'bufferViews[{index}].buffer')
         end = view.byte_offset + view.byte_length
         if end > len(data):
-            msg = f'bufferViews[{index}] ends at byte {end} of a buffer of {len(data)}.'
-            raise GltfError(msg)
+            raise GltfError(f'bufferViews[{index}] ends at byte {end} of a buffer of {len(data)}.')
         return data[view.byte_offset : end]
 
     def resource(self, uri, place, limit=None) -> bytes:
@@ -127,8 +125,7 @@ class GltfFile:
             data = self._bytes_of(buffer, f'buffers[{index}]', index)
             if len(data) < buffer.byte_length:
                 what = f'buffers[{index}].byteLength is {buffer.byte_length}'
-                msg = f'{what}, but there are {len(data)} bytes.'
-                raise GltfError(msg)
+                raise GltfError(f'{what}, but there are {len(data)} bytes.')
             self._buffers[index] = memoryview(data)[: buffer.byte_length]
         return self._buffers[index]
 
@@ -136,8 +133,7 @@ class GltfFile:
         if buffer.uri is not None:
             return self.resource(buffer.uri, f'{place}.uri', buffer.byte_length)
         if index or self._blob is None:
-            msg = f'{place} has no uri, and no bytes come with the file.'
-            raise GltfError(msg)
+            raise GltfError(f'{place} has no uri, and no bytes come with the file.')
         return self._blob
 
     def _located(self, uri, place) -> Path:
@@ -145,8 +141,7 @@ class GltfFile:
         name = urllib.parse.unquote(uri)
         # Before any file access. A scheme has a colon, as a drive of Windows has.
         if not name or any(sign in name for sign in ':\\\0') or name.startswith('/'):
-            msg = f'{place} is {_short(uri)}; it must be a data URI or a relative path.'
-            raise GltfError(msg)
+            raise GltfError(f'{place} is {_short(uri)}; it must be a data URI or a relative path.')
         folder = self.path.parent.resolve()
         try:
             path = (folder / name).resolve()
@@ -156,10 +151,8 @@ class GltfFile:
         except (OSError, RuntimeError, ValueError):  # name too long; symbolic links in a cycle
             inside = True
         if inside:
-            msg = f'{place} is {_short(uri)}: no such file.'
-            raise GltfError(msg)
-        msg = f'{place} is {_short(uri)}: outside of the folder of the glTF file.'
-        raise GltfError(msg)
+            raise GltfError(f'{place} is {_short(uri)}: no such file.')
+        raise GltfError(f'{place} is {_short(uri)}: outside of the folder of the glTF file.')
 
     def _read(self, path, place, limit):
         try:
@@ -168,26 +161,21 @@ class GltfFile:
                 size = path.stat().st_size
                 return file.read(size if limit is None else min(limit, size))
         except OSError as error:
-            msg = f'{place} cannot be read: {error.strerror}.'
-            raise GltfError(msg) from error
+            raise GltfError(f'{place} cannot be read: {error.strerror}.') from error
 
 
 def _chunks(data) -> tuple[bytes, bytes | None]:
     """Return the JSON and the binary chunk of a GLB."""
     if len(data) < 20:
-        msg = f'the GLB is cut off: it has {len(data)} bytes.'
-        raise GltfError(msg)
+        raise GltfError(f'the GLB is cut off: it has {len(data)} bytes.')
     version, length = struct.unpack_from('<II', data, 4)
     if version != 2:
-        msg = f'the GLB is of version {version}; only 2 is supported.'
-        raise GltfError(msg)
+        raise GltfError(f'the GLB is of version {version}; only 2 is supported.')
     if not 20 <= length <= len(data):
-        msg = f'the GLB is cut off: it says {length} bytes and has {len(data)}.'
-        raise GltfError(msg)
+        raise GltfError(f'the GLB is cut off: it says {length} bytes and has {len(data)}.')
     chunks = list(_split(data[:length]))
     if chunks[0][0] != _JSON:
-        msg = f'chunk 0 of the GLB is {chunks[0][0]!r}; it must be {_JSON!r}.'
-        raise GltfError(msg)
+        raise GltfError(f'chunk 0 of the GLB is {chunks[0][0]!r}; it must be {_JSON!r}.')
     blob = chunks[1][1] if len(chunks) > 1 and chunks[1][0] == _BIN else None
     return chunks[0][1], blob
 
@@ -201,8 +189,7 @@ def _split(data):
         size, kind = struct.unpack_from('<I4s', data, at)
         at += 8 + size
         if at > len(data):
-            msg = f'chunk {number} of the GLB ends at byte {at} of {len(data)}.'
-            raise GltfError(msg)
+            raise GltfError(f'chunk {number} of the GLB ends at byte {at} of {len(data)}.')
         yield kind, data[at - size : at]
 
 
@@ -214,14 +201,11 @@ def _parsed(json) -> Gltf:
         with suppress(msgspec.DecodeError, RecursionError, UnicodeDecodeError):
             _check_version(_decoded_as(json, _Versioned).asset)
         fault, _, place = str(error).partition(' - at ')
-        msg = f'{place.strip("`").removeprefix("$.") or "the file"}: {fault}.'
-        raise GltfError(msg) from None
+        raise GltfError(f'{place.strip("`").removeprefix("$.") or "the file"}: {fault}.') from None
     except RecursionError:
-        msg = 'the JSON is nested too deeply.'
-        raise GltfError(msg) from None
+        raise GltfError('the JSON is nested too deeply.') from None
     except ValueError as error:  # of msgspec, or of invalid UTF-8
-        msg = f'the file is neither GLB nor JSON: {error}'
-        raise GltfError(msg) from None
+        raise GltfError(f'the file is neither GLB nor JSON: {error}') from None
     _check_version(document.asset)
     return document
 
@@ -253,23 +237,19 @@ def _integral(value):
 
 def _check_version(asset):
     if not asset.version.startswith('2.'):
-        msg = f'asset.version is {asset.version[:20]!r}; only 2.x is supported.'
-        raise GltfError(msg)
+        raise GltfError(f'asset.version is {asset.version[:20]!r}; only 2.x is supported.')
     if asset.min_version not in (None, '2.0'):
-        msg = f'asset.minVersion is {asset.min_version[:20]!r}; only 2.0 is supported.'
-        raise GltfError(msg)
+        raise GltfError(f'asset.minVersion is {asset.min_version[:20]!r}; only 2.0 is supported.')
 
 
 def _decoded(uri, place) -> bytes:
     head, comma, content = uri.partition(',')
     if not comma or not head.lower().endswith(';base64'):
-        msg = f'{place} is {_short(uri)}; a data URI must be in base64.'
-        raise GltfError(msg)
+        raise GltfError(f'{place} is {_short(uri)}; a data URI must be in base64.')
     try:
         return base64.b64decode(urllib.parse.unquote(content), validate=True)
     except (binascii.Error, ValueError) as error:
-        msg = f'{place} is no base64: {error}.'
-        raise GltfError(msg) from None
+        raise GltfError(f'{place} is no base64: {error}.') from None
 
 
 def _short(text):

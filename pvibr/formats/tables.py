@@ -55,8 +55,7 @@ class Table:
             bad = np.flatnonzero(~np.isfinite(values[:, position]))
             if index in needed and len(bad):
                 place = f'{self.path}, row {bad[0]}, column {self.names[index]!r}'
-                msg = f'{place}: {values[bad[0], position]} is not a finite number.'
-                raise ValueError(msg)
+                raise ValueError(f'{place}: {values[bad[0], position]} is not a finite number.')
 
 
 class _TextTable(Table):
@@ -68,8 +67,9 @@ class _TextTable(Table):
         header, first = next(lines, ''), next(lines, '')
         lines.close()
         if not header:
-            msg = f'{path}: the file is empty; its first line must name the columns x, y, z.'
-            raise ValueError(msg)
+            raise ValueError(
+                f'{path}: the file is empty; its first line must name the columns x, y, z.'
+            )
         self.delimiter = max(',;\t', key=header.count)
         rows = self._split(line.rstrip('\r\n') for line in (header, first) if line)
         self.names = [name.strip() for name in next(rows)[1]]
@@ -78,8 +78,9 @@ class _TextTable(Table):
         twice = [name for name, count in Counter(self.names).items() if name and count > 1]
         if twice:
             column = len(self.names) - self.names[::-1].index(twice[0])
-            msg = f'{path}, line 1, column {column}: another column is named {twice[0]!r}, too.'
-            raise ValueError(msg)
+            raise ValueError(
+                f'{path}, line 1, column {column}: another column is named {twice[0]!r}, too.'
+            )
 
     def _lines(self):
         """Yield the lines of the file."""
@@ -89,13 +90,15 @@ class _TextTable(Table):
                 while line := file.readline(_LONGEST):
                     if len(line) == _LONGEST:
                         place = f'{self.path}, line {number}, column {_columns_of(line)}'
-                        msg = f'{place}: the line has more than {_LONGEST:,} characters.'
-                        raise ValueError(msg)
+                        raise ValueError(
+                            f'{place}: the line has more than {_LONGEST:,} characters.'
+                        )
                     yield line
                     number += 1
         except (gzip.BadGzipFile, EOFError, zlib.error) as error:
-            msg = f'{self.path}: not a readable gzip file from line {number} on ({error}).'
-            raise ValueError(msg) from error
+            raise ValueError(
+                f'{self.path}: not a readable gzip file from line {number} on ({error}).'
+            ) from error
 
     def _split(self, lines):
         """Yield (number of the last line, fields) of the records in lines."""
@@ -109,8 +112,9 @@ class _TextTable(Table):
             sizes = [len(text) for text in held[0].split(self.delimiter)]
             column = len(sizes) if len(held) > 1 else 1 + sizes.index(max(sizes))
             first = reader.line_num - len(held) + 1
-            msg = f'{self.path}, line {first}, column {column}: {error}; is a quote left open?'
-            raise ValueError(msg) from error
+            raise ValueError(
+                f'{self.path}, line {first}, column {column}: {error}; is a quote left open?'
+            ) from error
 
     def kind(self, index):
         """Return 'text' if the first value is neither a number nor missing, else 'number'."""
@@ -171,8 +175,7 @@ class _TextTable(Table):
             return np.nan
         if not _is_number(text) or (is_needed and not np.isfinite(float(text))):
             what = 'a finite number' if is_needed else 'a number'
-            msg = f'{self._place(line, index)}: {text!r} is not {what}.'
-            raise ValueError(msg)
+            raise ValueError(f'{self._place(line, index)}: {text!r} is not {what}.')
         return float(text)
 
     def _place(self, line, index):
@@ -186,12 +189,11 @@ class _TextTable(Table):
         next(rows)
         for line, row in rows:
             if len(row) != len(self.names):
-                msg = (
+                raise ValueError(
                     f'{self.path}, line {line}, column {min(len(row), len(self.names)) + 1}: '
                     f'{len(row)} values, but the header names {len(self.names)} columns: '
                     f'{self.delimiter.join(row)!r:.200}.'
                 )
-                raise ValueError(msg)
             yield line, row
 
     def texts(self, indices):
@@ -238,8 +240,7 @@ class _ParquetTable(Table):
         try:
             return read(str(self.path), **options)
         except (ValueError, OSError) as error:  # pyarrow's own errors are both
-            msg = f'{self.path}: not a readable Parquet file ({error}).'
-            raise ValueError(msg) from error
+            raise ValueError(f'{self.path}: not a readable Parquet file ({error}).') from error
 
     def kind(self, index):
         """Return 'number', 'text', or 'other' for lists, times, bytes and the like."""
@@ -262,16 +263,14 @@ class _ParquetTable(Table):
         counts = Counter(self.names)
         twice = [name for name in names if counts[name] > 1]
         if twice:
-            msg = f'{self.path}: two columns are named {twice[0]!r}.'
-            raise ValueError(msg)
+            raise ValueError(f'{self.path}: two columns are named {twice[0]!r}.')
         return self._read(self._parquet.read_table, columns=list(dict.fromkeys(names))), names
 
     def numbers(self, indices, needed):
         """Return columns as (n, len(indices)) float64; those in `needed` must be finite."""
         wrong = [self.names[i] for i in indices if self.kind(i) != 'number']
         if wrong:
-            msg = f'{self.path}: column {wrong[0]!r} does not hold numbers.'
-            raise ValueError(msg)
+            raise ValueError(f'{self.path}: column {wrong[0]!r} does not hold numbers.')
         table, names = self._columns(indices)
         columns = [table.column(name).cast('float64', safe=False).to_numpy() for name in names]
         values = np.stack(columns, axis=1)
@@ -297,8 +296,7 @@ class _PointCloud(Table):
         try:
             self._points = laspy.read(path)
         except Exception as error:
-            msg = f'{path}: not a readable LAS or LAZ file ({error}).'
-            raise ValueError(msg) from error
+            raise ValueError(f'{path}: not a readable LAS or LAZ file ({error}).') from error
         given = self._points.point_format.dimension_names
         self.names = ['x', 'y', 'z', *(name for name in given if name not in 'XYZ')]
 
@@ -332,13 +330,11 @@ class _Columns(Table):
         for name in names:
             array = np.asarray(columns[name])
             if not array.ndim:
-                msg = f'{self.path}: column {name!r} is one {array.item()!r:.80}'
-                raise ValueError(msg)
+                raise ValueError(f'{self.path}: column {name!r} is one {array.item()!r:.80}')
             self._held[name] = _as_numbers(array) if array.dtype.kind == 'O' else array
         lengths = {name: len(array) for name, array in self._held.items()}
         if len(set(lengths.values())) > 1:
-            msg = f'{self.path}: its columns have different lengths, {lengths}'
-            raise ValueError(msg)
+            raise ValueError(f'{self.path}: its columns have different lengths, {lengths}')
 
     def kind(self, index):
         """Return 'number', 'text', or 'other' for times, lists and the like."""
@@ -353,8 +349,7 @@ class _Columns(Table):
         """Return columns as (n, len(indices)) float64; those in `needed` must be finite."""
         wrong = [self.names[i] for i in indices if self.kind(i) != 'number']
         if wrong:
-            msg = f'{self.path}: column {wrong[0]!r} does not hold numbers.'
-            raise ValueError(msg)
+            raise ValueError(f'{self.path}: column {wrong[0]!r} does not hold numbers.')
         values = np.stack([self._held[self.names[i]].astype(float) for i in indices], axis=1)
         self._check_finite(values, indices, needed)
         return values

@@ -25,8 +25,7 @@ def read_trimesh(path):
 
     scene = trimesh.load_scene(path, process=False)
     if not scene.geometry:
-        msg = 'no geometry in it'
-        raise ValueError(msg)
+        raise ValueError('no geometry in it')
     return scene
 
 
@@ -43,8 +42,7 @@ def trimesh_instances(scene):
         matrices.append(matrix)
         index.append(names.setdefault(name, len(names)))
     if not names:
-        msg = 'the trimesh scene has no triangle mesh in it.'
-        raise ValueError(msg)
+        raise ValueError('the trimesh scene has no triangle mesh in it.')
     meshes = [scene.geometry[name] for name in names]
     return meshes, np.array(index), np.array(matrices)
 
@@ -71,16 +69,14 @@ def _warn_dropped(scene, node):
     parent = scene.graph.transforms.parents.get(node)
     metadata = scene.graph.transforms.edge_data.get((parent, node), {}).get('metadata') or {}
     if _INSTANCING in metadata.get('gltf_extensions', {}):
-        msg = (
+        warn(
             f'node {node!r} has {_INSTANCING}, which trimesh drops: one instance is drawn. '
             'Give the path of the file instead of the trimesh scene.'
         )
-        warn(msg)
 
 
 def _warn_skipped(name, geometry):
-    msg = f'geometry {name!r} ({type(geometry).__name__}) has no triangles and is not drawn.'
-    warn(msg)
+    warn(f'geometry {name!r} ({type(geometry).__name__}) has no triangles and is not drawn.')
 
 
 def _colored(data, colors):

@@ -80,8 +80,7 @@ class Quad:
         if self.program is None:
             log = _log(fragment)
             most = '\n'.join(log.splitlines()[:_MOST_LINES])
-            msg = f'shader {name!r} does not compile: {most}'
-            raise ShaderError(msg, log)
+            raise ShaderError(f'shader {name!r} does not compile: {most}', log)
 
     def draw(self, uniforms=None, textures=None, blend=None):
         """Draw once; depth test and culling are off meanwhile."""

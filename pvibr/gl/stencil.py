@@ -19,8 +19,7 @@ class StencilTarget:
         self.window, self.masks = window, masks
         self._depth = Texture(window)
         if not self._depth.object.AllocateDepthStencil(width, height):
-            msg = f'the driver refused depth and stencil of {width} x {height}'
-            raise RuntimeError(msg)
+            raise RuntimeError(f'the driver refused depth and stencil of {width} x {height}')
         self._depth.nbytes = width * height * 4
         # One framebuffer for each: drawn into the second of several, llvmpipe leaves out rows.
         self._targets = [

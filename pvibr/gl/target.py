@@ -65,8 +65,9 @@ class Target:
     def _check(self):
         self._activate()
         if not self.object.CheckFrameBufferStatus(self.object.GetDrawMode()):
-            msg = f'the driver cannot draw into {len(self.colors)} targets of these formats'
-            raise RuntimeError(msg)
+            raise RuntimeError(
+                f'the driver cannot draw into {len(self.colors)} targets of these formats'
+            )
 
     def _activate(self):
         if self.colors:

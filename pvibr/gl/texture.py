@@ -105,15 +105,18 @@ class Texture:
         channels = array.shape[2] if array.ndim == 3 else 1
         limit = texture_limit(self.window)
         if not (0 < width <= limit and 0 < height <= limit):
-            msg = f'texture of {width} x {height} texels: each side must be 1 to {limit} here'
-            raise ValueError(msg)
+            raise ValueError(
+                f'texture of {width} x {height} texels: each side must be 1 to {limit} here'
+            )
         if array.dtype.name not in _VTK_TYPES:
-            msg = f'texture of dtype {array.dtype}: must be one of {", ".join(_VTK_TYPES)}'
-            raise ValueError(msg)
+            raise ValueError(
+                f'texture of dtype {array.dtype}: must be one of {", ".join(_VTK_TYPES)}'
+            )
         kind = getattr(_vtk, _VTK_TYPES[array.dtype.name])
         if not self.object.Create2DFromRaw(width, height, channels, kind, array):
-            msg = f'the driver refused a texture of {width} x {height} x {channels} {array.dtype}'
-            raise RuntimeError(msg)
+            raise RuntimeError(
+                f'the driver refused a texture of {width} x {height} x {channels} {array.dtype}'
+            )
         self.nbytes = array.nbytes
         return self
 
@@ -127,8 +130,7 @@ class Texture:
                 self.object.SetInternalFormat(internal)
             made = self.object.Create2D(width, height, channels, getattr(_vtk, kind), False)
         if not made:
-            msg = f'the driver refused a {format} target of {width} x {height}'
-            raise RuntimeError(msg)
+            raise RuntimeError(f'the driver refused a {format} target of {width} x {height}')
         self.nbytes = width * height * texel * max(self.object.GetSamples(), 1)
         return self
 

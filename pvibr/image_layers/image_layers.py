@@ -366,12 +366,14 @@ def _checked_groups(groups) -> list:
     for actor in (a for group in found for a in group):
         if not isinstance(actor, _vtk.vtkActor) or isinstance(actor, Thing):
             what = type(actor).__name__
-            msg = f'groups holds a {what}: each must be an actor, as add_mesh returns it'
-            raise TypeError(msg)
+            raise TypeError(
+                f'groups holds a {what}: each must be an actor, as add_mesh returns it'
+            )
     keys = [address(a) for group in found for a in group]
     if not all(found) or not found or len(set(keys)) < len(keys):
-        msg = f'groups = {groups!r}: each must hold an actor or more, and each actor be in one'
-        raise ValueError(msg)
+        raise ValueError(
+            f'groups = {groups!r}: each must hold an actor or more, and each actor be in one'
+        )
     return found
 
 

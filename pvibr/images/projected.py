@@ -29,8 +29,7 @@ class Pictures:
         elif isinstance(image, list | tuple) or getattr(image, 'ndim', 0) == 4:
             self._frames = list(image)
         if not self._frames:
-            msg = 'image is an empty sequence; it must have at least one picture.'
-            raise ValueError(msg)
+            raise ValueError('image is an empty sequence; it must have at least one picture.')
         self._last: tuple = (-1, None)
         first = self.read(0)
         #: Width and height in pixels.
@@ -52,8 +51,9 @@ class Pictures:
         picture = self._last[1]
         size = (picture.shape[1], picture.shape[0])
         if size != getattr(self, 'size', size):
-            msg = f'image {k} of the sequence has {size} pixels; the first has {self.size}.'
-            raise ValueError(msg)
+            raise ValueError(
+                f'image {k} of the sequence has {size} pixels; the first has {self.size}.'
+            )
         return picture
 
     def weighted(self, k, alpha=True) -> np.ndarray:
@@ -81,8 +81,9 @@ class Pictures:
             meta = self._reader.get_meta_data()
             count = getattr(self._reader, 'count_frames', self._reader.get_length)()
         except Exception as error:
-            msg = f'image = {self._film}: imageio cannot read it as a film: {error}'
-            raise ValueError(msg) from error
+            raise ValueError(
+                f'image = {self._film}: imageio cannot read it as a film: {error}'
+            ) from error
         shown = float(meta.get('duration') or 0)  # of a GIF's picture, in milliseconds
         self.fps = float(meta.get('fps') or (1e3 / shown if shown else 25.0))
         self._frames = [None] * int(count)
@@ -99,8 +100,9 @@ class LivePictures:
 
     def __init__(self, live, mask=None):
         if mask is not None:
-            msg = 'mask is given with a live texture: give it a background with alpha 0 instead'
-            raise ValueError(msg)
+            raise ValueError(
+                'mask is given with a live texture: give it a background with alpha 0 instead'
+            )
         self.live, self.size = live, live.size
 
     def at(self, time, fps=None, loop=True) -> int:
@@ -191,12 +193,14 @@ def _as_rgba(image):
         image = image.to_array() if image.GetInput() is not None else ()
     image, given = np.asarray(image), image
     if image.dtype == object:
-        msg = f'image must be a file, an array or a texture, not {type(given).__name__}.'
-        raise TypeError(msg)
+        raise TypeError(
+            f'image must be a file, an array or a texture, not {type(given).__name__}.'
+        )
     shape = image.shape if image.ndim == 3 else (*image.shape, 1)
     if len(shape) != 3 or not image.size or shape[2] > 4:
-        msg = f'image has the shape {image.shape}; it must be (h, w) or (h, w, 1 to 4), not empty.'
-        raise ValueError(msg)
+        raise ValueError(
+            f'image has the shape {image.shape}; it must be (h, w) or (h, w, 1 to 4), not empty.'
+        )
     image = _bytes(image).reshape(shape)
     if shape[2] in (1, 2):
         image = np.concatenate([image[..., :1]] * 3 + [image[..., 1:]], -1)
@@ -213,12 +217,12 @@ def _bytes(image):
     if image.dtype == np.uint16:
         return np.rint(image / 257.0).astype(np.uint8)
     if not np.issubdtype(image.dtype, np.floating):
-        msg = f'image is of dtype {image.dtype}; it must be uint8, uint16, bool or float.'
-        raise ValueError(msg)
+        raise ValueError(
+            f'image is of dtype {image.dtype}; it must be uint8, uint16, bool or float.'
+        )
     low, high = image.min(), image.max()  # NaN where any is
     if not (low >= 0 and high <= 1 + 1e-6):
-        msg = f'image has values from {low} to {high}; floats must be from 0 to 1.'
-        raise ValueError(msg)
+        raise ValueError(f'image has values from {low} to {high}; floats must be from 0 to 1.')
     return np.rint(np.clip(image, 0, 1) * 255).astype(np.uint8)
 
 
@@ -232,15 +236,15 @@ def _read(path):
             image = v3.imread(path.read_bytes(), **hint)  # readers that fail leave files open
         return _as_rgba(image[0] if image.ndim == 4 else image)  # of a GIF the first
     except Exception as error:
-        msg = f'image = {path}: imageio cannot read it as a picture: {error}'
-        raise ValueError(msg) from error
+        raise ValueError(
+            f'image = {path}: imageio cannot read it as a picture: {error}'
+        ) from error
 
 
 def _file(name, path):
     path = Path(path)
     if not path.is_file():
-        msg = f'{name} = {path}: there is no such file.'
-        raise FileNotFoundError(msg)
+        raise FileNotFoundError(f'{name} = {path}: there is no such file.')
     return path
 
 

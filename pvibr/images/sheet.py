@@ -68,8 +68,9 @@ class Sheet:
         fits = [k for k, level in enumerate(self.levels) if max(level.shape[:2]) <= limit]
         if not fits:
             height, width = self.levels[-1].shape[:2]
-            msg = f'images need {width} x {height} texels at least; the driver takes {limit}'
-            raise ValueError(msg)
+            raise ValueError(
+                f'images need {width} x {height} texels at least; the driver takes {limit}'
+            )
         first = fits[0]
         texture = MipTexture(window).upload(self.levels[first])
         for k, level in enumerate(self.levels[first + 1 :], 1):
@@ -101,11 +102,10 @@ def shelves(sizes, limit):
         right = max(right, x)
     size = int(right), int(y + shelf)
     if max(size) > limit:
-        msg = (
+        raise ValueError(
             f'images need a texture of {size[0]} x {size[1]} texels together; one may have '
             f'{limit} x {limit}: give fewer or smaller ones, or several sets'
         )
-        raise ValueError(msg)
     return corners, size
 
 
@@ -164,11 +164,9 @@ def as_images(image, frames=None) -> list:
         image if isinstance(image, list | tuple) or getattr(image, 'ndim', 0) == 4 else [image]
     )
     if any(is_live(i) for i in images):
-        msg = 'image is a list with a live texture; give that alone'
-        raise ValueError(msg)
+        raise ValueError('image is a list with a live texture; give that alone')
     if not len(images):
-        msg = 'image is an empty list; it must have at least one'
-        raise ValueError(msg)
+        raise ValueError('image is an empty list; it must have at least one')
     found = [_numbered(i, one, len(images)) for i, one in enumerate(images)]
     return found if frames is None else [f for i in found for f in _cut_up(i, frames)]
 
@@ -179,8 +177,7 @@ def _numbered(i, image, count):
     except ValueError as error:
         if count == 1 or isinstance(image, str | Path):
             raise
-        msg = f'image[{i}]: {error}'
-        raise ValueError(msg) from error
+        raise ValueError(f'image[{i}]: {error}') from error
 
 
 def _cut_up(image, frames):
@@ -188,11 +185,10 @@ def _cut_up(image, frames):
     with naming('frames', frames):
         good = np.shape(frames) == (2,) and all(isinstance(f, int | np.integer) for f in frames)
     if not good or min(frames) < 1 or width % frames[0] or height % frames[1]:
-        msg = (
+        raise ValueError(
             f'frames = {frames!r}: it must be columns and rows that divide the image of '
             f'{width} x {height} pixels'
         )
-        raise ValueError(msg)
     columns, rows = frames
     w, h = width // columns, height // rows
     cells = image.reshape(rows, h, columns, w, 4).swapaxes(1, 2)

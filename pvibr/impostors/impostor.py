@@ -85,11 +85,10 @@ class Impostor(Substitute):
         found = checked(actors)
         super().__init__(**settings)
         if not self.hierarchical and any(isinstance(thing, Instances) for thing in found):
-            msg = (
+            raise ValueError(
                 'actors has Instances, which are drawn as images of their own: give '
                 'hierarchical=True to have images of many of them, or leave them out'
             )
-            raise ValueError(msg)
         self.name = name
         self._materials = Materials()
         self._stand_for(found)
@@ -212,8 +211,9 @@ class Impostor(Substitute):
         mine = {id(thing) for thing in self.things}
         for place, thing in enumerate(found):
             if id(thing) not in mine:
-                msg = f'actors[{place}] is none of the {len(mine)} that {self.name} stands for'
-                raise ValueError(msg)
+                raise ValueError(
+                    f'actors[{place}] is none of the {len(mine)} that {self.name} stands for'
+                )
         if self.pipeline is not None:
             self.pipeline.make_current()
         self._forget(found)
@@ -222,8 +222,9 @@ class Impostor(Substitute):
         mine = addresses(self.things)
         for place, thing in enumerate(found):
             if address(thing) in mine:
-                msg = f'actors[{place}] is one that {self.name} stands for already: leave it out'
-                raise ValueError(msg)
+                raise ValueError(
+                    f'actors[{place}] is one that {self.name} stands for already: leave it out'
+                )
         if self.pipeline is not None:
             self._claim(self.pipeline, found)
         return found

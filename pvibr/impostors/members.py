@@ -13,19 +13,16 @@ def checked(actors) -> list:
     found = listed(actors)
     for thing in found:
         if not is_actor(thing) and type(thing) is not Instances:
-            msg = (
+            raise TypeError(
                 f'actors holds a {type(thing).__name__}: each must be an actor, as add_mesh '
                 'returns it, or Instances, as add_instances does'
             )
-            raise TypeError(msg)
     if not found:
-        msg = 'actors is empty: give one or more'
-        raise ValueError(msg)
+        raise ValueError('actors is empty: give one or more')
     seen: set = set()
     for place, thing in enumerate(found):
         if id(thing) in seen:
-            msg = f'actors[{place}] is there twice: give each of them once'
-            raise ValueError(msg)
+            raise ValueError(f'actors[{place}] is there twice: give each of them once')
         seen.add(id(thing))
     return found
 

@@ -51,8 +51,7 @@ class Inspection(Effect):
     def __init__(self, thing=None, **settings):
         super().__init__(**settings)
         if not isinstance(thing, Instances | Impostor | None):
-            msg = f'atlas = {thing!r}: must be True, False, instances or an impostor'
-            raise TypeError(msg)
+            raise TypeError(f'atlas = {thing!r}: must be True, False, instances or an impostor')
         self.thing = thing
         self._marks = Marks()
         self._tinted: list = []
@@ -348,8 +347,9 @@ def _row(name, value) -> str:
 def toggle(pipeline, on, atlas, *, levels, cells, table) -> Inspection | None:
     """Enable or disable the inspection of a subplot; by default toggle it."""
     if on is not None and not isinstance(on, bool):
-        msg = f'on = {on!r}: must be True, False or None; atlas says whose images are shown'
-        raise TypeError(msg)
+        raise TypeError(
+            f'on = {on!r}: must be True, False or None; atlas says whose images are shown'
+        )
     thing = None if isinstance(atlas, bool) else atlas
     made = Inspection(thing, levels=levels, cells=cells, atlas=atlas is not False, table=table)
     found = [e for e in pipeline.effects if isinstance(e, Inspection)]

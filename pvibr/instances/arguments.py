@@ -53,8 +53,7 @@ def _meshes_and_poses(mesh, poses, index, pbr=False):
         if is_trimesh(mesh, 'Scene') or isinstance(mesh, str | Path):
             meshes, index, matrices = scene_instances(mesh, pbr)
             return meshes, matrices, index
-        msg = 'poses is missing: give (n, 3) points or (n, 4, 4) matrices'
-        raise TypeError(msg)
+        raise TypeError('poses is missing: give (n, 3) points or (n, 4, 4) matrices')
     several = isinstance(mesh, list | tuple) and not are_parts(mesh)
     return (list(mesh) if several else [mesh]), poses, index
 
@@ -65,13 +64,15 @@ def checked_index(index, n, meshes):
         return np.arange(n) % meshes if meshes > 1 else np.zeros(n, int)
     index = as_array('index', index)
     if index.shape != (n,) or index.dtype.kind not in 'iu':
-        msg = f'index has shape {index.shape}, dtype {index.dtype}; it must be ({n},) integers'
-        raise ValueError(msg)
+        raise ValueError(
+            f'index has shape {index.shape}, dtype {index.dtype}; it must be ({n},) integers'
+        )
     wrong = np.flatnonzero((index < 0) | (index >= meshes))
     if len(wrong):
         i = wrong[0]
-        msg = f'index[{i}] is {index[i]}; there are {meshes} meshes: it must be 0 to {meshes - 1}'
-        raise ValueError(msg)
+        raise ValueError(
+            f'index[{i}] is {index[i]}; there are {meshes} meshes: it must be 0 to {meshes - 1}'
+        )
     return index
 
 
@@ -79,11 +80,9 @@ def index_of_phase(phase, meshes):
     """Return the meshes that phases, modulo 1, show."""
     phase = as_array('phase', phase)
     if phase.dtype.kind not in 'fiu' or not np.isfinite(phase).all():
-        msg = f'phase has dtype {phase.dtype}; it must be finite numbers'
-        raise ValueError(msg)
+        raise ValueError(f'phase has dtype {phase.dtype}; it must be finite numbers')
     if phase.ndim > 1:
-        msg = f'phase has shape {phase.shape}; it must be a number, or one for each'
-        raise ValueError(msg)
+        raise ValueError(f'phase has shape {phase.shape}; it must be a number, or one for each')
     return np.minimum((phase % 1.0 * meshes).astype(int), meshes - 1)
 
 
@@ -95,11 +94,10 @@ def index_for(count, before, meshes):
         return np.zeros(count, int)
     if np.array_equal(before, np.arange(len(before)) % meshes):
         return np.arange(count) % meshes
-    msg = (
+    raise ValueError(
         f'poses has {count} rows, index has {len(before)}: give both, '
         'as in update(poses=..., index=...)'
     )
-    raise ValueError(msg)
 
 
 def checked_ids(ids, count):
@@ -112,12 +110,10 @@ def checked_ids(ids, count):
     if ids.size == 0:
         return np.zeros(0, int)
     if ids.ndim != 1 or ids.dtype.kind not in 'iu':
-        msg = f'ids has shape {ids.shape}, dtype {ids.dtype}; it must be (k,) integers'
-        raise IndexError(msg)
+        raise IndexError(f'ids has shape {ids.shape}, dtype {ids.dtype}; it must be (k,) integers')
     wrong = ids[(ids < -count) | (ids >= count)]
     if len(wrong):
-        msg = f'ids has {wrong[0]}; there are {count} instances'
-        raise IndexError(msg)
+        raise IndexError(f'ids has {wrong[0]}; there are {count} instances')
     return ids % count
 
 
@@ -126,8 +122,9 @@ def repeated(name, values, count):
     values = as_array(name, values)
     rows = values[None] if values.ndim == 0 else values
     if len(rows) not in (1, count):
-        msg = f'{name} has {len(rows)} rows; it must be one, or one for each of {count} instances'
-        raise ValueError(msg)
+        raise ValueError(
+            f'{name} has {len(rows)} rows; it must be one, or one for each of {count} instances'
+        )
     return np.broadcast_to(rows, (count, *rows.shape[1:]))
 
 
@@ -141,8 +138,7 @@ def same_kind(poses, others):
 def checked_blend(blend):
     """Return how colours of instances combine with those of the mesh."""
     if not isinstance(blend, str) or blend not in ('replace', 'multiply'):
-        msg = f"blend is {blend!r}; it must be 'replace' or 'multiply'"
-        raise ValueError(msg)
+        raise ValueError(f"blend is {blend!r}; it must be 'replace' or 'multiply'")
     return blend
 
 
@@ -156,6 +152,5 @@ def checked_cache(cache):
 def checked_views(views):
     """Return True if a mesh is baked from the upper hemisphere only."""
     if not isinstance(views, str) or views not in ('full', 'half'):
-        msg = f"views is {views!r}; it must be 'full' or 'half'"
-        raise ValueError(msg)
+        raise ValueError(f"views is {views!r}; it must be 'full' or 'half'")
     return views == 'half'

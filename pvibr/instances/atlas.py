@@ -172,14 +172,14 @@ class Atlas:
             support = np.asarray(arrays['support'], float)
             pictures = [np.asarray(arrays[k]) for k in ('geometry', 'albedo')]
         except (KeyError, TypeError, ValueError) as err:
-            msg = f'not an atlas: {err}'
-            raise ValueError(msg) from err
+            raise ValueError(f'not an atlas: {err}') from err
         side = views * tile
         good = sphere.shape == (5,) and np.isfinite(sphere).all() and sphere[3] > 0
         good = good and support.shape == (SIDE, SIDE) and np.isfinite(support).all()
         if not good or any(p.shape != (side, side, 4) or p.dtype != np.uint8 for p in pictures):
-            msg = f'not an atlas: pictures must be ({side}, {side}, 4) uint8 with a sphere'
-            raise ValueError(msg)
+            raise ValueError(
+                f'not an atlas: pictures must be ({side}, {side}, 4) uint8 with a sphere'
+            )
         errors = {k[7:]: np.asarray(arrays[k]) for k in arrays if k.startswith('errors.')}
         geometry, albedo = pictures
         return cls(
@@ -234,8 +234,7 @@ class Atlas:
         except (zipfile.BadZipFile, EOFError, OSError) as err:
             if isinstance(err, FileNotFoundError):
                 raise
-            msg = f'{path}: not an atlas: {err}'
-            raise ValueError(msg) from err
+            raise ValueError(f'{path}: not an atlas: {err}') from err
 
     def contact_sheet(self, path=None, background=1.0) -> np.ndarray:
         """Return all views side by side as an image, optionally saved.

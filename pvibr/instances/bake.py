@@ -92,8 +92,9 @@ def bake_parts(
 def check_grid(views, tile):
     """Raise ValueError unless there can be so many views, of so many texels, along a side."""
     if views < 2 or tile < 4 or tile & (tile - 1):
-        msg = f'views={views}, tile={tile}: views must be 2 or more, tile a power of two from 4'
-        raise ValueError(msg)
+        raise ValueError(
+            f'views={views}, tile={tile}: views must be 2 or more, tile a power of two from 4'
+        )
 
 
 class Baker:

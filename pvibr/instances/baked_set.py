@@ -244,12 +244,12 @@ class BakedSet(PosedSet):
         >>> pl.close()
         """
         if np.ndim(index) != 0:
-            msg = f'index must be an int, the number of one instance, got {index!r:.80}'
-            raise TypeError(msg)
+            raise TypeError(f'index must be an int, the number of one instance, got {index!r:.80}')
         (index,) = checked_ids(index, len(self)).tolist()
         if self.pipeline is None:
-            msg = 'instances must be in a plotter to be explained: its camera decides'
-            raise RuntimeError(msg)
+            raise RuntimeError(
+                'instances must be in a plotter to be explained: its camera decides'
+            )
         group, slot = self._place_of(index)
         return explanation(
             index,

@@ -54,8 +54,7 @@ class AtlasCache:
         self, path: str | os.PathLike[str] | None = None, cap_bytes: int = CAP_BYTES
     ) -> None:
         if cap_bytes < 0:
-            msg = f'cap_bytes must be at least 0, got {cap_bytes}.'
-            raise ValueError(msg)
+            raise ValueError(f'cap_bytes must be at least 0, got {cap_bytes}.')
         self.path = default_path() if path is None else Path(path).expanduser()
         self.cap_bytes = int(cap_bytes)
 
@@ -117,8 +116,9 @@ class AtlasCache:
     def _file(self, key: str) -> Path:
         # Only digits of a digest: no key can name a file outside the folder.
         if not isinstance(key, str) or not _KEY.fullmatch(key):
-            msg = f'key must be 16 to 128 hexadecimal digits in lower case, got {key!r}.'
-            raise ValueError(msg)
+            raise ValueError(
+                f'key must be 16 to 128 hexadecimal digits in lower case, got {key!r}.'
+            )
         return self.path / f'{key}{SUFFIX}'
 
     def _entries(self) -> Iterator[Path]:
@@ -154,12 +154,11 @@ class AtlasCache:
 
     def _give_up(self, error: OSError) -> None:
         _given_up.add(self.path)
-        msg = (
+        warn(
             f'The atlas cache {str(self.path)!r} cannot be written ({error.strerror or error}); '
             'going on without it, so atlases are baked in every run. Free the disk, or set the '
             'environment variable PVIBR_CACHE to a folder that can be written.'
         )
-        warn(msg)
 
 
 def default_path() -> Path:
@@ -199,15 +198,12 @@ def unpack(raw: np.ndarray) -> Entry:
     """Read a file of :func:`pack`, its checksum verified."""
     buffer = raw.data
     if len(buffer) < _HEAD.size:
-        msg = 'it is truncated'
-        raise ValueError(msg)
+        raise ValueError('it is truncated')
     magic, digest = _HEAD.unpack_from(buffer)
     if magic != _MAGIC:
-        msg = 'it is not an atlas of this version of pvibr'
-        raise ValueError(msg)
+        raise ValueError('it is not an atlas of this version of pvibr')
     if hashlib.sha256(buffer[_HEAD.size :]).digest() != digest:
-        msg = 'it is truncated or altered: its checksum differs'
-        raise ValueError(msg)
+        raise ValueError('it is truncated or altered: its checksum differs')
     (length,) = _LENGTH.unpack_from(buffer, _HEAD.size)
     body = buffer[_HEAD.size + _LENGTH.size :]
     header = json.loads(bytes(body[:length]))
@@ -217,8 +213,9 @@ def unpack(raw: np.ndarray) -> Entry:
 
 def _bytes_of(array: np.ndarray, name: str) -> memoryview:
     if array.dtype.kind not in 'biufcUS':
-        msg = f'{name} must hold numbers, booleans or text, got an array of {array.dtype}.'
-        raise TypeError(msg)
+        raise TypeError(
+            f'{name} must hold numbers, booleans or text, got an array of {array.dtype}.'
+        )
     return np.ascontiguousarray(array).reshape(-1).view(np.uint8).data
 
 
@@ -230,8 +227,9 @@ def _view(data: memoryview, dtype: str, shape: list[int], offset: int) -> np.nda
 def _digest(value: object) -> list:
     """Represent an array in JSON by type, shape and digest."""
     if not isinstance(value, (np.ndarray, np.generic)):
-        msg = f'A key is made of arrays and of what JSON holds, got a {type(value).__name__}.'
-        raise TypeError(msg)
+        raise TypeError(
+            f'A key is made of arrays and of what JSON holds, got a {type(value).__name__}.'
+        )
     array = np.asarray(value)
     content = hashlib.blake2b(_bytes_of(array, 'An array in a key'), digest_size=20)
     return ['ndarray', array.dtype.str, array.shape, content.hexdigest()]
@@ -247,5 +245,4 @@ def _discard(file: Path, error: Exception) -> None:
     with contextlib.suppress(OSError):
         file.unlink()
     reason = str(error) if isinstance(error, ValueError) else f'its content is wrong ({error!r})'
-    msg = f'Removed the cached atlas {str(file)!r}, because {reason}; it will be baked again.'
-    warn(msg)
+    warn(f'Removed the cached atlas {str(file)!r}, because {reason}; it will be baked again.')

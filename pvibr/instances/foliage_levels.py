@@ -59,8 +59,7 @@ class FoliageLevels:
         """Return new actors that show a level of meshes, for ``plotter.add_actor``."""
         names = [level.name for level in self.levels[: len(self._meshes())]]
         if name not in names:
-            msg = f'name is {name!r}; it must be one of {", ".join(names)}'
-            raise ValueError(msg)
+            raise ValueError(f'name is {name!r}; it must be one of {", ".join(names)}')
         return _actors(self._meshes()[names.index(name)])
 
     def measure(self, size=128, directions=6) -> FoliageLevels:
@@ -162,8 +161,9 @@ def foliage_levels(
     check_triangles(parts)
     divided = _divided(parts, labels, largest)
     if not any(small is not None for _, small, _ in divided):
-        msg = f'mesh has no part below {largest} of its size; give labels, or raise largest'
-        raise ValueError(msg)
+        raise ValueError(
+            f'mesh has no part below {largest} of its size; give labels, or raise largest'
+        )
     joined, counts = [], np.zeros(len(_SHARES), int)
     for part, (kept, small, of_part) in zip(parts, divided, strict=True):
         sets: list = [[], []]
@@ -187,14 +187,11 @@ def foliage_levels(
 
 def _check(largest, crossed, views, view_size):
     if not 0 < largest < 1:
-        msg = f'largest is {largest!r}; it must be between 0 and 1'
-        raise ValueError(msg)
+        raise ValueError(f'largest is {largest!r}; it must be between 0 and 1')
     if crossed not in (1, 2, 3):
-        msg = f'crossed is {crossed!r}; it must be 1, 2 or 3'
-        raise ValueError(msg)
+        raise ValueError(f'crossed is {crossed!r}; it must be 1, 2 or 3')
     if views < 1 or view_size < 4:
-        msg = f'views = {views!r}, view_size = {view_size!r}: must be 1 and 4 at least'
-        raise ValueError(msg)
+        raise ValueError(f'views = {views!r}, view_size = {view_size!r}: must be 1 and 4 at least')
 
 
 def _divided(parts, labels, largest):
@@ -203,11 +200,10 @@ def _divided(parts, labels, largest):
         count = parts[0].mesh.n_cells
         labels = np.asarray(labels)
         if len(parts) > 1 or labels.shape != (count,) or labels.dtype.kind not in 'iu':
-            msg = (
+            raise ValueError(
                 f'labels has shape {labels.shape}, dtype {labels.dtype}; it must be integers, one '
                 f'for each of the {count} triangles of a mesh with one look'
             )
-            raise ValueError(msg)
         return [_split(parts[0], labels, labels >= 0)]
     whole = np.array([p.mesh.bounds for p in parts]).reshape(-1, 3, 2)
     limit = largest * np.linalg.norm(whole[:, :, 1].max(0) - whole[:, :, 0].min(0))

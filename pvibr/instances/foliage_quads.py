@@ -140,8 +140,7 @@ class Layout:
         scale = min(scale, (side - 2 * _EDGE) / float(extents.max()))
         least = 1 + 2 * _EDGE
         if len(extents) * least**2 > side**2:
-            msg = f'texture is {side} texels wide: too small for {len(extents)} quads'
-            raise ValueError(msg)
+            raise ValueError(f'texture is {side} texels wide: too small for {len(extents)} quads')
         while True:
             sizes = np.maximum(np.ceil(extents * scale).astype(int), 1) + 2 * _EDGE
             corners, size = shelves(sizes, 1 << 30)

@@ -208,8 +208,9 @@ class Instances(BakedSet):
         if scalars is not None and not isinstance(scalars, str):
             for name in OF_MESH_SCALARS.keys() & asked.keys():
                 why = OF_MESH_SCALARS[name]
-                msg = f'{name} is of scalars of a mesh, and these are of its instances: {why}'
-                raise ValueError(msg)
+                raise ValueError(
+                    f'{name} is of scalars of a mesh, and these are of its instances: {why}'
+                )
             self._table_for(look.as_scalars(scalars, count), self._table_options)
             asked = {k: v for k, v in asked.items() if k not in TABLE_OPTIONS}
         else:
@@ -397,8 +398,7 @@ class Instances(BakedSet):
             self._warn(failure, 'an actor for each is drawn')
 
     def _warn(self, failure, instead):
-        msg = f'{self.name}: {failure}: {instead} instead. Look at `pvibr doctor`.'
-        warn(msg)
+        warn(f'{self.name}: {failure}: {instead} instead. Look at `pvibr doctor`.')
 
     def finish(self, frame):
         """Release the texture units, and let pickers find instances."""

@@ -165,11 +165,10 @@ def _new_model(parts, store, key, progress, **grid) -> LodModel:
     try:
         model = _baked(_levels(parts), progress, **grid)
     except RuntimeError as error:
-        msg = (
+        warn(
             f'cards are off, meshes are drawn instead: {error}. Look at `pvibr doctor`, or update '
             'the graphics driver.'
         )
-        warn(msg)
         return unbaked(parts, str(error) or 'the bake failed', needs=np.inf)
     if store is not None:
         kept = {} if given(parts) else to_arrays(model.levels)
@@ -183,8 +182,7 @@ def _read(parts, arrays) -> LodModel:
     levels = _levels(parts) if given(parts) else from_arrays(parts, arrays)
     model = LodModel(levels, Atlas.from_arrays(arrays))
     if not model.atlas.errors:
-        msg = 'it has no errors of levels'
-        raise ValueError(msg)
+        raise ValueError('it has no errors of levels')
     model.limits(1.0)
     model.corners = _checked_corners(parts, np.asarray(arrays['corners'], float))
     return model
@@ -196,8 +194,7 @@ def _checked_corners(parts, corners) -> np.ndarray:
     # A hull leaves out points that lie beyond its faces by rounding errors.
     room = _ROUNDING * np.ptp(points, axis=0).max()
     if corners.ndim != 2 or not np.allclose(_ends(corners), _ends(points), rtol=0, atol=room):
-        msg = 'its corners are not those of the mesh'
-        raise ValueError(msg)
+        raise ValueError('its corners are not those of the mesh')
     return corners
 
 

@@ -131,18 +131,19 @@ def checked_force(level) -> dict[str, tuple]:
     if level is None:
         return {}
     if not isinstance(level, (str, dict)) or not level:
-        msg = f'force_level = {level!r:.80}: must be None, the name of a level, or sizes by name'
-        raise TypeError(msg)
+        raise TypeError(
+            f'force_level = {level!r:.80}: must be None, the name of a level, or sizes by name'
+        )
     ranges = level if isinstance(level, dict) else {level: (0.0, _LARGEST)}
     known = [*(p.name for p in ALL_CARD_SHADERS), 'mesh']
     for name, sizes in ranges.items():
         if name not in known and not re.fullmatch('mesh[1-9]', name):
             names = ', '.join([*known, 'mesh1 to mesh9'])
-            msg = f'force_level has {name!r}; it must be None, or levels of {names}'
-            raise ValueError(msg)
+            raise ValueError(f'force_level has {name!r}; it must be None, or levels of {names}')
         if np.shape(sizes) != (2,) or not 0 <= sizes[0] <= sizes[1]:
-            msg = f'force_level[{name!r}] is {sizes!r}; it must be two rising sizes in pixels'
-            raise ValueError(msg)
+            raise ValueError(
+                f'force_level[{name!r}] is {sizes!r}; it must be two rising sizes in pixels'
+            )
     return {name: tuple(map(float, sizes)) for name, sizes in ranges.items()}
 
 

@@ -423,8 +423,7 @@ class _Sheet:
         cards.show(shader, blocks, np.array([0, len(blocks)]))
         picture = self._picture() / np.float32(255)
         if not cards.layers[shader].landed:
-            msg = f'the cards of shader {shader!r} are not drawn by this driver'
-            raise ShaderError(msg)
+            raise ShaderError(f'the cards of shader {shader!r} are not drawn by this driver')
         return picture
 
     def _picture(self):

@@ -18,8 +18,7 @@ def limit() -> float:
     except ValueError:
         mib = -1.0
     if not mib >= 0:
-        msg = f'PVIBR_GPU_MEMORY is {given!r}; it must be a number of MiB, at least 0'
-        raise ValueError(msg)
+        raise ValueError(f'PVIBR_GPU_MEMORY is {given!r}; it must be a number of MiB, at least 0')
     return mib * 2**20
 
 
@@ -39,8 +38,7 @@ def checked_share(mib, meshes) -> float | None:
     if mib is None:
         return None
     if not isinstance(mib, int | float) or not mib >= 0:
-        msg = f'gpu_memory is {mib!r}; it must be None or a number of MiB, at least 0'
-        raise ValueError(msg)
+        raise ValueError(f'gpu_memory is {mib!r}; it must be None or a number of MiB, at least 0')
     return mib * 2**20 / max(meshes, 1)
 
 

@@ -409,8 +409,9 @@ class PosedSet(ItemSet):
         if before is None:
             before = np.full(len(self), '' if words else np.nan)
         elif words != (before.dtype.kind == 'U'):
-            msg = f'scalars has dtype {new.dtype}; those of the others are of {before.dtype}'
-            raise ValueError(msg)
+            raise ValueError(
+                f'scalars has dtype {new.dtype}; those of the others are of {before.dtype}'
+            )
         changed = before.astype(np.result_type(before, new))
         changed[ids] = new
         return changed

@@ -49,11 +49,11 @@ def _part(part, arrays):
         return part
     points, faces = arrays['points'], arrays['faces']
     if points.ndim != 2 or points.shape[1] != 3 or not np.isfinite(points).all():
-        msg = f'points must be finite, (n, 3), not {points.shape}'
-        raise ValueError(msg)
+        raise ValueError(f'points must be finite, (n, 3), not {points.shape}')
     if faces.ndim != 2 or faces.shape[1] != 3 or faces.min() < 0 or faces.max() >= len(points):
-        msg = f'faces must be (m, 3) indices of {len(points)} points, not {faces.shape}'
-        raise ValueError(msg)
+        raise ValueError(
+            f'faces must be (m, 3) indices of {len(points)} points, not {faces.shape}'
+        )
     mesh = pv.PolyData.from_regular_faces(np.array(points), np.array(faces))
     for side in ('point', 'cell'):
         data = getattr(mesh, f'{side}_data')

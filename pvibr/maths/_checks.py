@@ -14,8 +14,7 @@ def points_of(points):
     """Return points as float64, shape (n, 3)."""
     points = np.asarray(points, dtype=np.float64)
     if points.ndim != 2 or points.shape[1] != 3:
-        msg = f'points have the shape {points.shape}; it must be (n, 3).'
-        raise ValueError(msg)
+        raise ValueError(f'points have the shape {points.shape}; it must be (n, 3).')
     return points
 
 
@@ -32,6 +31,7 @@ def size_of(size):
     found = as_array('size', size)
     good = found.shape == (2,) and found.dtype.kind in 'iuf' and np.isfinite(found).all()
     if not good or not (found > 0).all() or (found != np.floor(found)).any():
-        msg = f'size is {size!r}; it must be (width, height) in pixels, whole numbers above 0.'
-        raise ValueError(msg)
+        raise ValueError(
+            f'size is {size!r}; it must be (width, height) in pixels, whole numbers above 0.'
+        )
     return int(found[0]), int(found[1])

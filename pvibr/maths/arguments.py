@@ -26,8 +26,7 @@ def naming(name, value):
             kind = TypeError
         elif isinstance(error, OSError):
             kind = type(error)
-        msg = f'{name} = {_in_a_line(value)}: {error}'
-        raise kind(msg) from error
+        raise kind(f'{name} = {_in_a_line(value)}: {error}') from error
 
 
 def _in_a_line(value) -> str:
@@ -41,8 +40,7 @@ def as_array(name, values, dtype=None) -> np.ndarray:
     with naming(name, values):
         array = np.asarray(values)
         if array.dtype.kind in 'cmMV' or np.ma.is_masked(values):
-            msg = 'complex numbers, dates, records and masked values are not allowed'
-            raise TypeError(msg)
+            raise TypeError('complex numbers, dates, records and masked values are not allowed')
         return array if dtype is None else array.astype(dtype, copy=False)
 
 
@@ -52,8 +50,7 @@ def check_finite(name, values: np.ndarray):
     if not finite.all():
         bad = np.argwhere(~finite)[0]
         place = f'[{place_of(bad)}]' if values.ndim else ''
-        msg = f'{name}{place} is {values[tuple(bad)]}; it must be finite.'
-        raise ValueError(msg)
+        raise ValueError(f'{name}{place} is {values[tuple(bad)]}; it must be finite.')
 
 
 def place_of(index) -> str:
@@ -66,13 +63,13 @@ def checked_numbers(name, values, shape) -> np.ndarray:
     try:
         found = as_array(name, values, np.float64).copy()
     except (TypeError, ValueError) as error:
-        msg = f'{name} is {values!r:.200}; it must be numbers of the shape {shape}.'
-        raise ValueError(msg) from error
+        raise ValueError(
+            f'{name} is {values!r:.200}; it must be numbers of the shape {shape}.'
+        ) from error
     # OpenCV hands vectors out as columns.
     found = found.reshape(shape) if found.size == np.prod(shape) else found
     if found.shape != shape:
-        msg = f'{name} has the shape {found.shape}; it must be {shape}.'
-        raise ValueError(msg)
+        raise ValueError(f'{name} has the shape {found.shape}; it must be {shape}.')
     check_finite(name, found)
     return found
 
@@ -82,8 +79,7 @@ def checked_direction(name, vector) -> np.ndarray:
     vector = checked_numbers(name, vector, (3,))
     largest = np.abs(vector).max()
     if not largest:
-        msg = f'{name} is zero; it must have a direction.'
-        raise ValueError(msg)
+        raise ValueError(f'{name} is zero; it must have a direction.')
     vector = vector / largest
     return vector / np.linalg.norm(vector)
 
@@ -92,8 +88,9 @@ def check_one_of(name, value, allowed):
     """Raise a ValueError unless a value is one of those allowed."""
     allowed = tuple(allowed)
     if np.ndim(value) or value not in allowed:
-        msg = f'{name} is {value!r:.80}; it must be one of {", ".join(map(repr, allowed))}'
-        raise ValueError(msg)
+        raise ValueError(
+            f'{name} is {value!r:.80}; it must be one of {", ".join(map(repr, allowed))}'
+        )
 
 
 def checked_number(name, value, low=-np.inf, high=np.inf) -> float:
@@ -112,8 +109,7 @@ def checked_positive(name, value) -> float:
     """Return a finite number above 0."""
     number = checked_number(name, value)
     if number <= 0:
-        msg = f'{name} is {value!r:.80}; it must be above 0 and finite'
-        raise ValueError(msg)
+        raise ValueError(f'{name} is {value!r:.80}; it must be above 0 and finite')
     return number
 
 
@@ -121,8 +117,9 @@ def checked_whole(name, value, low, high) -> int:
     """Return a whole number within bounds."""
     number = checked_number(name, value, low, high)
     if number != int(number):
-        msg = f'{name} is {value!r:.80}; it must be a whole number from {low} to {high}'
-        raise ValueError(msg)
+        raise ValueError(
+            f'{name} is {value!r:.80}; it must be a whole number from {low} to {high}'
+        )
     return int(number)
 
 
@@ -130,8 +127,9 @@ def checked_lengths(name, lengths: np.ndarray) -> np.ndarray:
     """Return lengths, of any shape; shaders can square each of them."""
     bad = ~((lengths >= 0) & (lengths <= _LONGEST))
     if bad.any():
-        msg = f'{name} has the value {lengths[bad].flat[0]}; each must be from 0 to {_LONGEST:g}'
-        raise ValueError(msg)
+        raise ValueError(
+            f'{name} has the value {lengths[bad].flat[0]}; each must be from 0 to {_LONGEST:g}'
+        )
     return lengths
 
 
@@ -140,14 +138,11 @@ def checked_each(name, values, is_one, allowed) -> tuple:
     if is_one(values):
         return (values,)
     if isinstance(values, (str, bytes, dict)) or not hasattr(values, '__iter__'):
-        msg = f'{name} = {values!r:.80}: must be {allowed}'
-        raise TypeError(msg)
+        raise TypeError(f'{name} = {values!r:.80}: must be {allowed}')
     if hasattr(values, 'GetClassName'):
-        msg = f'{name} = {type(values).__name__}: must be {allowed}'
-        raise TypeError(msg)
+        raise TypeError(f'{name} = {type(values).__name__}: must be {allowed}')
     found = tuple(values)
     for one in found:
         if not is_one(one):
-            msg = f'{name} has {one!r:.80}: must be {allowed}'
-            raise TypeError(msg)
+            raise TypeError(f'{name} has {one!r:.80}: must be {allowed}')
     return found

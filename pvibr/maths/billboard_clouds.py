@@ -114,8 +114,9 @@ def greedy_planes(points, faces, epsilon) -> Planes:
     surface = _Surface(points, faces, checked_positive('epsilon', epsilon))
     finest = _FINEST * surface.radius
     if epsilon < finest:
-        msg = f'epsilon is {epsilon!r}; for this mesh it must be at least {finest:.3g}.'
-        raise ValueError(msg)
+        raise ValueError(
+            f'epsilon is {epsilon!r}; for this mesh it must be at least {finest:.3g}.'
+        )
     bound = float(epsilon) / surface.radius * (1 - _SMALL)
     normals, offsets = _Greedy(surface, bound).planes()
     return surface.in_world(*_polished(surface, normals, offsets, bound))
@@ -154,8 +155,7 @@ def kmeans_planes(points, faces, count, *, rounds=15, seed=0) -> Planes:
     2
     """
     if not (int(count) == count and count >= 1):
-        msg = f'planes is {count!r}; it must be an integer of at least 1.'
-        raise ValueError(msg)
+        raise ValueError(f'planes is {count!r}; it must be an integer of at least 1.')
     surface = _Surface(points, faces)
     # As thick as the slabs that so many planes could cut a ball into.
     scale = 1.0 / np.sqrt(count)
@@ -172,8 +172,7 @@ class _Surface:
     def __init__(self, points, faces, smallest=1.0):
         points, faces = np.asarray(points, float), np.asarray(faces, int)
         if not len(faces):
-            msg = 'the mesh has no triangle.'
-            raise ValueError(msg)
+            raise ValueError('the mesh has no triangle.')
         low, high = points.min(0), points.max(0)
         self.center = (low + high) / 2
         self.radius = float(np.linalg.norm(high - low)) / 2 or smallest

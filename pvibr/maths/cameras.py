@@ -71,8 +71,9 @@ def _from_view(camera, size):
     up = checked_direction('camera.up', camera.up)
     right = np.cross(ahead, up)
     if np.linalg.norm(right) < _checks.ROTATION_TOLERANCE:
-        msg = f'camera.up is {up.tolist()}; it must not be along the view {ahead.tolist()}.'
-        raise ValueError(msg)
+        raise ValueError(
+            f'camera.up is {up.tolist()}; it must not be along the view {ahead.tolist()}.'
+        )
     right /= np.linalg.norm(right)
     up = np.cross(right, ahead)
     _check_plain(camera)
@@ -85,8 +86,7 @@ def _from_view(camera, size):
         return Orthographic(corner, right, up, 2 * half[0], 2 * half[1], near=0.0, size=size)
     angle = checked_positive('camera.view_angle', camera.view_angle)
     if angle >= 180:
-        msg = f'camera.view_angle is {angle}; it must be below 180 degrees.'
-        raise ValueError(msg)
+        raise ValueError(f'camera.view_angle is {angle}; it must be below 180 degrees.')
     sideways = hasattr(camera, 'GetUseHorizontalViewAngle') and camera.GetUseHorizontalViewAngle()
     focus = 0.5 * (width if sideways else height) / np.tan(np.radians(angle) / 2)
     centre = 0.5 * np.array(size) * (1 + shift * [-1, 1]) - 0.5
@@ -111,8 +111,7 @@ def _check_plain(camera):
         if hasattr(found, 'GetElement'):
             found = [found.GetElement(i, j) for i in range(4) for j in range(4)]
         if found != expected:
-            msg = f'camera.Get{name}() is {found}; only {expected} can be used.'
-            raise ValueError(msg)
+            raise ValueError(f'camera.Get{name}() is {found}; only {expected} can be used.')
 
 
 def _named(camera):
@@ -123,21 +122,20 @@ def _named(camera):
     if isinstance(camera, dict):
         if {'K', 'R', 't'} <= set(camera) <= {*names, 'size'}:
             return camera
-        msg = f'camera has the keys {sorted(camera)}; K, R, t, and if known distortion and size.'
-        raise ValueError(msg)
-    msg = (
+        raise ValueError(
+            f'camera has the keys {sorted(camera)}; K, R, t, and if known distortion and size.'
+        )
+    raise ValueError(
         f'camera is {camera!r:.200}; it must be a pyvista.Camera, a Pinhole, an Orthographic, '
         '(K, R, t), (K, R, t, distortion), or a dict of these.'
     )
-    raise ValueError(msg)
 
 
 def _of_size(camera, size):
     if camera.size == size:
         return camera
     remedy = ' camera.resized(size) is that of the scaled picture.'
-    msg = (
+    raise ValueError(
         f'camera.size is {camera.size}; the picture has {size[0]} x {size[1]} pixels.'
         f'{remedy if isinstance(camera, Pinhole) else ""}'
     )
-    raise ValueError(msg)

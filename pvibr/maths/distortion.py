@@ -155,8 +155,9 @@ def coefficients(distortion):
     """
     terms = np.ravel(as_array('distortion', distortion, np.float64))
     if len(terms) not in _TERMS:
-        msg = f'distortion has {len(terms)} numbers; it must have 0, 4, 5 or 8: k1, k2, p1, p2, ..'
-        raise ValueError(msg)
+        raise ValueError(
+            f'distortion has {len(terms)} numbers; it must have 0, 4, 5 or 8: k1, k2, p1, p2, ..'
+        )
     terms = np.pad(terms, (0, 8 - len(terms)))
     check_finite('distortion', terms)
     return terms

@@ -48,8 +48,9 @@ def sample(image, uv, filter='linear'):
     image = np.asarray(image)
     image = image[..., None] if image.ndim == 2 else image
     if image.ndim != 3 or not image.size:
-        msg = f'image has the shape {image.shape}; it must be (h, w) or (h, w, c), not empty.'
-        raise ValueError(msg)
+        raise ValueError(
+            f'image has the shape {image.shape}; it must be (h, w) or (h, w, c), not empty.'
+        )
     check_one_of('filter', filter, ('linear', 'nearest'))
     uv = np.asarray(uv, dtype=np.float64)
     inside = ((uv >= 0) & (uv <= 1)).all(axis=1)
@@ -145,8 +146,7 @@ def weights(cosines, texels=None, borders=None, masks=None, method='feather', po
     checked_number('power', power, 0)
     cosines = np.asarray(cosines, dtype=np.float64)
     if cosines.ndim != 2:
-        msg = f'cosines have the shape {cosines.shape}; it must be (views, points).'
-        raise ValueError(msg)
+        raise ValueError(f'cosines have the shape {cosines.shape}; it must be (views, points).')
     score = np.where(cosines > 0, np.maximum(cosines, 0.0) ** power, 0.0)
     for name, factor in ('borders', borders), ('masks', masks):
         if factor is not None:
@@ -241,8 +241,7 @@ def exposure_gains(colors, weights=None, limits=(0.0, 255.0), common=False):
     """
     low, high = limits
     if not low < high:
-        msg = f'limits are {limits}; the first must be below the second.'
-        raise ValueError(msg)
+        raise ValueError(f'limits are {limits}; the first must be below the second.')
     colors, weights = _views(colors, weights)
     edge = _CLIPPED * (high - low)
     usable = (colors > max(low + edge, 0.0)) & (colors < high - edge) & (weights[..., None] > 0)
@@ -282,19 +281,20 @@ def _views(colors, weights):
     """Return both as float64; the weight is 0 where a colour is not finite."""
     colors = np.asarray(colors, dtype=np.float64)
     if colors.ndim != 3:
-        msg = f'colors have the shape {colors.shape}; it must be (views, points, channels).'
-        raise ValueError(msg)
+        raise ValueError(
+            f'colors have the shape {colors.shape}; it must be (views, points, channels).'
+        )
     shown = np.isfinite(colors).all(axis=2)
     weights = shown if weights is None else _like(shown, 'weights', weights)
     if (weights < 0).any():
-        msg = f'weights have a minimum of {np.nanmin(weights)}; none may be negative.'
-        raise ValueError(msg)
+        raise ValueError(f'weights have a minimum of {np.nanmin(weights)}; none may be negative.')
     return colors, np.where(shown & (weights > 0), weights, 0.0)
 
 
 def _like(shape_of, name, values):
     values = np.asarray(values, dtype=np.float64)
     if values.shape != shape_of.shape:
-        msg = f'{name} have the shape {values.shape}; it must be {shape_of.shape}: views, points.'
-        raise ValueError(msg)
+        raise ValueError(
+            f'{name} have the shape {values.shape}; it must be {shape_of.shape}: views, points.'
+        )
     return values

@@ -66,8 +66,9 @@ def eye_of(view_from_world) -> Eye:
     view = np.asarray(view_from_world, float)
     R, t = view[:3, :3], view[:3, 3]
     if not np.allclose(R @ R.T, np.eye(3), rtol=0, atol=1e-6) or np.linalg.det(R) < 0:
-        msg = f'view_from_world has the upper left part {R.tolist()}; it must be a rotation'
-        raise ValueError(msg)
+        raise ValueError(
+            f'view_from_world has the upper left part {R.tolist()}; it must be a rotation'
+        )
     return Eye(-R.T @ t, R[0], R[1], -R[2])
 
 

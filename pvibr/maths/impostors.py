@@ -112,8 +112,7 @@ def dop_corners(points) -> np.ndarray:
     """
     points = np.asarray(points, float).reshape(-1, 3)
     if not len(points):
-        msg = 'points is empty: there must be one or more'
-        raise ValueError(msg)
+        raise ValueError('points is empty: there must be one or more')
     middle = points.mean(0)
     ends = np.array(
         [_ends(points[k : k + _BLOCK] - middle) for k in range(0, len(points), _BLOCK)]

@@ -36,8 +36,7 @@ def vogel_disk(n):
     0.5
     """
     if operator.index(n) < 1:
-        msg = f'n is {n}; it must be at least 1.'
-        raise ValueError(msg)
+        raise ValueError(f'n is {n}; it must be at least 1.')
     index = np.arange(n)
     radius = np.sqrt((index + 0.5) / n)
     angle = _GOLDEN_ANGLE * index

@@ -91,14 +91,16 @@ def checked_keys(keys, name='keys'):
     """
     keys = np.asarray(keys, dtype=np.float64)
     if keys.ndim != 1 or not keys.size:
-        msg = f'{name} has the shape {keys.shape}; it must be (f,), with at least one time.'
-        raise ValueError(msg)
+        raise ValueError(
+            f'{name} has the shape {keys.shape}; it must be (f,), with at least one time.'
+        )
     check_finite(name, keys)
     bad = np.flatnonzero(np.diff(keys) <= 0)
     if bad.size:
         i = bad[0] + 1
-        msg = f'{name}[{i}] is {keys[i]} after {keys[i - 1]}; times of keys must increase.'
-        raise ValueError(msg)
+        raise ValueError(
+            f'{name}[{i}] is {keys[i]} after {keys[i - 1]}; times of keys must increase.'
+        )
     return keys
 
 
@@ -198,8 +200,9 @@ class _Ring:
     def __init__(self, keys, period):
         span = keys[-1] - keys[0]
         if not span <= period < np.inf or period <= 0:
-            msg = f'period is {period}; it must be positive, at least {span} (first to last key).'
-            raise ValueError(msg)
+            raise ValueError(
+                f'period is {period}; it must be positive, at least {span} (first to last key).'
+            )
         self.keys = keys[:-1] if period - span <= _SAME * span else keys
         self.period = period
 

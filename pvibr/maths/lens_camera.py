@@ -73,8 +73,7 @@ class LensCamera(PosedCamera):
     def __post_init__(self):
         lens: object = self.lens
         if not isinstance(lens, Lens):
-            msg = f'lens = {lens!r:.80}: must be a Lens'
-            raise TypeError(msg)
+            raise TypeError(f'lens = {lens!r:.80}: must be a Lens')
         _checks.freeze(
             self,
             size=_checks.size_of(self.size),
@@ -139,12 +138,11 @@ class LensCamera(PosedCamera):
         """
         found, worst = self._nearest
         if not worst <= tolerance:
-            msg = (
+            raise ValueError(
                 f'the lens {self.lens.kind!r} of a picture of {self.size[0]} x {self.size[1]} '
                 f'pixels is too wide for one pinhole camera (off by {worst:.3g} pixels): use '
                 'Photo.slides, as Projector(photo) does'
             )
-            raise ValueError(msg)
         return found
 
     @cached_property

@@ -82,17 +82,16 @@ class Lens:
         for name in ('values', 'radial', 'tangential', 'prism'):
             numbers = as_array(name, getattr(self, name), float)
             if numbers.ndim != 1 or not np.isfinite(numbers).all():
-                msg = f'{name} is {numbers.tolist()!r:.80}; it must be a row of finite numbers.'
-                raise ValueError(msg)
+                raise ValueError(
+                    f'{name} is {numbers.tolist()!r:.80}; it must be a row of finite numbers.'
+                )
             object.__setattr__(self, name, tuple(numbers.tolist()))
         late: object = self.late
         if not isinstance(late, (bool, np.bool_)):
-            msg = f'late = {late!r:.80}: must be True or False'
-            raise TypeError(msg)
+            raise TypeError(f'late = {late!r:.80}: must be True or False')
         wanted = KINDS[self.kind][1]
         if wanted is not None and len(self.values) != wanted:
-            msg = f'values is {self.values}; {self.kind!r} takes {wanted}.'
-            raise ValueError(msg)
+            raise ValueError(f'values is {self.values}; {self.kind!r} takes {wanted}.')
 
     @property
     def is_panorama(self) -> bool:

@@ -55,13 +55,11 @@ class Orthographic(Camera):
     def __post_init__(self):
         right, up = checked_direction('right', self.right), checked_direction('up', self.up)
         if abs(right @ up) > _checks.ROTATION_TOLERANCE:
-            msg = f'right {right.tolist()} and up {up.tolist()} must be perpendicular.'
-            raise ValueError(msg)
+            raise ValueError(f'right {right.tolist()} and up {up.tolist()} must be perpendicular.')
         with naming('near', self.near), naming('far', self.far):
             rising = bool(float(self.near) < float(self.far))
         if not rising:
-            msg = f'near, far are {self.near}, {self.far}; near must be below far.'
-            raise ValueError(msg)
+            raise ValueError(f'near, far are {self.near}, {self.far}; near must be below far.')
         _checks.freeze(
             self,
             origin=checked_numbers('origin', self.origin, (3,)),
@@ -105,8 +103,9 @@ class Orthographic(Camera):
         """
         for axis, low, high in ('x', xmin, xmax), ('y', ymin, ymax), ('z', zmin, zmax):
             if not low < high:
-                msg = f'{axis}min, {axis}max are {low}, {high}; {axis}min must be below.'
-                raise ValueError(msg)
+                raise ValueError(
+                    f'{axis}min, {axis}max are {low}, {high}; {axis}min must be below.'
+                )
         top = zmax if np.isfinite(zmax) else 0.0
         return cls(
             np.array((xmin, ymin, top)),
@@ -152,16 +151,16 @@ class Orthographic(Camera):
     def texel(self, points):
         """Return the size of a pixel at points, the same for all."""
         if self.size is None:
-            msg = 'size is None; the width and height in pixels are needed for the size of one.'
-            raise ValueError(msg)
+            raise ValueError(
+                'size is None; the width and height in pixels are needed for the size of one.'
+            )
         side = np.sqrt(self.width / self.size[0] * self.height / self.size[1])
         return np.full(len(_checks.points_of(points)), side)
 
     def clip_from_view(self, near, far, margin=0.0):
         """Return the projection matrix."""
         if not (near < far and np.isfinite(far - near)):
-            msg = f'near, far are {near}, {far}; both must be finite, near below far.'
-            raise ValueError(msg)
+            raise ValueError(f'near, far are {near}, {far}; both must be finite, near below far.')
         uv_from_view = np.diag([1 / self.width, 1 / self.height, 0.0, 0.0])[:2]
         one = np.array([0.0, 0.0, 0.0, 1.0])
         matrix = np.zeros((4, 4))

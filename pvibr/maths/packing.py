@@ -80,8 +80,7 @@ def largest_scale(sizes, side, margin):
 
     low, high = 0.0, side / max(sizes.max(), 1e-300)
     if tried(low)[2] > side:
-        msg = f'{len(sizes)} rectangles do not fit into {side} x {side} texels.'
-        raise ValueError(msg)
+        raise ValueError(f'{len(sizes)} rectangles do not fit into {side} x {side} texels.')
     for _ in range(30):
         middle = (low + high) / 2
         if tried(middle)[2] <= side:

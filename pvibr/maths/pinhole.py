@@ -144,19 +144,17 @@ class Pinhole(PosedCamera):
             seen = np.concatenate([seen, circle[((uv >= 0) & (uv <= 1)).all(axis=1)]])
         seen = _affine(matrix, seen[np.isfinite(seen).all(axis=1)])
         if not len(seen):
-            msg = (
+            raise ValueError(
                 f'distortion is {self.distortion.tolist()}; with K {self.K.tolist()} no ray goes '
                 f'through a picture of {self.size[0]} x {self.size[1]} pixels.'
             )
-            raise ValueError(msg)
         low, high = seen.min(axis=0), seen.max(axis=0)
         return float(low[0]), float(high[0]), float(low[1]), float(high[1])
 
     def clip_from_view(self, near, far, margin=0.0):
         """Return the projection matrix of the whole field of view, without lens distortion."""
         if not 0 < near < far:
-            msg = f'near, far are {near}, {far}; 0 < near < far is needed.'
-            raise ValueError(msg)
+            raise ValueError(f'near, far are {near}, {far}; 0 < near < far is needed.')
         ahead = np.array([0.0, 0.0, 1.0])
         lines = self.clip_rows(self.uv_from_plane, ahead, margin)
         ratio = near / far
@@ -195,11 +193,13 @@ def check_intrinsics(K):
     """
     K = checked_numbers('K', K, (3, 3))
     if K[1, 0] or K[2, 0] or K[2, 1]:
-        msg = f'K is {K.tolist()}; it must be upper triangular: below the diagonal all is 0.'
-        raise ValueError(msg)
+        raise ValueError(
+            f'K is {K.tolist()}; it must be upper triangular: below the diagonal all is 0.'
+        )
     if not (K.diagonal() > 0).all():
-        msg = f'K has the diagonal {K.diagonal().tolist()}; focal lengths and 1 must be above 0.'
-        raise ValueError(msg)
+        raise ValueError(
+            f'K has the diagonal {K.diagonal().tolist()}; focal lengths and 1 must be above 0.'
+        )
     return K / K[2, 2]
 
 
@@ -224,11 +224,10 @@ def check_rotation(R):
     R = checked_numbers('R', R, (3, 3))
     off, det = np.abs(R @ R.T - np.eye(3)).max(), np.linalg.det(R)
     if off > _checks.ROTATION_TOLERANCE or det < 0:
-        msg = (
+        raise ValueError(
             f'R is {R.tolist()}; it must be a rotation: R @ R.T is off the identity by {off:.2g} '
             f'(allowed: {_checks.ROTATION_TOLERANCE}), its determinant is {det:.6g} (allowed: +1).'
         )
-        raise ValueError(msg)
     return R
 
 
@@ -251,13 +250,12 @@ def check_principal_point(K, size, allowed):
     """
     share = (K[:2, 2] + 0.5) / size
     if (share < allowed[0]).any() or (share > allowed[1]).any():
-        msg = (
+        raise ValueError(
             f'K has its principal point at {K[:2, 2].tolist()}, for a picture of '
             f'{size[0]} x {size[1]} pixels; between {allowed[0]} and {allowed[1]} of the size is '
             'allowed. K seems to be for another size: scale it (Pinhole.resized); if the picture '
             'is a part of a larger one, say the size that K is for (Pinhole(..., size=size)).'
         )
-        raise ValueError(msg)
 
 
 def _unit(vectors):

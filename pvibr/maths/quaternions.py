@@ -203,8 +203,7 @@ def from_matrices(matrices):
     """
     m = np.asarray(matrices, dtype=np.float64)
     if m.shape[-2:] != (3, 3):
-        msg = f'matrices is of shape {m.shape}; the last two axes must be (3, 3).'
-        raise ValueError(msg)
+        raise ValueError(f'matrices is of shape {m.shape}; the last two axes must be (3, 3).')
     x, y, z = m[..., 0, 0], m[..., 1, 1], m[..., 2, 2]
     s01, s02, s12 = (m[..., j, i] + m[..., i, j] for i, j in ((0, 1), (0, 2), (1, 2)))
     d01, d02, d12 = (m[..., j, i] - m[..., i, j] for i, j in ((0, 1), (0, 2), (1, 2)))
@@ -421,6 +420,5 @@ def _units(name, vectors, size):
     """Return unit vectors of a given number of components."""
     v = np.asarray(vectors, dtype=np.float64)
     if v.shape[-1:] != (size,):
-        msg = f'{name} is of shape {v.shape}; the last axis must be of {size}.'
-        raise ValueError(msg)
+        raise ValueError(f'{name} is of shape {v.shape}; the last axis must be of {size}.')
     return as_units(name, v)

@@ -40,8 +40,7 @@ def sharpness(image, reference):
     """
     expected = local_gradients(reference)
     if not (expected > _ROUNDING).any():
-        msg = 'reference must have gradients, got one colour.'
-        raise ValueError(msg)
+        raise ValueError('reference must have gradients, got one colour.')
     return lowest_ratio(local_gradients(image), expected)
 
 

@@ -188,11 +188,10 @@ class LitMesh:
         light = np.asarray(light, np.float64)
         good = light.shape == (4,) and np.isfinite(light).all() and light[3] >= 0 and light.any()
         if not good:
-            msg = (
+            raise ValueError(
                 f'light is {light.tolist()}; it must be a finite (x, y, z, 1) for a position or '
                 '(x, y, z, 0) for a direction that is not zero.'
             )
-            raise ValueError(msg)
         self._edges = edges
         self._light = np.append(light[:3] - light[3] * edges.origin, light[3])
 
@@ -316,15 +315,13 @@ def _checked(points, triangles):
     points, triangles = np.asarray(points, np.float64), np.asarray(triangles)
     for name, array in (('points', points), ('triangles', triangles)):
         if array.ndim != 2 or array.shape[1] != 3:
-            msg = f'{name} has the shape {array.shape}; it must be (n, 3).'
-            raise ValueError(msg)
+            raise ValueError(f'{name} has the shape {array.shape}; it must be (n, 3).')
     triangles = triangles.astype(np.intp, copy=False)
     if triangles.size and (triangles.min() < 0 or triangles.max() >= len(points)):
-        msg = (
+        raise ValueError(
             f'triangles has indices from {triangles.min()} to {triangles.max()}; '
             f'they must be from 0 to {len(points) - 1}.'
         )
-        raise ValueError(msg)
     return points, triangles
 
 
@@ -336,8 +333,7 @@ def _welded(points, triangles):
     kept = np.flatnonzero(used)
     bad = kept[~np.isfinite(points[kept]).all(axis=1)]
     if bad.size:
-        msg = f'points[{bad[0]}] is {points[bad[0]].tolist()}; it must be finite.'
-        raise ValueError(msg)
+        raise ValueError(f'points[{bad[0]}] is {points[bad[0]].tolist()}; it must be finite.')
     points = points[kept] + 0.0  # no negative zero
     order = np.lexsort(points.T)
     new = np.ones(len(points), bool)

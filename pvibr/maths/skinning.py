@@ -45,8 +45,9 @@ def normalized_weights(weights):
     """
     weights = np.asarray(weights, dtype=np.float64)
     if weights.ndim != 2 or not 1 <= weights.shape[1] <= MAX_INFLUENCES:
-        msg = f'weights must be (v, k) with k from 1 to {MAX_INFLUENCES}, not {weights.shape}.'
-        raise ValueError(msg)
+        raise ValueError(
+            f'weights must be (v, k) with k from 1 to {MAX_INFLUENCES}, not {weights.shape}.'
+        )
     _refuse(weights, ~np.isfinite(weights).all(1), 'not finite')
     _refuse(weights, (weights < 0).any(1), 'negative')
     # Two steps, so that the sum of very large or small weights stays in range.
@@ -287,8 +288,7 @@ def _refuse(weights, bad, what):
     if len(rows):
         first = ', '.join(str(row) for row in rows[:5])
         more = ', ...' if len(rows) > 5 else ''
-        msg = (
+        raise ValueError(
             f'weights of {len(rows)} vertices are {what}: rows {first}{more}, '
             f'the first is {weights[rows[0]].tolist()}.'
         )
-        raise ValueError(msg)

@@ -97,15 +97,13 @@ def as_units(name, vectors) -> np.ndarray:
     try:
         given = np.asarray(vectors, float)
     except (TypeError, ValueError) as error:
-        msg = f'{name} must be numbers, not {vectors!r}'
-        raise TypeError(msg) from error
+        raise TypeError(f'{name} must be numbers, not {vectors!r}') from error
     # Two steps, so that the squares of very long or short ones stay in range.
     largest = np.abs(given).max(-1, keepdims=True)
     good = (largest > 0) & np.isfinite(largest)
     if not good.all():
         place = tuple(np.argwhere(~good[..., 0])[0])
         where = f'{name}[{place_of(place)}]' if place else name
-        msg = f'{where} is {given[place].tolist()}; it must be finite and not zero.'
-        raise ValueError(msg)
+        raise ValueError(f'{where} is {given[place].tolist()}; it must be finite and not zero.')
     scaled = given / largest
     return scaled / np.linalg.norm(scaled, axis=-1, keepdims=True)

@@ -30,8 +30,7 @@ def read_mesh(path):
             return reader(path)
         except Exception as error:
             reasons.append(f'{reader.__name__.lstrip("_").removeprefix("read_")}: {error}')
-    msg = f'{path} cannot be read as a mesh ({"; ".join(reasons)}).'
-    raise ValueError(msg)
+    raise ValueError(f'{path} cannot be read as a mesh ({"; ".join(reasons)}).')
 
 
 def scene_instances(scene, pbr=False):
@@ -55,8 +54,7 @@ def _is_gltf(path):
 def _read_pyvista(path):
     mesh = pv.read(path)
     if not isinstance(mesh, pv.MultiBlock) and not mesh.n_points:
-        msg = 'no points in it'
-        raise ValueError(msg)
+        raise ValueError('no points in it')
     return mesh
 
 

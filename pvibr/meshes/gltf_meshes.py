@@ -42,8 +42,7 @@ def gltf_instances(path, pbr=False):
         matrices.append(poses)
         index.append(np.full(len(poses), known[key]))
     if not meshes:
-        msg = f'{path} has no triangle mesh in its scene.'
-        raise GltfError(msg)
+        raise GltfError(f'{path} has no triangle mesh in its scene.')
     return meshes, np.concatenate(index), np.concatenate(matrices)
 
 

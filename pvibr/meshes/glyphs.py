@@ -52,8 +52,9 @@ def glyph(
 ) -> Glyphs:
     """Return the glyphs that ``dataset.glyph`` would make triangles of."""
     if checked_flag('progress_bar', progress_bar):
-        msg = 'progress_bar is True: no filter runs that would have a progress; leave it out'
-        raise ValueError(msg)
+        raise ValueError(
+            'progress_bar is True: no filter runs that would have a progress; leave it out'
+        )
     check_one_of('color_mode', color_mode, _MODES)
     factor, span = checked_factor(factor), _checked_range(rng)
     clamping, absolute = checked_flag('clamping', clamping), checked_flag('absolute', absolute)
@@ -89,8 +90,9 @@ class _Points:
             if used
         ]
         if len(set(on_cells)) > 1:
-            msg = 'scale and orient name data of points and of cells; both must be of the same'
-            raise ValueError(msg)
+            raise ValueError(
+                'scale and orient name data of points and of cells; both must be of the same'
+            )
         if any(on_cells):
             dataset = dataset.cell_centers()
         if tolerance is not None:
@@ -114,8 +116,9 @@ class _Points:
             sizes = np.ones(len(self.points))
         bad = np.flatnonzero(~np.isfinite(sizes) & scaled)
         if len(bad):
-            msg = f'scale is {self.name!r}: [{bad[0]}] is {sizes[bad[0]]}; it must be finite'
-            raise ValueError(msg)
+            raise ValueError(
+                f'scale is {self.name!r}: [{bad[0]}] is {sizes[bad[0]]}; it must be finite'
+            )
         return sizes if span is None else (sizes.clip(*span) - span[0]) / _width(span)
 
     def colors(self, mode, scaled, sizes):
@@ -133,8 +136,7 @@ class _Points:
 def _merged(dataset, tolerance, absolute):
     """Return a dataset of points, those that are close to each other merged."""
     if isinstance(tolerance, bool) or not np.isreal(tolerance) or not 0 <= tolerance < np.inf:
-        msg = f'tolerance is {tolerance!r}; it must be a number of at least 0, or None'
-        raise ValueError(msg)
+        raise ValueError(f'tolerance is {tolerance!r}; it must be a number of at least 0, or None')
     small = pv.PolyData(dataset.points)
     small.point_data.update(dataset.point_data)
     keep = {f'{name}_to_{to}': False for name, to in _CONVERSIONS}
@@ -157,8 +159,7 @@ def _activate(dataset, argument, name) -> bool:
         try:
             by_default(dataset)
         except (pv.MissingDataError, pv.AmbiguousDataError) as error:
-            msg = f'{argument} is True: {error} It is set to False; name an array of {kind}.'
-            warn(msg)
+            warn(f'{argument} is True: {error} It is set to False; name an array of {kind}.')
             return False
         return True
     if name not in dataset.point_data and name not in dataset.cell_data:
@@ -171,8 +172,9 @@ def _activate(dataset, argument, name) -> bool:
         prefer = 'cell' if of_cells else 'point'
         array = dataset.get_array(name, preference=prefer)
         if array.shape[1:] != (3,):
-            msg = f'orient is {name!r}, of shape {array.shape}; it must be vectors, (n, 3)'
-            raise ValueError(msg)
+            raise ValueError(
+                f'orient is {name!r}, of shape {array.shape}; it must be vectors, (n, 3)'
+            )
     activate(dataset, name, preference=prefer)
     return True
 
@@ -186,20 +188,19 @@ def _checked_meshes(geom, indices) -> list:
     several = isinstance(geom, list | tuple) and not are_parts(geom)
     meshes = list(geom) if several else [geom]
     if not meshes:
-        msg = 'geom is empty; give at least one mesh'
-        raise ValueError(msg)
+        raise ValueError('geom is empty; give at least one mesh')
     places = np.arange(len(meshes)) if indices is None or len(meshes) == 1 else np.array(indices)
     if not np.array_equal(np.sort(places), np.arange(len(meshes))):
-        msg = f'indices is {indices!r}; it must have each of 0 to {len(meshes) - 1} once'
-        raise ValueError(msg)
+        raise ValueError(
+            f'indices is {indices!r}; it must have each of 0 to {len(meshes) - 1} once'
+        )
     return [meshes[k] for k in np.argsort(places)]
 
 
 def _checked_range(rng) -> tuple[float, float]:
     span = np.asarray((0.0, 1.0) if rng is None else rng, float)
     if span.shape != (2,) or not np.isfinite(span).all() or span[0] > span[1]:
-        msg = f'rng is {rng!r}; it must be two finite numbers, the lower one first'
-        raise ValueError(msg)
+        raise ValueError(f'rng is {rng!r}; it must be two finite numbers, the lower one first')
     low, high = span.tolist()
     return low, high
 

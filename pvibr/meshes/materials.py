@@ -129,11 +129,9 @@ def checked_data(dataset, keyword, values):
     with naming(keyword, values):
         if isinstance(values, str) and values not in dataset.array_names:
             if keyword != 'opacity':
-                msg = f'the mesh has no array of this name, but {dataset.array_names}'
-                raise ValueError(msg)
+                raise ValueError(f'the mesh has no array of this name, but {dataset.array_names}')
             pv.opacity_transfer_function(values, 2)
         lengths = dataset.n_points, dataset.n_cells
         if np.ndim(values) and np.size(values) < 2 and np.size(values) not in lengths:
-            msg = f'must have a value for each point or cell, not {np.size(values)}'
-            raise ValueError(msg)
+            raise ValueError(f'must have a value for each point or cell, not {np.size(values)}')
     return values

@@ -153,15 +153,16 @@ def as_parts(mesh, *, theme=None, alpha_cutoff=None, **add_mesh_kwargs):
         return list(parts)
     for name in EXTRAS:
         if add_mesh_kwargs.pop(name, None):
-            msg = f'{name} is not drawn for instances; add it as an actor of its own.'
-            raise ValueError(msg)
+            raise ValueError(f'{name} is not drawn for instances; add it as an actor of its own.')
     if add_mesh_kwargs.get('style') == 'points_gaussian':
-        msg = "style is 'points_gaussian', which draws points, not triangles; use add_billboards."
-        raise ValueError(msg)
+        raise ValueError(
+            "style is 'points_gaussian', which draws points, not triangles; use add_billboards."
+        )
     given = [name for name in (*USELESS, *FIXED) if add_mesh_kwargs.get(name)]
     if given:
-        msg = f'{given[0]} has no meaning here, where a mesh is drawn by no actor of its own.'
-        raise ValueError(msg)
+        raise ValueError(
+            f'{given[0]} has no meaning here, where a mesh is drawn by no actor of its own.'
+        )
     if isinstance(mesh, list | tuple) and mesh and all(isinstance(m, pv.Actor) for m in mesh):
         return [part for actor in mesh for part in as_parts(actor, **add_mesh_kwargs)]
     looks = add_mesh_kwargs | FIXED
@@ -176,8 +177,7 @@ def as_meshes(meshes, **kwargs):
     if not isinstance(meshes, list | tuple) or are_parts(meshes):
         return [as_parts(meshes, **kwargs)]
     if not meshes:
-        msg = 'meshes is empty; give at least one mesh.'
-        raise ValueError(msg)
+        raise ValueError('meshes is empty; give at least one mesh.')
     return [_numbered(place, mesh, kwargs) for place, mesh in enumerate(meshes)]
 
 
@@ -185,15 +185,15 @@ def _numbered(place, mesh, kwargs):
     try:
         return as_parts(mesh, **kwargs)
     except ValueError as error:
-        msg = f'meshes[{place}]: {error}'
-        raise ValueError(msg) from error
+        raise ValueError(f'meshes[{place}]: {error}') from error
 
 
 def check_triangles(parts):
     """Raise if no part has triangles."""
     if not any(part.mesh.n_cells for part in parts):
-        msg = 'mesh has only points or lines: make a surface of it with .tube() or .glyph().'
-        raise ValueError(msg)
+        raise ValueError(
+            'mesh has only points or lines: make a surface of it with .tube() or .glyph().'
+        )
 
 
 def with_own_culling(parts):
@@ -263,8 +263,7 @@ def _parts_of(mesh, look, maker):
     if isinstance(mesh, pv.DataSet):
         return [_from_dataset(mesh, look, maker)]
     kinds = 'a PyVista dataset, an actor, a trimesh mesh or scene or a path'
-    msg = f'mesh must be {kinds}, not {type(mesh).__name__}.'
-    raise TypeError(msg)
+    raise TypeError(f'mesh must be {kinds}, not {type(mesh).__name__}.')
 
 
 def _from_dataset(dataset, look, maker):
@@ -298,8 +297,7 @@ def _from_blocks(blocks, look, maker):
         if isinstance(block, pv.DataSet)
     ]
     if not found:
-        msg = 'mesh is empty: no block has points.'
-        raise ValueError(msg)
+        raise ValueError('mesh is empty: no block has points.')
     if look.get('scalars') is None and len({b.active_scalars_name for b in found}) > 1:
         found = [_without_active(block) for block in found]  # add_mesh shows what all share
     looks = [_for_block(block, look) for block in found]
@@ -385,12 +383,12 @@ def _joined(pieces):
 def _from_actor(actor, look):
     given = [key for key in look if key not in FIXED and look[key] is not None]
     if set(given) - {'alpha_cutoff'}:
-        msg = f'mesh is an actor with its own look: set {given} on it, or give its mesh.'
-        raise ValueError(msg)
+        raise ValueError(
+            f'mesh is an actor with its own look: set {given} on it, or give its mesh.'
+        )
     mapper = actor.GetMapper()
     if mapper is None or mapper.GetInputDataObject(0, 0) is None:
-        msg = 'mesh is an actor without a mesh: its mapper has no input.'
-        raise ValueError(msg)
+        raise ValueError('mesh is an actor without a mesh: its mapper has no input.')
     mapper.Update()
     shown = pv.wrap(mapper.GetInputDataObject(0, 0))
     if isinstance(shown, pv.MultiBlock):
@@ -407,8 +405,7 @@ def _from_composite(actor, mapper, blocks):
             _set_block_look(part, attributes, block)
             parts.append(part)
     if not parts:
-        msg = 'mesh is an actor without a visible mesh: no visible block has points.'
-        raise ValueError(msg)
+        raise ValueError('mesh is an actor without a visible mesh: no visible block has points.')
     return parts
 
 

@@ -89,13 +89,11 @@ def _read_npy(path):
         # Mapped: a header may promise more than the file holds.
         array = np.load(path, mmap_mode='r', allow_pickle=False)
     except Exception as error:  # of its parser, too
-        msg = f'{path}: not a readable .npy file of numbers ({error}).'
-        raise ValueError(msg) from error
+        raise ValueError(f'{path}: not a readable .npy file of numbers ({error}).') from error
     try:
         return as_poses(np.array(array))
     except (TypeError, ValueError) as error:
-        msg = f'{path}: {error}'
-        raise ValueError(msg) from error
+        raise ValueError(f'{path}: {error}') from error
 
 
 def _poses_of(table, columns, others, *, oriented=True):
@@ -113,8 +111,7 @@ def _poses_of(table, columns, others, *, oriented=True):
         poses = _compose(points, [known[i] for i in spins], [known[i] for i in sizes])
         poses = as_poses(poses)
     except ValueError as error:
-        msg = f'{table.path}: {error}'
-        raise ValueError(msg) from error
+        raise ValueError(f'{table.path}: {error}') from error
     known |= dict(zip(texts, table.texts(texts) if texts else [], strict=True))
     found = {table.names[i]: np.ascontiguousarray(known[i]) for i in wanted if i in known}
     extras = table.extras()
@@ -153,16 +150,16 @@ def _axis_columns(table, columns):
         wanted = AXES if columns is None else tuple(columns)
     text = all(isinstance(name, str | None) for name in wanted)
     if len(wanted) != 3 or not text or not any(name is not None for name in wanted):
-        msg = f'columns is {columns!r}; it must be three column names, for x, y and z, or None.'
-        raise ValueError(msg)
+        raise ValueError(
+            f'columns is {columns!r}; it must be three column names, for x, y and z, or None.'
+        )
     indices = [None if name is None else table.find(name) for name in wanted]
     missing = [n for n, i in zip(wanted, indices, strict=True) if n is not None and i is None]
     if missing:
-        msg = (
+        raise ValueError(
             f'{table.path}: no column {missing[0]!r}; there are {_listed(table.names)}. '
             "Name the columns to use, for example columns=('east', 'north', None)."
         )
-        raise ValueError(msg)
     return indices
 
 
@@ -171,8 +168,7 @@ def _group(table, names):
     indices = [table.find(name) for name in names]
     if any(i is None for i in indices) and any(i is not None for i in indices):
         missing = names[indices.index(None)]
-        msg = f'{table.path}: no column {missing!r}; {names} must come together.'
-        raise ValueError(msg)
+        raise ValueError(f'{table.path}: no column {missing!r}; {names} must come together.')
     return [index for index in indices if index is not None]
 
 

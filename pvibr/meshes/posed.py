@@ -41,11 +41,10 @@ class Source(NamedTuple):
         if name in arrays:
             return np.asarray(arrays[name])
         if self.arrays is None:
-            msg = (
+            raise TypeError(
                 f'{argument} is {name!r}, a name: it needs points that are a dataset or a table '
                 'with this array'
             )
-            raise TypeError(msg)
         known = ', '.join(map(repr, self.columns or arrays)) or 'none'
         msg = f'{argument} is {name!r}; the arrays of the points are: {known}'
         raise ValueError(msg + nearest(name, self.columns or arrays))
@@ -54,8 +53,9 @@ class Source(NamedTuple):
         """Return the values that scalars name: their scalar bar has that name."""
         values = self.array('scalars', name)
         if values.ndim != 1:
-            msg = f'scalars is {name!r}, an array of vectors; name one of numbers or words'
-            raise ValueError(msg)
+            raise ValueError(
+                f'scalars is {name!r}, an array of vectors; name one of numbers or words'
+            )
         return named(values, name)
 
 
@@ -181,11 +181,10 @@ def vectors_of(dataset):
     names = [name for name in data if _is_vectors(data[name])]
     names = [name for name in names if name not in ('Normals', data.active_normals_name)]
     if len(names) > 1:
-        msg = (
+        warn(
             f'the points have several arrays of vectors, {names}: name one, as in '
             f'orient={names[0]!r}; nothing is turned'
         )
-        warn(msg)
     return names[0] if len(names) == 1 else None
 
 
@@ -212,8 +211,7 @@ def _plain(poses):
     if hasattr(poses, 'as_matrix'):
         found = np.asarray(poses.as_matrix())
         if found.shape[-2:] != (4, 4):
-            msg = 'poses is a rotation without points: give points and orient=rotation'
-            raise TypeError(msg)
+            raise TypeError('poses is a rotation without points: give points and orient=rotation')
         return found
     return poses
 
@@ -228,8 +226,9 @@ def _turns(source, orient, count):
     if orient is None or orient is True:
         name = None if source.dataset is None else vectors_of(source.dataset)
         if name is None and orient:
-            msg = 'orient is True: it needs points that are a dataset with an array of vectors'
-            raise ValueError(msg)
+            raise ValueError(
+                'orient is True: it needs points that are a dataset with an array of vectors'
+            )
         orient = name
     if orient is None or orient is False:
         return None
@@ -249,19 +248,19 @@ def _turned(name, values, count):
     if values.shape in ((3,), (4,), (3, 3)) and values.shape not in shapes:
         values = values[None]
     if values.shape not in shapes:
-        msg = (
+        raise ValueError(
             f'{name} has shape {values.shape}; it must be ({count}, 3), vectors, ({count}, 4), '
             f'quaternions (w, x, y, z), or ({count}, 3, 3), matrices'
         )
-        raise ValueError(msg)
     if values.ndim == 3:
         return values
     if values.shape[1] == 3:
         return toward(values)
     still = np.flatnonzero(~values.any(1))
     if len(still):
-        msg = f'{name}[{still[0]}] is a quaternion of length 0; it must be (w, x, y, z)'
-        raise ValueError(msg)
+        raise ValueError(
+            f'{name}[{still[0]}] is a quaternion of length 0; it must be (w, x, y, z)'
+        )
     return to_matrices(unit_vectors(values))
 
 
@@ -271,8 +270,9 @@ def _sizes(source, scale, factor, count):
     if scale is True:
         name = None if source.dataset is None else source.dataset.active_scalars_name
         if name is None:
-            msg = 'scale is True: it needs points that are a dataset with active scalars'
-            raise ValueError(msg)
+            raise ValueError(
+                'scale is True: it needs points that are a dataset with active scalars'
+            )
         scale = name
     if scale is None or scale is False:
         return None if factor == 1 else np.array(factor)
@@ -283,14 +283,12 @@ def _sizes(source, scale, factor, count):
     if values.shape == (count, 3):
         values = np.linalg.norm(values, axis=1)
     if values.shape not in ((), (count,)):
-        msg = (
+        raise ValueError(
             f'scale has shape {values.shape}; it must be one number, ({count},) factors, or '
             f'({count}, 3) vectors'
         )
-        raise ValueError(msg)
     if np.abs(values).max(initial=0.0) > _MOST:
-        msg = f'scale is up to {np.abs(values).max():g}; it must be at most {_MOST:g}'
-        raise ValueError(msg)
+        raise ValueError(f'scale is up to {np.abs(values).max():g}; it must be at most {_MOST:g}')
     return kept_apart(values * factor)
 
 
@@ -308,7 +306,6 @@ def _numbers(name, values):
     try:
         array = as_array(name, values, np.float64)
     except (TypeError, ValueError) as error:
-        msg = f'{name} is {values!r:.80}; it must be numbers'
-        raise TypeError(msg) from error
+        raise TypeError(f'{name} is {values!r:.80}; it must be numbers') from error
     check_finite(name, array)
     return array

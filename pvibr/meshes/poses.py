@@ -41,15 +41,17 @@ def _as_array(poses):
     try:
         array = as_array('poses', poses, np.float64)
     except (TypeError, ValueError) as error:
-        msg = f'poses must be an array of numbers, (n, 3) or (n, 4, 4); {error}.'
-        raise TypeError(msg) from error
+        raise TypeError(
+            f'poses must be an array of numbers, (n, 3) or (n, 4, 4); {error}.'
+        ) from error
     if array.size == 0 and array.ndim <= 2 and array.shape[-1] in (0, 3):
         return array.reshape(0, 3)
     if array.shape in ((3,), (4, 4)):
         array = array[None]
     if array.shape[1:] not in ((3,), (4, 4)):
-        msg = f'poses has shape {np.shape(poses)}; it must be (n, 3) points or (n, 4, 4) matrices.'
-        raise ValueError(msg)
+        raise ValueError(
+            f'poses has shape {np.shape(poses)}; it must be (n, 3) points or (n, 4, 4) matrices.'
+        )
     return array
 
 
@@ -103,5 +105,6 @@ def _invertible(rows) -> bool:
 def _complain(array, bad, demand):
     rows = np.flatnonzero(bad)
     if rows.size:
-        msg = f'poses[{rows[0]}] is {array[rows[0]].tolist()}; {demand} ({rows.size} such rows).'
-        raise ValueError(msg)
+        raise ValueError(
+            f'poses[{rows[0]}] is {array[rows[0]].tolist()}; {demand} ({rows.size} such rows).'
+        )

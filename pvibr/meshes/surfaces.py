@@ -15,13 +15,13 @@ from pvibr.maths.transforms import transform_normals, transform_points
 def check_points(dataset):
     """Raise if a mesh has no points, or points that are not finite."""
     if not dataset.n_points:
-        msg = 'mesh is empty: it has no points.'
-        raise ValueError(msg)
+        raise ValueError('mesh is empty: it has no points.')
     bad = np.flatnonzero(~np.isfinite(dataset.points).all(axis=1))
     if bad.size:
         first = f'mesh.points[{bad[0]}] is {dataset.points[bad[0]].tolist()}'
-        msg = f'{first}; it must be finite ({bad.size} such points). Remove them or set them.'
-        raise ValueError(msg)
+        raise ValueError(
+            f'{first}; it must be finite ({bad.size} such points). Remove them or set them.'
+        )
 
 
 def surface_of(dataset):
@@ -114,8 +114,7 @@ def clipped(mesh, planes):
         cut.Update()
         left = pv.wrap(cut.GetOutput())
         if not left.GetNumberOfPolys() + left.n_strips:
-            msg = 'mesh is clipped away by the planes of its mapper.'
-            raise ValueError(msg)
+            raise ValueError('mesh is clipped away by the planes of its mapper.')
         _set_active(left, mesh.active_scalars_info)
         mesh = left
     return mesh

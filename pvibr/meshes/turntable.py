@@ -68,12 +68,12 @@ class Turntable:
         numbers = np.asarray(arrays['turns'], float)
         pictures = [np.asarray(arrays.get(f'turns.{k}')) for k in ('geometry', 'albedo')]
         if numbers.shape != (4,) or not (np.isfinite(numbers).all() and numbers[3] >= 1):
-            msg = f'not a turntable: {numbers.tolist()}'
-            raise ValueError(msg)
+            raise ValueError(f'not a turntable: {numbers.tolist()}')
         turns = Turns(tuple(numbers[:3].tolist()), int(numbers[3]))
         side = len(pictures[0]) if pictures[0].ndim else 0
         good = side and side % turns.columns == 0
         if not good or any(p.shape != (side, side, 4) or p.dtype != np.uint8 for p in pictures):
-            msg = f'not a turntable of {turns.views} views: images must be square, uint8'
-            raise ValueError(msg)
+            raise ValueError(
+                f'not a turntable of {turns.views} views: images must be square, uint8'
+            )
         return cls(turns, *pictures)

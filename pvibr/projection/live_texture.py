@@ -145,8 +145,7 @@ class LiveTexture(Effect):
             If it is in no subplot, or not rendered yet.
         """
         if 'whole' not in self._targets:
-            msg = f'{self.name} shows nothing: add it to a subplot and draw a frame'
-            raise RuntimeError(msg)
+            raise RuntimeError(f'{self.name} shows nothing: add it to a subplot and draw a frame')
         whole = self._targets['whole']
         whole.window.MakeCurrent()
         return np.ascontiguousarray(whole.colors[0].download()[::-1])
@@ -366,14 +365,14 @@ class Mirror(LiveTexture):
         if isinstance(corner, _vtk.vtkActor):
             corner, right, up = _sides(corner)
         if right is None or up is None:
-            msg = f'right = {right!r}, up = {up!r}: must be given, unless corner is an actor'
-            raise TypeError(msg)
+            raise TypeError(
+                f'right = {right!r}, up = {up!r}: must be given, unless corner is an actor'
+            )
         given = {'corner': corner, 'right': right, 'up': up}
         self.corner, self.right, self.up = (checked_numbers(n, x, (3,)) for n, x in given.items())
         directions = unit_vectors(np.stack([self.right, self.up]))
         if not directions.any(1).all() or abs(directions[0] @ directions[1]) > 1e-6:
-            msg = f'right = {right!r}, up = {up!r}: must be perpendicular and not zero'
-            raise ValueError(msg)
+            raise ValueError(f'right = {right!r}, up = {up!r}: must be perpendicular and not zero')
         super().__init__(None, actors, size, **settings)
 
     # Drawn from behind, where left and right change places: u grows along `right` all the same.
@@ -444,5 +443,6 @@ def _sides(actor):
             matrix = np.reshape(actor.GetMatrix().GetData(), (4, 4))
             sides = sides @ matrix[:3, :3].T
             return sides[0] + matrix[:3, 3], sides[1], sides[2]
-    msg = f'corner = {actor!r:.60}: must be a flat mesh with texture coordinates, as pv.Plane has'
-    raise ValueError(msg)
+    raise ValueError(
+        f'corner = {actor!r:.60}: must be a flat mesh with texture coordinates, as pv.Plane has'
+    )

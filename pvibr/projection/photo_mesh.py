@@ -423,24 +423,21 @@ class PhotoMesh(Placed):
 def _triangles(mesh) -> pv.PolyData:
     """Return the triangles of a mesh's surface, with its texture coordinates only."""
     if not isinstance(mesh, pv.DataSet):
-        msg = f'mesh is {mesh!r:.60}; it must be a mesh.'
-        raise TypeError(msg)
+        raise TypeError(f'mesh is {mesh!r:.60}; it must be a mesh.')
     surface = mesh if isinstance(mesh, pv.PolyData) else mesh.extract_surface(algorithm=None)
     surface = surface.triangulate()
     found = surface_of(surface)
     if surface.active_texture_coordinates is not None:
         found.active_texture_coordinates = surface.active_texture_coordinates
     if not found.n_cells:
-        msg = 'mesh has no triangles.'
-        raise ValueError(msg)
+        raise ValueError('mesh has no triangles.')
     return found
 
 
 def _checked_photos(photos) -> tuple:
     photos = checked_each('photos', photos, _is_photo, 'photographs, as of pvibr.read_cameras')
     if not photos:
-        msg = 'photos is empty; it must have at least one photograph.'
-        raise ValueError(msg)
+        raise ValueError('photos is empty; it must have at least one photograph.')
     return photos
 
 
@@ -463,8 +460,7 @@ def _checked_masks(masks, count):
     with naming('masks', masks):
         masks = None if masks is None else list(masks)
     if masks is not None and len(masks) != count:
-        msg = f'masks has {len(masks)} entries; there are {count} photographs.'
-        raise ValueError(msg)
+        raise ValueError(f'masks has {len(masks)} entries; there are {count} photographs.')
     return masks
 
 

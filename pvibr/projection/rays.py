@@ -24,8 +24,9 @@ def ray_method(method) -> bool:
     check_one_of('method', method, ('auto', 'rays', 'map'))
     there = find_spec('embreex') is not None
     if method == 'rays' and not there:
-        msg = "method is 'rays', which needs embree: pip install \"pvibr[rays]\"; or method='map'."
-        raise ModuleNotFoundError(msg)
+        raise ModuleNotFoundError(
+            "method is 'rays', which needs embree: pip install \"pvibr[rays]\"; or method='map'."
+        )
     return there and method != 'map'
 
 

@@ -33,8 +33,7 @@ class Samples:
         """Return samples of a mesh: triangle centroids, or points near the corners."""
         check_one_of('to', to, ('points', 'cells'))
         if not isinstance(mesh, pv.DataSet):
-            msg = f'mesh = {mesh!r:.80}: must be a mesh'
-            raise TypeError(msg)
+            raise TypeError(f'mesh = {mesh!r:.80}: must be a mesh')
         corner, cell = _triangles(mesh)
         places = np.moveaxis(np.asarray(mesh.points, float)[corner.T], 0, 1)
         normals, area = normals_and_areas(places)
@@ -127,8 +126,7 @@ def surface_of(thing) -> pv.PolyData:
     if isinstance(thing, pv.MultiBlock):
         thing = thing.combine()
     if not isinstance(thing, pv.DataSet):
-        msg = f'{thing!r:.100} is no mesh and no actor.'
-        raise TypeError(msg)
+        raise TypeError(f'{thing!r:.100} is no mesh and no actor.')
     surface = thing if isinstance(thing, pv.PolyData) else thing.extract_surface(algorithm=None)
     points = np.asarray(surface.points, np.float64)
     if matrix is not None:
@@ -155,11 +153,10 @@ def _surfaces_of_thing(thing) -> list:
         return [surface_of(thing.item_mesh(int(i))) for i in shown]
     solids = thing.solids()
     if None in solids:
-        msg = (
+        raise TypeError(
             f'{thing.name} has no mesh that hides light; casters are meshes, actors, instances, '
             f'figures or impostors.'
         )
-        raise TypeError(msg)
     return [surface_of(actor) for actor in solids]
 
 

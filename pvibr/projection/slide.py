@@ -156,25 +156,25 @@ def _photo_slides(photos, mask) -> list[tuple]:
     """Return (image, camera, mask) of each pinhole of photographs that have cameras."""
     photos = [photos] if isinstance(photos, Photo) else photos
     if not (isinstance(photos, list | tuple) and all(isinstance(p, Photo) for p in photos)):
-        msg = 'camera is missing; only photographs of pvibr.read_cameras have their own.'
-        raise TypeError(msg)
+        raise TypeError(
+            'camera is missing; only photographs of pvibr.read_cameras have their own.'
+        )
     masks = mask if isinstance(mask, list | tuple) else [mask] * len(photos)
     if len(masks) != len(photos):
-        msg = f'mask has {len(masks)} entries; there are {len(photos)} photographs.'
-        raise ValueError(msg)
+        raise ValueError(f'mask has {len(masks)} entries; there are {len(photos)} photographs.')
     found: list[tuple] = []
     for photo, own in zip(photos, masks, strict=True):
         slides = photo.slides()
         if own is not None and slides[0][0] is not photo.path:
-            msg = f'mask is given for {photo!r}, whose lens needs resampling: it takes none.'
-            raise ValueError(msg)
+            raise ValueError(
+                f'mask is given for {photo!r}, whose lens needs resampling: it takes none.'
+            )
         found += slides if own is None else [(*slides[0][:2], own)]
     if not 1 <= len(found) <= MOST:
-        msg = (
+        raise ValueError(
             f'image is {len(photos)} photographs, {len(found)} pictures by their lenses; a '
             f'projector takes 1 to {MOST}: choose the nearest, or bake groups of them in turn.'
         )
-        raise ValueError(msg)
     return found
 
 
@@ -186,14 +186,14 @@ def checked_slides(image, camera, mask) -> list[tuple]:
         return [(image, camera, mask)]
     masks = [None] * len(camera) if mask is None else mask
     if not (isinstance(image, list) and isinstance(masks, list)):
-        msg = 'camera is a list, image or mask is not: give lists, or one camera as a tuple'
-        raise TypeError(msg)
+        raise TypeError(
+            'camera is a list, image or mask is not: give lists, or one camera as a tuple'
+        )
     if not len(image) == len(camera) == len(masks) or not 1 <= len(camera) <= MOST:
-        msg = (
+        raise ValueError(
             f'image, camera and mask have {len(image)}, {len(camera)} and {len(masks)} entries: '
             f'must be as many each, 1 to {MOST}'
         )
-        raise ValueError(msg)
     return list(zip(image, camera, masks, strict=True))
 
 

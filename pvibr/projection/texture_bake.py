@@ -60,8 +60,9 @@ def checked_file(file) -> Path | None:
     with naming('file', file):
         file = Path(file).expanduser()
     if file.suffix.lower() not in ('.npy', '.tif', '.tiff'):
-        msg = f'file is {str(file)!r}; it must end in .tif (pip install "pvibr[geo]") or .npy'
-        raise ValueError(msg)
+        raise ValueError(
+            f'file is {str(file)!r}; it must end in .tif (pip install "pvibr[geo]") or .npy'
+        )
     if file.suffix.lower() != '.npy':
         require('rasterio', 'geo', 'TIFF files')
     return file

@@ -32,11 +32,10 @@ def unwrapped(mesh, size=2048, advance=None) -> pv.PolyData:
     try:
         import xatlas
     except ImportError as error:
-        msg = (
+        raise ImportError(
             'The mesh has no texture coordinates. Give it some (mesh.active_texture_coordinates), '
             'or install xatlas, which makes them: pip install "pvibr[uv]"'
-        )
-        raise ImportError(msg) from error
+        ) from error
     points, faces = np.asarray(surface.points, float), surface.regular_faces
     # xatlas works with float32: far from the origin it would see nothing else.
     low, high = points.min(0), points.max(0)
@@ -137,8 +136,7 @@ def checked_size(size) -> tuple[int, int]:
     """Return the width and height of a texture."""
     width, height = np.broadcast_to(np.asarray(size), 2).tolist()
     if not (int(width) == width > 0 and int(height) == height > 0):
-        msg = f'size is {size!r}; it must be whole numbers of pixels above 0.'
-        raise ValueError(msg)
+        raise ValueError(f'size is {size!r}; it must be whole numbers of pixels above 0.')
     return int(width), int(height)
 
 

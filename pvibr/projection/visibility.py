@@ -120,11 +120,10 @@ def _check_has_size(camera):
     """Raise a ValueError for an intrinsic matrix without the size of its picture."""
     rows = isinstance(camera, tuple | list | np.ndarray)
     if rows or (isinstance(camera, dict) and 'size' not in camera):
-        msg = (
+        raise ValueError(
             'size = None: must be width and height of the picture of camera in pixels, as in '
             'size=(1920, 1080): K does not tell them'
         )
-        raise ValueError(msg)
 
 
 def shadow_mask(
@@ -258,8 +257,9 @@ def shadowed_area(mesh, lit) -> float:
     lit = as_array('lit', lit, float)
     if lit.shape not in ((mesh.n_cells,), (mesh.n_points,)):
         sizes = f'({mesh.n_cells},) or ({mesh.n_points},)'
-        msg = f'lit has the shape {lit.shape}; it must be {sizes}, as mesh has cells and points.'
-        raise ValueError(msg)
+        raise ValueError(
+            f'lit has the shape {lit.shape}; it must be {sizes}, as mesh has cells and points.'
+        )
     own = lit[faces.owner] if len(lit) == mesh.n_cells else lit[faces.corner].mean(1)
     return float((faces.area * (1 - own)).sum())
 
@@ -277,17 +277,20 @@ def _away(camera, points):
 
 def _check_light(light, samples, extent):
     if not hasattr(light, 'GetConeAngle') or not light.LightTypeIsSceneLight():
-        msg = f"light is {light!r:.100}; it must be a pyvista.Light of light_type 'scene light'."
-        raise ValueError(msg)
+        raise ValueError(
+            f"light is {light!r:.100}; it must be a pyvista.Light of light_type 'scene light'."
+        )
     if light.GetPosition() == light.GetFocalPoint():
-        msg = f'light.position and focal_point are both {light.GetPosition()}: no direction.'
-        raise ValueError(msg)
+        raise ValueError(
+            f'light.position and focal_point are both {light.GetPosition()}: no direction.'
+        )
     checked_whole('samples', samples, 1, 1 << 20)
     if extent is not None:
         checked_number('extent', extent, 0.0)
     if samples > 1 and extent is None and light.GetPositional():
-        msg = 'extent is None; samples of a positional light need its radius in world units.'
-        raise ValueError(msg)
+        raise ValueError(
+            'extent is None; samples of a positional light need its radius in world units.'
+        )
 
 
 def _scene_light(light):

@@ -63,8 +63,7 @@ class Cylinders(Quadrics):
         self._own_ends = as_points(points_a, 'points_a'), as_points(points_b, 'points_b')
         if len(self._own_ends[1]) != len(self):
             found = len(self._own_ends[1])
-            msg = f'points_b has {found} rows; it must have {len(self)}, as points_a'
-            raise ValueError(msg)
+            raise ValueError(f'points_b has {found} rows; it must have {len(self)}, as points_a')
         check_one_of('caps', caps, CAPS)
         self._own_radii = lengths_of('radius', radius, (len(self),))
         self._place()

@@ -163,18 +163,19 @@ def _checked_turns(orientation, count):
     turns = as_array('orientation', given, float)
     own = (4,), (count, 4)
     if turns.shape not in (*own, (3, 3), (count, 3, 3)):
-        msg = (
+        raise ValueError(
             f'orientation has shape {turns.shape}; it must be (4,) or ({count}, 4), quaternions, '
             f'or (3, 3) or ({count}, 3, 3), matrices'
         )
-        raise ValueError(msg)
     if turns.shape in own:
         length = np.linalg.norm(turns, axis=-1, keepdims=True)
         if not (np.isfinite(length) & (length > 0)).all():
-            msg = 'orientation must be finite quaternions (w, x, y, z), none of length 0'
-            raise ValueError(msg)
+            raise ValueError(
+                'orientation must be finite quaternions (w, x, y, z), none of length 0'
+            )
         turns = to_matrices(turns / length)
     if not np.allclose(turns.swapaxes(-1, -2) @ turns, np.eye(3), rtol=0, atol=1e-4):
-        msg = 'orientation must have columns of length 1 that are perpendicular to each other'
-        raise ValueError(msg)
+        raise ValueError(
+            'orientation must have columns of length 1 that are perpendicular to each other'
+        )
     return np.broadcast_to(turns, (count, 3, 3)).copy()

@@ -272,8 +272,9 @@ class Quadrics(CardSet):
         """Return checked points; their number must not change."""
         points = as_points(points, name)
         if len(points) != len(self):
-            msg = f'{name} has {len(points)} rows; it must keep its {len(self)} {self._noun}'
-            raise ValueError(msg)
+            raise ValueError(
+                f'{name} has {len(points)} rows; it must keep its {len(self)} {self._noun}'
+            )
         return points
 
     # -- the life of an effect ----------------------------------------------------------------
@@ -478,6 +479,5 @@ def lengths_of(name, lengths, shape) -> np.ndarray:
     array = as_array(name, lengths, float).copy()
     if array.shape not in ((), shape, shape[1:]):
         allowed = ', '.join(str(s) for s in dict.fromkeys((shape, shape[1:])) if s)
-        msg = f'{name} has shape {array.shape}; it must be one number or {allowed}'
-        raise ValueError(msg)
+        raise ValueError(f'{name} has shape {array.shape}; it must be one number or {allowed}')
     return np.broadcast_to(checked_lengths(name, array), shape).copy()

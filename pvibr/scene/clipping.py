@@ -26,8 +26,7 @@ class ClippingPlanes:
     def __init__(self, planes=None):
         self._planes = [] if planes is None else list(planes)
         if len(self._planes) > _MOST:
-            msg = f'planes are {len(self._planes)}: must be {_MOST} at most'
-            raise ValueError(msg)
+            raise ValueError(f'planes are {len(self._planes)}: must be {_MOST} at most')
 
     def __len__(self):
         return len(self._planes)

@@ -88,11 +88,11 @@ class PickFacade(Facade):
         >>> pl.close()
         """
         if getattr(self._plotter, 'iren', None) is None:
-            msg = 'picking by mouse needs a PyVista plotter; call pick(x, y) from your own events'
-            raise TypeError(msg)
+            raise TypeError(
+                'picking by mouse needs a PyVista plotter; call pick(x, y) from your own events'
+            )
         if callback is not None and not callable(callback):
-            msg = f'callback = {callback!r}: must be a function of the hit, or None'
-            raise TypeError(msg)
+            raise TypeError(f'callback = {callback!r}: must be a function of the hit, or None')
         flags = {'left_clicking': left_clicking, 'use_picker': use_picker}
         how = {name: checked_flag(name, value) for name, value in flags.items()}
         show = checked_flag('show', show)

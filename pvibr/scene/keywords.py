@@ -96,8 +96,7 @@ def check_keywords(make, names, known=None):
             continue
         why = reason(make, name)
         hint = f': {why}' if why else nearest(name, known)
-        msg = f'{make.__name__} has no argument {name!r}{hint}'
-        raise TypeError(msg)
+        raise TypeError(f'{make.__name__} has no argument {name!r}{hint}')
 
 
 _FLAGS = {
@@ -145,8 +144,7 @@ def _check_range(clim):
         for end in ends:
             checked_number('clim', end)
         if len(ends) not in (1, 2):
-            msg = 'must be two numbers, or one'
-            raise ValueError(msg)
+            raise ValueError('must be two numbers, or one')
 
 
 def _map(cmap):
@@ -158,8 +156,7 @@ def _map(cmap):
 
 def _theme(theme):
     if not isinstance(theme, str | pv.themes.Theme):
-        msg = 'must be a theme or the name of one'
-        raise TypeError(msg)
+        raise TypeError('must be a theme or the name of one')
     pv.Property(theme=theme)  # raises if there is none of the name
 
 
@@ -172,18 +169,17 @@ def _opacity(opacity):
         return
     given = as_array('opacity', opacity)
     if given.ndim > 1 or not _finite(given):
-        msg = 'must be a number from 0 to 1, numbers, or the name of a transfer function'
-        raise TypeError(msg)
+        raise TypeError(
+            'must be a number from 0 to 1, numbers, or the name of a transfer function'
+        )
     if not given.ndim and not 0 <= given <= 1:
-        msg = f'opacity must be a number from 0 to 1, not {opacity!r}'
-        raise ValueError(msg)
+        raise ValueError(f'opacity must be a number from 0 to 1, not {opacity!r}')
 
 
 def _one_of(*allowed):
     def check(value):
         if not isinstance(value, str | bool) or value not in allowed:
-            msg = f'must be one of {", ".join(map(repr, allowed))}'
-            raise ValueError(msg)
+            raise ValueError(f'must be one of {", ".join(map(repr, allowed))}')
 
     return check
 
@@ -193,8 +189,9 @@ def _texture(texture):
         given = as_array('texture', texture)
         image = given.ndim == 2 or (given.ndim == 3 and given.shape[2] in (1, 3, 4))
         if not (given.size and image and _finite(given)):
-            msg = 'must be a pyvista.Texture or a finite array of shape (h, w) or (h, w, 3 or 4)'
-            raise TypeError(msg)
+            raise TypeError(
+                'must be a pyvista.Texture or a finite array of shape (h, w) or (h, w, 3 or 4)'
+            )
 
 
 def _back(look):
@@ -205,8 +202,7 @@ def _back(look):
 
 def _mapping(value):
     if not isinstance(value, dict | pv.Property):
-        msg = 'must be a dict'
-        raise TypeError(msg)
+        raise TypeError('must be a dict')
 
 
 _OTHERS = {

@@ -22,8 +22,9 @@ def as_colors(colors, n) -> np.ndarray:
     rows = as_rgba(colors, n)
     if rows.shape[1] == 4:
         row = int(np.argmin(rows[:, 3]))
-        msg = f'colors[{row}] is translucent; these have one alpha for all: give opacity'
-        raise ValueError(msg)
+        raise ValueError(
+            f'colors[{row}] is translucent; these have one alpha for all: give opacity'
+        )
     return rows
 
 
@@ -39,16 +40,17 @@ def _color_bytes(colors, n) -> np.ndarray:
     if array.shape == (3,) and isinstance(colors, (str, pv.Color, dict)):
         array = np.broadcast_to(array, (n, 3))  # one of a name is that of all
     if array.ndim != 2 or array.shape[0] != n or array.shape[1] not in (3, 4):
-        msg = f'colors has shape {array.shape}; it must be ({n}, 3) or ({n}, 4): one row for each'
-        raise ValueError(msg)
+        raise ValueError(
+            f'colors has shape {array.shape}; it must be ({n}, 3) or ({n}, 4): one row for each'
+        )
     if array.dtype.kind == 'f':
         if not ((array >= 0) & (array <= 1)).all():
-            msg = 'colors given as floats must be from 0 to 1; give uint8 for 0 to 255'
-            raise ValueError(msg)
+            raise ValueError('colors given as floats must be from 0 to 1; give uint8 for 0 to 255')
         return np.rint(array * 255).astype(np.uint8)
     if array.dtype.kind not in 'ui' or (array < 0).any() or (array > 255).any():
-        msg = f'colors has dtype {array.dtype}; it must be uint8 (0 to 255) or float (0 to 1)'
-        raise ValueError(msg)
+        raise ValueError(
+            f'colors has dtype {array.dtype}; it must be uint8 (0 to 255) or float (0 to 1)'
+        )
     return array.astype(np.uint8)
 
 
@@ -72,9 +74,10 @@ def as_scalars(scalars, n):
         words = [value if isinstance(value, str) else '' for value in array.flat]
         array = np.array(words, str).reshape(array.shape)
     if array.dtype.kind not in 'fiubU' or array.shape != (n,):
-        msg = f'scalars has shape {array.shape}, dtype {array.dtype}; '
-        msg += f'it must be ({n},) numbers or words'
-        raise ValueError(msg)
+        raise ValueError(
+            f'scalars must be ({n},) numbers or words, '
+            f'got shape {array.shape}, dtype {array.dtype}'
+        )
     return array.copy() if array.dtype.kind in 'bU' else array.astype(float)
 
 
@@ -98,8 +101,9 @@ def as_mask(visible, n):
     mask = as_array('visible', visible)
     ones = mask.dtype == bool or (mask.dtype.kind in 'iuf' and np.isin(mask, (0, 1)).all())
     if not ones or mask.shape not in ((), (n,)):
-        msg = f'visible has shape {mask.shape}, dtype {mask.dtype}; it must be bool, one or ({n},)'
-        raise ValueError(msg)
+        raise ValueError(
+            f'visible has shape {mask.shape}, dtype {mask.dtype}; it must be bool, one or ({n},)'
+        )
     mask = mask.astype(bool)
     return None if mask.all() else np.broadcast_to(mask, (n,)).copy()
 
@@ -144,8 +148,7 @@ def _checked_clim(clim) -> tuple[float, float]:
             return float(low), float(high)
     except (TypeError, ValueError):
         pass
-    msg = f'clim is {clim!r}; it must be two finite numbers, the lower one first'
-    raise ValueError(msg)
+    raise ValueError(f'clim is {clim!r}; it must be two finite numbers, the lower one first')
 
 
 def _check_options(options):
@@ -156,11 +159,9 @@ def _check_options(options):
         elif name in ('flip_scalars', 'log_scale'):
             checked_flag(name, value)
         elif name == 'annotations' and not isinstance(value, dict):
-            msg = f'annotations = {value!r}: must be a dict of numbers to str'
-            raise TypeError(msg)
+            raise TypeError(f'annotations = {value!r}: must be a dict of numbers to str')
         elif name in ('n_colors', 'categories') and not _counts(name, value):
-            msg = f'{name} = {value!r}: must be an int of at least 1'
-            raise ValueError(msg)
+            raise ValueError(f'{name} = {value!r}: must be an int of at least 1')
 
 
 def _counts(name, value) -> bool:

@@ -32,12 +32,11 @@ def _widget(name, plotter):
     @wraps(method)
     def widget(mesh, *args, **kwargs):
         if isinstance(mesh, Thing):
-            msg = (
+            raise TypeError(
                 f'{name} cuts a mesh, and {mesh.name} is none. It is '
                 'cut by handle.mapper.AddClippingPlane(plane), whose plane may be set by the '
                 'callback of plotter.add_plane_widget'
             )
-            raise TypeError(msg)
         return method(plotter(), mesh, *args, **kwargs)
 
     return widget

@@ -141,8 +141,7 @@ class Painted(Thing):
         changed = {k: v for k, v in {'cmap': cmap, 'clim': clim}.items() if v is not None}
         if self._scalars is None:
             named = ', '.join([*changed, *options]) or 'map'
-            msg = f'{named}: there are no scalars to map, set scalars first'
-            raise ValueError(msg)
+            raise ValueError(f'{named}: there are no scalars to map, set scalars first')
         check_keywords(type(self), options, TABLE_OPTIONS)
         merged = self._table_options | changed | options
         self.table = self._table_for(self._scalars, merged)

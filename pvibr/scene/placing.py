@@ -17,8 +17,7 @@ def _vector(name, doc):
         values = as_array(name, value, np.float64)
         shapes = ((3,), ()) if name == 'scale' else ((3,),)
         if not np.isfinite(values).all() or values.shape not in shapes:
-            msg = f'{name} = {value!r}: must be three finite numbers'
-            raise ValueError(msg)
+            raise ValueError(f'{name} = {value!r}: must be three finite numbers')
         getattr(pv.Actor, name).fset(self, value)
 
     return property(getattr(pv.Actor, name).fget, put, doc=doc)
@@ -92,14 +91,16 @@ class PlacedItems(Placed):
         """Raise a ValueError if the items cannot be drawn so; they need an inverse at least."""
         lengths = np.linalg.norm(linear, axis=0)
         if not np.abs(np.linalg.det(linear)) > 1e-12 * lengths.prod():
-            msg = f'scale or user_matrix of {self.name} must have an inverse: none along an axis'
-            raise ValueError(msg)
+            raise ValueError(
+                f'scale or user_matrix of {self.name} must have an inverse: none along an axis'
+            )
 
     def _check_similar(self, linear, why):
         """Raise a ValueError unless all lengths are scaled alike."""
         if not is_similar(linear):
-            msg = f'scale or user_matrix of {self.name} must scale all axes alike: {why}'
-            raise ValueError(msg)
+            raise ValueError(
+                f'scale or user_matrix of {self.name} must scale all axes alike: {why}'
+            )
 
     def follow(self):
         """Take over a place that was set since."""

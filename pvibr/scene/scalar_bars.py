@@ -107,8 +107,9 @@ class Bar:
     def __init__(self, wanted=None, options=None):
         self._wanted = checked_flag('show_scalar_bar', wanted, optional=True)
         if not isinstance(options, (Mapping, type(None))):
-            msg = f'scalar_bar_args = {options!r}: must be a dict of options of add_scalar_bar'
-            raise TypeError(msg)
+            raise TypeError(
+                f'scalar_bar_args = {options!r}: must be a dict of options of add_scalar_bar'
+            )
         self._options = dict(options or {})
         self._title: str | None = None
 

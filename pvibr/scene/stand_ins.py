@@ -201,11 +201,10 @@ class StandIns:
         found = self._in_area(thing, frame)
         if len(found) > _DRAWN and not self._warned:
             self._warned = True
-            msg = (
+            warn(
                 f"{thing.name}: VTK's hardware pickers see items as meshes, the nearest {_DRAWN} "
                 f'of {len(found)} there; plotter.ibr.pick and rectangles through the scene see all'
             )
-            warn(msg)
         found = found[:_DRAWN]
         for _ in range(len(found) - len(self._drawn)):
             self._drawn.append(_actor(_vtk.vtkPolyDataMapper()))

@@ -123,27 +123,26 @@ class Substitute(Thing):
         """Raise an error unless it may stand for props in a subplot."""
         for actor in props:
             if not pipeline.renderer.HasViewProp(actor):
-                msg = f'{self._argument}: {actor!r} is not in this subplot; add it there first'
-                raise ValueError(msg)
+                raise ValueError(
+                    f'{self._argument}: {actor!r} is not in this subplot; add it there first'
+                )
         self._refuse_shared(pipeline.window, props)
         for other in pipeline.things:
             if other is not self and self._conflicts(other, props):
-                msg = (
+                raise ValueError(
                     f'{self._argument}: {other.name} stands for some of them already; '
                     'remove it first'
                 )
-                raise ValueError(msg)
 
     def _refuse_shared(self, window, props):
         elsewhere = _mappers_elsewhere(window)
         for actor in props if elsewhere else ():
             if address(actor.GetMapper()) in elsewhere:
-                msg = (
+                raise ValueError(
                     f'{self._argument}: {actor!r} shares its mapper with an actor of another '
                     'window, where VTK crashes: give each its own, such as '
                     'pyvista.DataSetMapper(actor.mapper.dataset)'
                 )
-                raise ValueError(msg)
 
     def _claimed(self) -> list:
         """Return the props that must be in the subplot."""

@@ -54,8 +54,7 @@ def _unplaced(name):
     """Return a property of an actor that can be read only."""
 
     def refuse(thing, _value):
-        msg = f'{thing.name}.{name} cannot be set: {thing.moved_by}'
-        raise AttributeError(msg)
+        raise AttributeError(f'{thing.name}.{name} cannot be set: {thing.moved_by}')
 
     def value(thing):
         found = getattr(pv.Actor, name).fget(thing)
@@ -69,8 +68,7 @@ def _unmoved(name):
 
     def refuse(thing, *_args):
         if name != 'SetScale':  # plotters scale all that they list, also what it stands for
-            msg = f'{thing.name}.{name} is of no use: {thing.moved_by}'
-            raise AttributeError(msg)
+            raise AttributeError(f'{thing.name}.{name} is of no use: {thing.moved_by}')
 
     refuse.__doc__ = 'Raise an error: its place cannot be set.'
     return refuse
@@ -154,8 +152,7 @@ class Thing(Effect, pv.Actor):
 
     def set_clipping_planes(self, planes):
         """Cut it off by a vtkPlaneCollection."""
-        msg = f'{self.name} cannot be clipped: {self.clipped_by}'
-        raise AttributeError(msg)
+        raise AttributeError(f'{self.name} cannot be clipped: {self.clipped_by}')
 
     # -- hooks: what is known of it ----------------------------------------------------------
 
@@ -331,8 +328,7 @@ class Thing(Effect, pv.Actor):
     @label.setter
     def label(self, label):
         if not isinstance(label, (str, type(None))):
-            msg = f'label = {label!r}: must be a str or None'
-            raise TypeError(msg)
+            raise TypeError(f'label = {label!r}: must be a str or None')
         self._label = label
         if self.pipeline is not None:
             set_legend_label(self.pipeline.renderer, self, label, self.scalar_mapper() is not None)
@@ -345,8 +341,7 @@ class Thing(Effect, pv.Actor):
 
     def copy(self, deep=True):
         """Raise an error: the copy would draw nothing."""
-        msg = f'{self.name} cannot be copied or pickled: make one more and add it'
-        raise TypeError(msg)
+        raise TypeError(f'{self.name} cannot be copied or pickled: make one more and add it')
 
     def __reduce_ex__(self, _protocol):
         return self.copy()

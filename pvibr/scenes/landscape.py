@@ -60,8 +60,7 @@ class Landscape:
         """Return camera positions along the trail."""
         if frames < 1 or not 0 <= start <= stop <= 1:
             given = f'frames is {frames}, start {start}, stop {stop}'
-            msg = f'{given}; they must be at least 1 and 0 <= start <= stop <= 1.'
-            raise ValueError(msg)
+            raise ValueError(f'{given}; they must be at least 1 and 0 <= start <= stop <= 1.')
         share = np.linspace(start, stop, frames)
         eye, focus = self.trail(share), self.trail(share + 0.07)
         # From 2.5 m, a walker, to 11.5 m, a low drone, and back.
@@ -77,8 +76,7 @@ class Landscape:
 def landscape(n=10_000, seed=0, size=None, triangles=50_000):
     """Return a landscape with n trees."""
     if n < 1:
-        msg = f'n is {n}; it must be at least 1 tree.'
-        raise ValueError(msg)
+        raise ValueError(f'n is {n}; it must be at least 1 tree.')
     # Below 300 m the trail's clearing would cover the terrain.
     size = max(SPACING * np.sqrt(n), 300.0) if size is None else float(size)
     rng = np.random.default_rng(seed)
@@ -169,8 +167,9 @@ def _places(n, size, heights, trail, rng):
     clump = _noise(places, size / 14, size, rng) + 0.7 * _noise(places, size / 40, size, rng)
     free = np.flatnonzero(away)
     if len(free) < n:
-        msg = f'n is {n}, but only {len(free)} trees fit on {size:.0f} m; give a larger size.'
-        raise ValueError(msg)
+        raise ValueError(
+            f'n is {n}, but only {len(free)} trees fit on {size:.0f} m; give a larger size.'
+        )
     weight = np.exp(1.6 * clump[free])
     return places[rng.choice(free, n, replace=False, p=weight / weight.sum())]
 

@@ -79,8 +79,9 @@ def tree(kind='broadleaf', seed=0, triangles=50_000, height=None):
     bark = _bark(form, branches, rng)
     cards = (triangles - bark.n_cells + 1) // 2
     if cards < 1:
-        msg = f'triangles is {triangles}; a {kind} needs more than {bark.n_cells}, its bark.'
-        raise ValueError(msg)
+        raise ValueError(
+            f'triangles is {triangles}; a {kind} needs more than {bark.n_cells}, its bark.'
+        )
     leaves = _leaves(form, branches[-2:], cards, rng)
     for block in (bark, leaves):
         block.points *= np.float32(height)

@@ -43,8 +43,7 @@ _NAMES = list(_JOINTS)
 def walker(triangles=5000) -> Figure:
     """Return a person 1.8 m tall, facing y, with the clips 'Walk' and 'Wave'."""
     if triangles < 300:
-        msg = f'triangles = {triangles}: must be 300 or more'
-        raise ValueError(msg)
+        raise ValueError(f'triangles = {triangles}: must be 300 or more')
     # Sides around a capsule, from its share of the triangles.
     around = max(4, int((triangles / len(_LIMBS)) ** 0.5))
     meshes = [_capsule(*limb[:3], around) for limb in _LIMBS.values()]

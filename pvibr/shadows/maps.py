@@ -110,13 +110,12 @@ class LightMaps:
             made = self._maps(veiled, max(side, _FEWEST))
         view = made[0]
         if view.resolution < wanted:
-            msg = (
+            warn(
                 f'resolution = {wanted}: {len(self.views)} views take '
                 f'{taken * (wanted / first) ** 2 / 2**20:.0f} MiB; there is room for '
                 f'{view.resolution} texels along a side of each, in textures of the driver and in '
                 f'the {room / 2**20:.0f} MiB that memory = {self.owner.memory:g} leaves'
             )
-            warn(msg)
         if old is not None and not (veiled or old.veils) and old.resolution == view.resolution:
             view.take(old)
         self.release()

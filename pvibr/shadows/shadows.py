@@ -181,8 +181,9 @@ class Shadows(Effect):
     def needed(self, frame) -> bool | str:
         """Return True if any light casts shadows."""
         if has_shadows(frame.renderer):
-            msg = 'enable_shadows() has VTK draw shadows: call disable_shadows() for these'
-            raise RuntimeError(msg)
+            raise RuntimeError(
+                'enable_shadows() has VTK draw shadows: call disable_shadows() for these'
+            )
         self._sun.match(frame, self.lights == 'auto', self.ambient)
         self._seen = tuple(lights_of(frame.renderer))
         if self._may_cast():
@@ -330,8 +331,9 @@ class Shadows(Effect):
     def attach(self, pipeline):
         """Add it to a pipeline that has no shadows yet."""
         if any(isinstance(effect, Shadows) for effect in pipeline.effects):
-            msg = 'Shadows are in this subplot already: change their settings, or remove them'
-            raise ValueError(msg)
+            raise ValueError(
+                'Shadows are in this subplot already: change their settings, or remove them'
+            )
         super().attach(pipeline)
 
     def detach(self):

@@ -36,14 +36,12 @@ def sun_direction(time, latitude, longitude, *, north=(0, 1, 0), up=(0, 0, 1)):
 
 def _check_time(time):
     if not isinstance(time, datetime.datetime):
-        msg = f'time is {time!r}; it must be a datetime.datetime.'
-        raise TypeError(msg)
+        raise TypeError(f'time is {time!r}; it must be a datetime.datetime.')
     if time.utcoffset() is None:
-        msg = (
+        raise ValueError(
             f'time is {time} without a time zone; give it one: tzinfo=datetime.timezone.utc, or '
             "zoneinfo.ZoneInfo('Europe/Zurich')."
         )
-        raise ValueError(msg)
 
 
 def _axes(north, up):
@@ -51,7 +49,8 @@ def _axes(north, up):
     east = np.cross(north, up)
     length = np.linalg.norm(east)
     if length < 1e-6:
-        msg = f'north is {north.tolist()} and up is {up.tolist()}; they must not be parallel.'
-        raise ValueError(msg)
+        raise ValueError(
+            f'north is {north.tolist()} and up is {up.tolist()}; they must not be parallel.'
+        )
     east /= length
     return east, np.cross(up, east), up

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from benchmarks.figures.errors import gpu_errors, shown
+from benchmarks.figures.models import tube
 from pvibr import Figure
 from pvibr.animation import Clip, Morphs, Pose, Skin, Track
 from pvibr.animation.blending import crossfade, mix
-from pvibr.bench.figures.errors import gpu_errors, shown
-from pvibr.bench.figures.models import tube
 from pvibr.maths import quaternions
 from pvibr.maths.skinning import dual_blend, linear_blend
 

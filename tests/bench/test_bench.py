@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 import pyvista as pv
 
-from pvibr.bench import BENCHES, instances, main
-from pvibr.bench.common import peers, whole_frames
-from pvibr.bench.common.harness import Results, Row
-from pvibr.bench.common.meshes import MESHES
+from benchmarks import BENCHES, instances, main
+from benchmarks.common import whole_frames
+from benchmarks.common.harness import Results, Row
+from benchmarks.common.meshes import MESHES
 from pvibr.capture.offscreen import Stage, mesh_actors
+from pvibr.cli import peers
 from pvibr.meshes.parts import as_parts
 
 
@@ -38,14 +39,14 @@ def test_results_are_json_and_a_plot(tmp_path):
 
 @pytest.mark.parametrize('name', BENCHES)
 def test_every_bench_is_declared(name):
-    bench = import_module(f'pvibr.bench.{name}').BENCH
+    bench = import_module(f'benchmarks.{name}').BENCH
     assert {len(pair) for pair in bench.settings.values()} == {2}
     assert bench.outside
     assert BENCHES[name].startswith('Measure ')
 
 
 def test_continuous_integration_runs_every_bench(capfd):
-    runpy.run_module('pvibr.bench', run_name='__main__')
+    runpy.run_module('benchmarks', run_name='__main__')
     assert capfd.readouterr().out.split() == list(BENCHES)
 
 

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from pvibr.bench import main
-from pvibr.bench.billboards import BENCH, sprites
-from pvibr.bench.common.harness import Results
+from benchmarks import main
+from benchmarks.billboards import BENCH, sprites
+from benchmarks.common.harness import Results
 
 
 def test_a_far_cut_out_covers_what_it_should():

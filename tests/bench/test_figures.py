@@ -7,10 +7,10 @@ import json
 import numpy as np
 import pytest
 
-from pvibr.bench import figures, main
-from pvibr.bench.figures import errors as figures_errors
-from pvibr.bench.figures import models as figures_models
-from pvibr.bench.figures import peers as figures_peers
+from benchmarks import figures, main
+from benchmarks.figures import errors as figures_errors
+from benchmarks.figures import models as figures_models
+from benchmarks.figures import peers as figures_peers
 
 
 def test_the_tube_moves_and_ends_where_it_began():

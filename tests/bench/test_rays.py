@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 import pyvista as pv
 
-from pvibr.bench.common import light_scenes, meshes
-from pvibr.bench.common.light_scenes import (
+from benchmarks.common import light_scenes, meshes
+from benchmarks.common.light_scenes import (
     SCENES,
     WINDOWS,
     LightScene,
@@ -13,7 +13,7 @@ from pvibr.bench.common.light_scenes import (
     place,
     view_angle,
 )
-from pvibr.bench.common.rays import Rays, edge_band, strengths, wrong
+from benchmarks.common.rays import Rays, edge_band, strengths, wrong
 from pvibr.capture.offscreen import Stage
 
 FAR = [(0, 1), (1e6, 1), (1e9, 1), (0, 1e-9), (0, 1e9)]

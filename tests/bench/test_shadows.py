@@ -5,11 +5,11 @@ import numpy as np
 import pytest
 import pyvista as pv
 
-from pvibr.bench import main, shadows
-from pvibr.bench.common.harness import Results
-from pvibr.bench.common.light_scenes import SCENES, LightScene
-from pvibr.bench.common.rays import Rays
-from pvibr.bench.shadows import contact, errors, times
+from benchmarks import main, shadows
+from benchmarks.common.harness import Results
+from benchmarks.common.light_scenes import SCENES, LightScene
+from benchmarks.common.rays import Rays
+from benchmarks.shadows import contact, errors, times
 
 WINDOW = (120, 80)
 

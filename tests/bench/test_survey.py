@@ -5,10 +5,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from pvibr.bench import SURVEYS, main
-from pvibr.bench.common.harness import Results
-from pvibr.bench.instances import survey
-from pvibr.bench.instances.unseen_meshes import HEAVY_KINDS, KINDS, unseen
+from benchmarks import SURVEYS, main
+from benchmarks.common.harness import Results
+from benchmarks.instances import survey
+from benchmarks.instances.unseen_meshes import HEAVY_KINDS, KINDS, unseen
 from pvibr.capture.offscreen import MULTI_SAMPLES
 from pvibr.meshes.parts import are_parts
 
@@ -126,7 +126,7 @@ def test_a_bench_without_a_survey_says_so():
     assert SURVEYS == ('instances',)
     with pytest.raises(ValueError, match='instances'):
         main('moving', survey=1)
-    with pytest.raises(ValueError, match='heavy needs survey'):
+    with pytest.raises(ValueError, match='heavy requires survey'):
         main('instances', heavy=True)
 
 

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 import pyvista as pv
 
-from pvibr.bench.common import peers
-from pvibr.bench.instances import knots, near, walk
+from benchmarks.instances import knots, near, walk
 from pvibr.capture.offscreen import MULTI_SAMPLES, Stage
+from pvibr.cli import peers
 from pvibr.meshes.parts import as_parts
 from pvibr.scenes.landscape import landscape
 from pvibr.scenes.scenery import scenery, stage

@@ -2,10 +2,13 @@ import subprocess
 import sys
 import types
 from pathlib import Path
+from shutil import copytree, ignore_patterns
 
 import pytest
 import pyvista as pv
 
+import benchmarks
+import pvibr
 from pvibr.cli import app as cli
 from pvibr.core.errors import PvibrError
 
@@ -14,10 +17,11 @@ from pvibr.core.errors import PvibrError
 def called(monkeypatch):
     """Stand in for the bodies of the commands; give what they were called with."""
     calls = []
-    for name in ('cli.demo', 'cli.view', 'bench'):
-        module = types.ModuleType(f'pvibr.{name}')
+    for name in ('demo', 'view'):
+        module = types.ModuleType(f'pvibr.cli.{name}')
         module.main = lambda *args, **kwargs: calls.append((args, kwargs))
         monkeypatch.setitem(sys.modules, module.__name__, module)
+    monkeypatch.setattr(benchmarks, 'main', module.main)
     monkeypatch.setattr(cli, '_require_gl', lambda **kwargs: None)
     return calls
 
@@ -173,6 +177,23 @@ def test_bench_passes_the_seed_of_a_survey_on(called, capsys):
 def test_bench_passes_its_options_on(called, name):
     assert cli.main(['bench', name, '--quick', '-o', 'b']) == 0
     assert called == [((name,), {'out': Path('b'), 'quick': True})]
+
+
+def test_an_installed_package_says_where_benchmarks_are(tmp_path):
+    copytree(
+        Path(pvibr.__file__).parent, tmp_path / 'pvibr', ignore=ignore_patterns('__pycache__')
+    )
+    code = 'import sys; from pvibr.cli.app import main; sys.exit(main(["bench", *sys.argv[1:]]))'
+    for names in ([], ['instances'], ['instances', '--quick']):
+        done = subprocess.run(
+            [sys.executable, '-c', code, *names],
+            cwd=tmp_path,
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        assert 'clone it' in done.stdout + done.stderr, done
+        assert 'Traceback' not in done.stderr
 
 
 @pytest.mark.parametrize(('problems', 'code'), [([], 0), ([('EGL', 'apt-get')], 1)])

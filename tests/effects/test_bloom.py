@@ -11,7 +11,7 @@ import pyvista as pv
 from scipy.ndimage import gaussian_filter
 
 import pvibr
-from pvibr.bench.effects.bloom import natural as natural_spectrum
+from benchmarks.effects.bloom import natural as natural_spectrum
 from pvibr.gl import Target, Texture
 from pvibr.gl.fused import Fused
 from pvibr.gl.offscreen import hidden_window, read_pixels

@@ -7,7 +7,7 @@ import pytest
 import pyvista as pv
 
 import pvibr
-from pvibr.bench.effects import depth_of_field as bench
+from benchmarks.effects import depth_of_field as bench
 from pvibr.core.frame import Frame
 from pvibr.maths.image_error import psnr
 from tests.pictures import shot

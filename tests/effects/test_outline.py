@@ -8,7 +8,7 @@ import pyvista as pv
 from scipy.spatial import cKDTree
 
 import pvibr
-from pvibr.bench.effects.outline import MESHES, agreement, contour, inner
+from benchmarks.effects.outline import MESHES, agreement, contour, inner
 from pvibr.gl import scene_pass
 from pvibr.scene import buffers
 

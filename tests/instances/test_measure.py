@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import pyvista as pv
 
-from pvibr.bench.instances.single import ONCE, moved_rows
+from benchmarks.instances.single import ONCE, moved_rows
 from pvibr.instances import measure as me
 from pvibr.instances.levels import make_model
 from pvibr.maths.image_error import box_reduce

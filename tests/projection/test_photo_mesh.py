@@ -11,7 +11,7 @@ from PIL import Image
 from scipy import ndimage
 
 import pvibr
-from pvibr.bench.common.rays import Rays, edge_band
+from benchmarks.common.rays import Rays, edge_band
 from pvibr.capture.adaptive_quality import AdaptiveQuality
 from pvibr.core.frame import Frame
 from pvibr.images.picture_sheet import Squares

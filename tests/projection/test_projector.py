@@ -7,7 +7,7 @@ import pytest
 import pyvista as pv
 
 import pvibr
-from pvibr.bench.common.rays import Rays, edge_band
+from benchmarks.common.rays import Rays, edge_band
 from pvibr.core.frame import Frame
 from pvibr.maths.cameras import as_camera
 from pvibr.maths.draping import sample

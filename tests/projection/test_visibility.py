@@ -7,7 +7,7 @@ import pytest
 import pyvista as pv
 
 import pvibr
-from pvibr.bench.common.rays import Rays
+from benchmarks.common.rays import Rays
 from pvibr.maths.orthographic import Orthographic
 from pvibr.maths.pinhole import Pinhole
 from pvibr.projection import rays

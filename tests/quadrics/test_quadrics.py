@@ -486,7 +486,7 @@ def test_what_blends_is_behind_what_is_opaque(see):
         ({'points_b': [[0, 0, 1.0]] * 2}, 'points_b has 2 rows; it must have 1'),
         ({'caps': 'square'}, "caps is 'square'"),
         ({'points_a': [[0, 0, np.nan]]}, 'finite'),
-        ({'scalars': [[1.0, 2.0, 3.0]]}, 'scalars has shape'),
+        ({'scalars': [[1.0, 2.0, 3.0]]}, r'scalars must be \(1,\) numbers'),
         ({'opacity': 2.0}, 'opacity must be'),
     ],
 )

@@ -237,7 +237,7 @@ def test_colors_that_do_not_fit(colors, words):
 
 @pytest.mark.parametrize('scalars', [[1.0], [[1.0], [2.0]], ['a'], [{}, 'b']])
 def test_scalars_that_do_not_fit(scalars):
-    with pytest.raises(ValueError, match=r'scalars has shape.*must be \(2,\) numbers'):
+    with pytest.raises(ValueError, match=r'scalars must be \(2,\) numbers.*got shape'):
         look.as_scalars(scalars, 2)
 
 

@@ -7,7 +7,7 @@ import pytest
 import pyvista as pv
 
 import pvibr
-from pvibr.bench.common.light_scenes import light_at
+from benchmarks.common.light_scenes import light_at
 from pvibr.maths.views import look_along, orthographic, perspective
 from pvibr.shadows import shadows
 from pvibr.shadows.maps import in_shader

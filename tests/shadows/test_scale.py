@@ -7,9 +7,9 @@ import pytest
 import pyvista as pv
 
 import pvibr
-from pvibr.bench.common.light_scenes import LightScene, bare, light_at
-from pvibr.bench.common.rays import Rays
-from pvibr.bench.shadows.errors import drawn, sight
+from benchmarks.common.light_scenes import LightScene, bare, light_at
+from benchmarks.common.rays import Rays
+from benchmarks.shadows.errors import drawn, sight
 
 pytestmark = pytest.mark.sampled
 

@@ -8,9 +8,9 @@ import pyvista as pv
 from scipy import ndimage
 
 import pvibr
-from pvibr.bench.common.light_scenes import LightScene, bare, light_at
-from pvibr.bench.common.rays import Rays
-from pvibr.bench.shadows.errors import drawn, sight
+from benchmarks.common.light_scenes import LightScene, bare, light_at
+from benchmarks.common.rays import Rays
+from benchmarks.shadows.errors import drawn, sight
 
 EXTENTS = {'directional': 4.0, 'spot': 0.25, 'point': 0.12}
 

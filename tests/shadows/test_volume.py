@@ -3,8 +3,8 @@ import pytest
 import pyvista as pv
 
 import pvibr
-from pvibr.bench.common.light_scenes import LightScene, measured_lit, place
-from pvibr.bench.common.rays import Rays, edge_band
+from benchmarks.common.light_scenes import LightScene, measured_lit, place
+from benchmarks.common.rays import Rays, edge_band
 from pvibr.maths.views import perspective
 from pvibr.shadows.volume import safe_before, shadow_rects
 from tests.pictures import shot

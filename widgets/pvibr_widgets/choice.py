@@ -50,11 +50,10 @@ def panel(plotter, **settings):
         from pvibr_widgets.notebook import notebook_panel
 
         return notebook_panel(plotter, **settings)
-    msg = (
+    raise RuntimeError(
         'no page, Qt window or notebook to put a panel into: call trame_panel, qt_dock or '
         'notebook_panel of pvibr_widgets yourself'
     )
-    raise RuntimeError(msg)
 
 
 def _is_laid_out() -> bool:

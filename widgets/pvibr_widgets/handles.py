@@ -25,8 +25,7 @@ class Handles(Overlay):
 
     def __init__(self, stage, names, *, callback=None, size=28):
         if not 4 <= size <= _MOST:
-            msg = f'size = {size!r}: must be 4 to {_MOST} pixels; fingers need 24'
-            raise ValueError(msg)
+            raise ValueError(f'size = {size!r}: must be 4 to {_MOST} pixels; fingers need 24')
         super().__init__(stage, callback)
         self._size = float(size)
         self._places: dict = {}

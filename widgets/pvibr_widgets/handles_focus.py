@@ -72,8 +72,7 @@ def pick_focus(pl, lens, *, callback=None):
     >>> pl.close()
     """
     if not isinstance(lens, DepthOfField):
-        msg = f'lens = {lens!r:.80}: must be a pvibr.DepthOfField'
-        raise TypeError(msg)
+        raise TypeError(f'lens = {lens!r:.80}: must be a pvibr.DepthOfField')
     return FocusPick(Stage.of(pl, lens), lens, callback)
 
 

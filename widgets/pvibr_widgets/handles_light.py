@@ -70,16 +70,15 @@ def light_handles(pl, light, *, callback=None, size=28):
     >>> pl.close()
     """
     if not (hasattr(light, 'IsA') and light.IsA('vtkLight')):
-        msg = f'light = {light!r:.80}: must be a pyvista.Light or a vtkLight'
-        raise TypeError(msg)
+        raise TypeError(f'light = {light!r:.80}: must be a pyvista.Light or a vtkLight')
     here = Stage(pl).renderer
     holding = [r for r in (here, *getattr(pl, 'renderers', ())) if _has(r, light)]
     if not holding:
-        msg = 'light is in no subplot of pl: add it by pl.add_light first'
-        raise ValueError(msg)
+        raise ValueError('light is in no subplot of pl: add it by pl.add_light first')
     if light.LightTypeIsHeadlight():
-        msg = 'light is a headlight, which is where the camera is: make it a scene light'
-        raise ValueError(msg)
+        raise ValueError(
+            'light is a headlight, which is where the camera is: make it a scene light'
+        )
     return _LightHandles(Stage(pl, holding[0]), light, callback, size)
 
 
@@ -112,8 +111,7 @@ class _LightHandles(Handles):
         start, end = self._position, self._aim
         length = float(np.linalg.norm(end - start))
         if not length > 0:
-            msg = 'the light is where it aims'
-            raise ValueError(msg)
+            raise ValueError('the light is where it aims')
         return start, end, (end - start) / length
 
     def _across(self, ahead):
@@ -210,8 +208,7 @@ class _LightHandles(Handles):
     def _place(self, position, aim):
         least = _SHORTEST * np.linalg.norm(self._position - self._aim)
         if self._is_spot and not np.linalg.norm(aim - position) > least:
-            msg = 'a light must aim somewhere'
-            raise ValueError(msg)
+            raise ValueError('a light must aim somewhere')
         matrix = self.thing.GetTransformMatrix()
         inverse = (
             np.eye(4) if matrix is None else np.linalg.inv(np.reshape(matrix.GetData(), (4, 4)))

@@ -30,8 +30,7 @@ class Overlay:
 
     def __init__(self, stage, callback=None):
         if callback is not None and not callable(callback):
-            msg = f'callback = {callback!r}: must be a function of one argument'
-            raise TypeError(msg)
+            raise TypeError(f'callback = {callback!r}: must be a function of one argument')
         self._stage = stage
         self.callbacks: list[Callable] = [] if callback is None else [callback]
         self._marks = Marks(stage.renderer)

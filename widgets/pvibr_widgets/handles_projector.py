@@ -73,12 +73,12 @@ def projector_handles(pl, photo, *, view=0, callback=None, size=28):
     >>> pl.close()
     """
     if not isinstance(photo, Projector):
-        msg = f'photo = {photo!r:.80}: must be a pvibr.Projector'
-        raise TypeError(msg)
+        raise TypeError(f'photo = {photo!r:.80}: must be a pvibr.Projector')
     stage = Stage.of(pl, photo)
     if not 0 <= view < len(photo.cameras):
-        msg = f'view = {view!r}: {photo.name} has pictures 0 to {len(photo.cameras) - 1}'
-        raise ValueError(msg)
+        raise ValueError(
+            f'view = {view!r}: {photo.name} has pictures 0 to {len(photo.cameras) - 1}'
+        )
     return _ProjectorHandles(stage, photo, view, callback, size)
 
 
@@ -185,8 +185,7 @@ class _Aimed:
         ahead = (aim - position) / max(reach, 1e-300)
         up = up - ahead * (up @ ahead)
         if reach <= least or not np.linalg.norm(up) > _SHORTEST:
-            msg = 'a camera must look somewhere, and not along its upward direction'
-            raise ValueError(msg)
+            raise ValueError('a camera must look somewhere, and not along its upward direction')
         return _Aimed(position, aim, up / np.linalg.norm(up))
 
     @property

@@ -23,8 +23,7 @@ class Stage:
     def __init__(self, plotter, renderer=None):
         is_renderer = hasattr(plotter, 'IsA') and plotter.IsA('vtkRenderer')
         if not is_renderer and not hasattr(plotter, 'ibr'):
-            msg = f'pl = {plotter!r:.80}: must be a PyVista plotter or a vtkRenderer'
-            raise TypeError(msg)
+            raise TypeError(f'pl = {plotter!r:.80}: must be a PyVista plotter or a vtkRenderer')
         self.plotter = plotter
         self.ibr = attach(plotter) if is_renderer else plotter.ibr
         pipeline = self.ibr.pipeline  # says so where the plotter is closed
@@ -32,8 +31,9 @@ class Stage:
         window = self.renderer.GetRenderWindow()
         interactor = None if window is None else window.GetInteractor()
         if interactor is None:
-            msg = 'pl has no interactor, which tells of the mouse and keys: give its window one'
-            raise ValueError(msg)
+            raise ValueError(
+                'pl has no interactor, which tells of the mouse and keys: give its window one'
+            )
         self.interactor = interactor
         if self.ibr not in _rings:
             _rings[self.ibr] = Ring(self.interactor)
@@ -46,8 +46,7 @@ class Stage:
         renderer = None if effect.pipeline is None else effect.pipeline.renderer
         window = active.renderer.GetRenderWindow()
         if renderer is None or renderer.GetRenderWindow() is not window:
-            msg = f'{effect.name} is in no subplot of pl: add it by pl.ibr.add first'
-            raise ValueError(msg)
+            raise ValueError(f'{effect.name} is in no subplot of pl: add it by pl.ibr.add first')
         return cls(plotter, renderer)
 
     def frame(self) -> Frame:

@@ -67,8 +67,9 @@ def time_bar(pl, start, stop, *, speed=1.0, loop=True, callback=None):
     """
     ends = start, stop, speed
     if not all(math.isfinite(x) for x in ends) or start >= stop:
-        msg = f'start, stop, speed = {start!r}, {stop!r}, {speed!r}: finite, start below stop'
-        raise ValueError(msg)
+        raise ValueError(
+            f'start, stop, speed = {start!r}, {stop!r}, {speed!r}: finite, start below stop'
+        )
     return TimeBar(Stage(pl), float(start), float(stop), float(speed), bool(loop), callback)
 
 

@@ -336,6 +336,5 @@ def _as_tuple(place):
 
 def _named(path):
     if not str(path).strip():
-        msg = 'path is empty: write the name of a file'
-        raise ValueError(msg)
+        raise ValueError('path is empty: write the name of a file')
     return path

@@ -86,8 +86,7 @@ class Presets:
         kind = type(thing).__name__
         sets = {DEFAULTS: {}} | thing.presets | self._kept().get(kind, {})
         if name not in sets:
-            msg = f'{kind} has no preset {name!r}; it has: {", ".join(sets)}'
-            raise ValueError(msg)
+            raise ValueError(f'{kind} has no preset {name!r}; it has: {", ".join(sets)}')
         defaults = {n: p.default for n, p in params_of(type(thing)).items()}
         return thing.restore(defaults | sets[name])
 
@@ -110,8 +109,7 @@ class Presets:
         """
         kind, name = type(thing).__name__, name.strip()
         if not name or name == DEFAULTS or name in thing.presets:
-            msg = f'name = {name!r}: must be a new one, of a letter at least'
-            raise ValueError(msg)
+            raise ValueError(f'name = {name!r}: must be a new one, of a letter at least')
         kept = self._kept()
         settings = {n: thing.state()[n] for n in params_of(type(thing))}
         kept.setdefault(kind, {})[name] = settings
@@ -136,8 +134,7 @@ class Presets:
         """
         kept, kind = self._kept(), type(thing).__name__
         if name not in kept.get(kind, {}):
-            msg = f'preset = {name!r}: must be one that you kept'
-            raise ValueError(msg)
+            raise ValueError(f'preset = {name!r}: must be one that you kept')
         del kept[kind][name]
         self._write(kept)
 
@@ -147,8 +144,7 @@ class Presets:
         values, _ = state_files.from_text('presets', state_files.read(self.path), str(self.path))
         sets = values.get('presets')
         if not isinstance(sets, dict) or not _is_nested(sets):
-            msg = f'{self.path} is not a file of presets: fix or remove it'
-            raise ValueError(msg)
+            raise ValueError(f'{self.path} is not a file of presets: fix or remove it')
         return sets
 
     def _write(self, kept):

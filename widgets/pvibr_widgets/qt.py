@@ -50,11 +50,9 @@ def qt_dock(plotter, window=None, *, side='right', presets=None):
         inside = hasattr(plotter, 'window') and callable(plotter.window)
         window = getattr(plotter, 'app_window', None) or (plotter.window() if inside else None)
     if not isinstance(window, QtWidgets.QMainWindow):
-        msg = f'window = {window!r}: must be the QMainWindow that the dock is put into'
-        raise TypeError(msg)
+        raise TypeError(f'window = {window!r}: must be the QMainWindow that the dock is put into')
     if side not in _SIDES:
-        msg = f'side = {side!r}: must be left or right'
-        raise ValueError(msg)
+        raise ValueError(f'side = {side!r}: must be left or right')
     dock = Dock(Model(plotter, presets=presets), window)
     window.addDockWidget(getattr(QtCore.Qt.DockWidgetArea, _SIDES[side]), dock)
     return dock

@@ -162,8 +162,7 @@ def _given(action, convert, values):
     if convert is None:
         return ()
     if len(values) != 1 or not isinstance(values[0], (str, bool, int, float)):
-        msg = f'{action} {values!r:.60}: must have one value'
-        raise ValueError(msg)
+        raise ValueError(f'{action} {values!r:.60}: must have one value')
     return (convert(values[0]),)
 
 

@@ -112,8 +112,7 @@ def lights_of(file: GltfFile, nodes):
 def _camera(camera, node, place):
     lens = getattr(camera, camera.type)
     if lens is None:
-        msg = f'{place} is {camera.type}, but has no {camera.type!r}.'
-        raise GltfError(msg)
+        raise GltfError(f'{place} is {camera.type}, but has no {camera.type!r}.')
     clipping = (lens.znear, math.inf if lens.zfar is None else lens.zfar)
     name = camera.name or ''
     if camera.type == 'perspective':

@@ -196,8 +196,9 @@ class _Primitive:
             corners = self._accessors.integers(self.primitive.indices, place, 'SCALAR')[:, 0]
             if corners.max() >= n:
                 where = int(corners.argmax())
-                msg = f'{place}: index {where} is {corners[where]}; there are {n} vertices.'
-                raise GltfError(msg)
+                raise GltfError(
+                    f'{place}: index {where} is {corners[where]}; there are {n} vertices.'
+                )
         self._file.spend(3 * corners.nbytes, self._place)
         return self._grouped(corners)
 
@@ -206,13 +207,15 @@ class _Primitive:
         width = {_POINTS: 1, _LINES: 2, _TRIANGLES: 3}.get(mode)
         if width is not None:
             if len(corners) % width:
-                msg = f'{self._place} has {len(corners)} indices, not a multiple of {width}.'
-                raise GltfError(msg)
+                raise GltfError(
+                    f'{self._place} has {len(corners)} indices, not a multiple of {width}.'
+                )
             return corners.reshape(-1, width)
         least = 2 if self._wires else 3
         if len(corners) < least:
-            msg = f'{self._place} has {len(corners)} indices; {_MODES[mode]} need {least}.'
-            raise GltfError(msg)
+            raise GltfError(
+                f'{self._place} has {len(corners)} indices; {_MODES[mode]} need {least}.'
+            )
         if self._wires:
             pairs = np.column_stack([corners, np.roll(corners, -1)])
             return pairs if mode == _LOOP else pairs[:-1]
@@ -251,16 +254,18 @@ class _Primitive:
         n = self._count('POSITION')
         for name in self.primitive.attributes:
             if (count := self._count(name)) != n:
-                msg = f'{self._place}.attributes.{name} has {count} elements, POSITION {n}.'
-                raise GltfError(msg)
+                raise GltfError(
+                    f'{self._place}.attributes.{name} has {count} elements, POSITION {n}.'
+                )
             known = name in _KNOWN or name in _SETS or name.startswith(('TEXCOORD_', '_'))
             if not known:
                 self._file.leave_out(f'attribute {name[:40]}', self._place)
         for number in (0, 1):
             pair = {f'JOINTS_{number}', f'WEIGHTS_{number}'} & set(self.primitive.attributes)
             if len(pair) == 1:
-                msg = f'{self._place}.attributes has {pair.pop()} without its counterpart.'
-                raise GltfError(msg)
+                raise GltfError(
+                    f'{self._place}.attributes has {pair.pop()} without its counterpart.'
+                )
 
     def _has(self, name):
         return name in self.primitive.attributes
@@ -331,8 +336,7 @@ class _Primitive:
         """Return the differences of an attribute by a morph target."""
         n = self._count('POSITION')
         if self._accessors.count(index, place) != n:
-            msg = f'{place} has {self._accessors.count(index, place)} elements of {n}.'
-            raise GltfError(msg)
+            raise GltfError(f'{place} has {self._accessors.count(index, place)} elements of {n}.')
         if name != 'COLOR_0':
             return self._taken(self._accessors.floats(index, place, 'VEC3'))
         change = self._taken(self._accessors.floats(index, place, 'VEC3', 'VEC4'))

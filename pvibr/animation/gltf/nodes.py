@@ -52,8 +52,7 @@ def parents_of(file: GltfFile):
         child = children[which]
         first = owners[(children == child).argmax()]
         what = f'{_place(owners, which)} is {child}'
-        msg = f'{what}, which is a child of nodes[{first}] already.'
-        raise GltfError(msg)
+        raise GltfError(f'{what}, which is a child of nodes[{first}] already.')
     parents[children] = owners
     _check_depth(parents)
     return parents
@@ -71,11 +70,9 @@ def _place(owners, which):
 def _check_depth(parents):
     depth = depths(parents)
     if len(parents) and depth.max() >= _DEEPEST:
-        msg = f'nodes[{depth.argmax()}] is more than {_DEEPEST} nodes below its root.'
-        raise GltfError(msg)
+        raise GltfError(f'nodes[{depth.argmax()}] is more than {_DEEPEST} nodes below its root.')
     if (depth < 0).any():
-        msg = f'nodes[{(depth < 0).argmax()}] is in or below a cycle of children.'
-        raise GltfError(msg)
+        raise GltfError(f'nodes[{(depth < 0).argmax()}] is in or below a cycle of children.')
 
 
 def shown_nodes(file: GltfFile, parents, scene):
@@ -127,8 +124,7 @@ def _scene_number(document, scene):
         return names.index(scene)
     if isinstance(scene, int) and 0 <= scene < len(names):
         return scene
-    msg = f'scene is {scene!r}; the file has {len(names)} scenes: {names}.'
-    raise ValueError(msg)
+    raise ValueError(f'scene is {scene!r}; the file has {len(names)} scenes: {names}.')
 
 
 def _roots(document, number):
@@ -162,8 +158,7 @@ def skeleton_of(file: GltfFile, parents, up):
         world = skeleton.world(skeleton.rest)
     far = np.flatnonzero(~(np.abs(world).max((1, 2), initial=0.0) < _FARTHEST))
     if len(far):
-        msg = f'nodes[{far[0]}] is translated or scaled by more than {_FARTHEST:.0e}.'
-        raise GltfError(msg)
+        raise GltfError(f'nodes[{far[0]}] is translated or scaled by more than {_FARTHEST:.0e}.')
     return skeleton
 
 
@@ -187,8 +182,7 @@ def _apart(matrices, numbers):
 
 def _refuse(bad, numbers, fault):
     if bad.any():
-        msg = f'nodes[{numbers[bad.argmax()]}].matrix {fault}.'
-        raise GltfError(msg)
+        raise GltfError(f'nodes[{numbers[bad.argmax()]}].matrix {fault}.')
 
 
 def copies_of(file: GltfFile, accessors: Accessors, nodes):
@@ -207,8 +201,7 @@ def copies_of(file: GltfFile, accessors: Accessors, nodes):
 def _copies(file, accessors, attributes, place):
     counts = {accessors.count(index, place) for index in attributes.values()}
     if len(counts) != 1:
-        msg = f'{place} has {len(counts)} counts of instances; all must be the same.'
-        raise GltfError(msg)
+        raise GltfError(f'{place} has {len(counts)} counts of instances; all must be the same.')
     (count,) = counts
     file.spend(_NODE * count, place)
     parts = [
@@ -258,13 +251,11 @@ def bind_of(file: GltfFile, accessors: Accessors, index):
     place = f'{place}.inverseBindMatrices'
     values = accessors.floats(skin.inverse_bind_matrices, place, 'MAT4')
     if len(values) < n:
-        msg = f'{place} has {len(values)} matrices for {n} joints.'
-        raise GltfError(msg)
+        raise GltfError(f'{place} has {len(values)} matrices for {n} joints.')
     matrices = values[:n].reshape(n, 4, 4).swapaxes(1, 2).astype(np.float64)
     wrong = np.flatnonzero(np.abs(matrices[:, 3] - [0, 0, 0, 1]).max(1) > _SHEAR)
     if len(wrong):
-        msg = f'{place}: matrix {wrong[0]} is not affine.'
-        raise GltfError(msg)
+        raise GltfError(f'{place}: matrix {wrong[0]} is not affine.')
     matrices[:, 3] = [0, 0, 0, 1]
     return joints, matrices
 
@@ -299,8 +290,9 @@ class _Tracks:
                 self._file.leave_out('animation of scale and visibility of one node', place)
                 continue
             if key in driven:
-                msg = f'{place} drives the {path} of nodes[{node}], as an earlier channel does.'
-                raise GltfError(msg)
+                raise GltfError(
+                    f'{place} drives the {path} of nodes[{node}], as an earlier channel does.'
+                )
             driven[key] = path
             sampler = follow(
                 self._animation.samplers, channel.sampler, f'{place}.sampler', 'samplers'
@@ -332,8 +324,9 @@ class _Tracks:
             first, width, meshes = self._targets[node]
         shape = (len(times), 3, width) if cubic else (len(times), width)
         if values.size != np.prod(shape):
-            msg = f'{output} has {values.size} numbers; {len(times)} keys need {np.prod(shape)}.'
-            raise GltfError(msg)
+            raise GltfError(
+                f'{output} has {values.size} numbers; {len(times)} keys need {np.prod(shape)}.'
+            )
         values = values.reshape(shape)
         if path == 'visible':  # hidden by a scale of 0
             values = (values != 0) * np.array(self._file.document.nodes[node].scale)

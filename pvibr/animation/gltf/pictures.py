@@ -135,8 +135,7 @@ class Pictures:
         elif image.uri is not None:
             data = self._file.resource(image.uri, f'{place}.uri')
         else:
-            msg = f'{place} has neither uri nor bufferView.'
-            raise GltfError(msg)
+            raise GltfError(f'{place} has neither uri nor bufferView.')
         return self._decoded(data, place)
 
     def _decoded(self, data, place):
@@ -155,11 +154,11 @@ class Pictures:
             raise
         except UnidentifiedImageError as error:
             known = (f'is {name}' for start, name in _OTHERS.items() if data.startswith(start))
-            msg = f'{place} {next(known, "is in another format")}, not PNG, JPEG or WebP.'
-            raise GltfError(msg) from error
+            raise GltfError(
+                f'{place} {next(known, "is in another format")}, not PNG, JPEG or WebP.'
+            ) from error
         except Exception as error:  # decoders raise any exception at broken bytes
-            msg = f'{place} cannot be read: {error}.'
-            raise GltfError(msg) from error
+            raise GltfError(f'{place} cannot be read: {error}.') from error
 
 
 def _scaled_normals(pixels, scale):

@@ -156,8 +156,7 @@ def _check_extensions(file, supported):
     unknown = [name for name in needed if name not in supported]
     if unknown:
         asked, known = ', '.join(unknown)[:200], ', '.join(supported)
-        msg = f'extensionsRequired asks for {asked}; supported are {known}.'
-        raise GltfError(msg)
+        raise GltfError(f'extensionsRequired asks for {asked}; supported are {known}.')
     for name in document.extensions_used:
         if name not in supported:
             file.leave_out(name[:80], 'extensionsUsed')
@@ -254,12 +253,12 @@ class _Meshes:
         for i, primitive in enumerate(mesh.primitives):
             if len(primitive.targets) != n:
                 place = f'meshes[{node.mesh}].primitives[{i}]'
-                msg = f'{place} has {len(primitive.targets)} targets, the first primitive {n}.'
-                raise GltfError(msg)
+                raise GltfError(
+                    f'{place} has {len(primitive.targets)} targets, the first primitive {n}.'
+                )
         weights = node.weights if node.weights is not None else mesh.weights
         if weights and len(weights) != n:
-            msg = f'nodes[{number}] has {len(weights)} morph weights for {n} targets.'
-            raise GltfError(msg)
+            raise GltfError(f'nodes[{number}] has {len(weights)} morph weights for {n} targets.')
         self._file.spend(8 * n * len(mesh.primitives), f'nodes[{number}].mesh')
         return np.array(weights or np.zeros(n), dtype=np.float64)
 

@@ -57,8 +57,7 @@ class _FigureWriter:
             self._animation(clip, hosts)
         self._scene(nodes)
         if self._left_out:
-            msg = f'left out, since it is not written as glTF: {", ".join(self._left_out)}.'
-            warn(msg)
+            warn(f'left out, since it is not written as glTF: {", ".join(self._left_out)}.')
         return self._glb
 
     def _nodes(self):
@@ -150,8 +149,7 @@ class _FigureWriter:
         v, k = skin.joints.shape
         kind = np.uint8 if len(skin.nodes) <= 256 else np.uint16
         if len(skin.nodes) > 65536:
-            msg = f'a skin has {len(skin.nodes)} joints; glTF counts them up to 65536.'
-            raise ValueError(msg)
+            raise ValueError(f'a skin has {len(skin.nodes)} joints; glTF counts them up to 65536.')
         joints, weights = np.zeros((v, -k % 4 + k), kind), np.zeros((v, -k % 4 + k))
         # A joint without weight is to be 0 in glTF.
         joints[:, :k] = np.where(skin.weights > 0, skin.joints, 0)

@@ -16,11 +16,10 @@ def lasting(clip):
     """Return a clip whose last keys are at its end, since glTF knows no other duration."""
     last = max((track.times[-1] for track in clip.tracks), default=0.0)
     if clip.duration < last:
-        msg = (
+        raise ValueError(
             f'clip {clip.name!r} ends at {clip.duration} s, before its last key at {last} s, '
             'which glTF cannot say: cut its tracks first.'
         )
-        raise ValueError(msg)
     if clip.duration == last:
         return clip
     return Clip(clip.name, [_held(track, clip.duration) for track in clip.tracks], clip.duration)
@@ -56,12 +55,14 @@ def _held(track, time):
 
 def _frame_track(clip, frames):
     if frames.states is not None:
-        msg = 'key frames that states choose are no clip: make linear ones of Figure.series first.'
-        raise ValueError(msg)
+        raise ValueError(
+            'key frames that states choose are no clip: make linear ones of Figure.series first.'
+        )
     if frames.interpolation not in ('linear', 'step') or frames.period is not None:
         kind = frames.interpolation if frames.period is None else f'period of {frames.period} s'
-        msg = f'key frames of {kind} are no morph targets: make linear ones of Figure.series.'
-        raise ValueError(msg)
+        raise ValueError(
+            f'key frames of {kind} are no morph targets: make linear ones of Figure.series.'
+        )
     times, values = frames.times, one_hot(frames)
     keep = times <= clip.duration
     if not keep.all():
@@ -81,11 +82,10 @@ def _together(clip, tracks, rest):
         for _, track in tracks
     )
     if not same:
-        msg = (
+        raise ValueError(
             f'clip {clip.name!r} drives the weights of one mesh by tracks with different keys, '
             'which glTF cannot say: give one track for all.'
         )
-        raise ValueError(msg)
     values = np.zeros((*one.values.shape[:-1], len(rest)))
     values[(slice(None), 1) if one.interpolation == 'cubic' else slice(None)] = rest
     for start, track in tracks:

@@ -7,8 +7,8 @@ import shutil
 import pytest
 from PIL import Image
 
-from pvibr.bench.figures import errors as figures_errors
-from pvibr.bench.figures import peers as figures_peers
+from benchmarks.figures import errors as figures_errors
+from benchmarks.figures import peers as figures_peers
 
 MODELS = [
     'AnimatedMorphCube.glb',

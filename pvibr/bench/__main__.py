@@ -1,9 +1,0 @@
-"""Print the names of all benches, one a line."""
-
-from __future__ import annotations
-
-import sys
-
-from pvibr.bench import BENCHES
-
-sys.stdout.writelines(f'{name}\n' for name in BENCHES)

@@ -1,0 +1,20 @@
+"""What only a clone of pvibr has: an installed package comes without benchmarks."""
+
+from __future__ import annotations
+
+import sys
+from importlib import import_module
+from pathlib import Path
+from types import ModuleType
+
+#: The folder that holds the package: of a clone, its root.
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def benchmarks() -> ModuleType | None:
+    """Return the package of benchmarks beside ``pvibr``, None if this is no clone."""
+    if not (ROOT / 'benchmarks' / '__init__.py').is_file():
+        return None
+    if str(ROOT) not in sys.path:
+        sys.path.insert(0, str(ROOT))
+    return import_module('benchmarks')
