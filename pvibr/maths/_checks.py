@@ -1,4 +1,4 @@
-"""Checks of camera arguments: errors name the value and the allowed ones."""
+"""Validation of camera arguments."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ ROTATION_TOLERANCE = 1e-6
 
 
 def points_of(points):
-    """Return points as float64, shape (n, 3)."""
+    """Return points as float64, (n, 3)."""
     points = np.asarray(points, dtype=np.float64)
     if points.ndim != 2 or points.shape[1] != 3:
         raise ValueError(f'points have the shape {points.shape}; it must be (n, 3).')
@@ -27,7 +27,7 @@ def freeze(camera, **values):
 
 
 def size_of(size):
-    """Return width and height in pixels."""
+    """Return width and height in pixels as integers."""
     found = as_array('size', size)
     good = found.shape == (2,) and found.dtype.kind in 'iuf' and np.isfinite(found).all()
     if not good or not (found > 0).all() or (found != np.floor(found)).any():

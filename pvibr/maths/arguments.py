@@ -1,4 +1,4 @@
-"""Checks of arguments: errors name the argument, its value and what is allowed."""
+"""Validation of arguments: errors name the argument, its value and what is allowed."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _WRONG = (TypeError, ValueError, LookupError, AttributeError, ArithmeticError, O
 
 @contextmanager
 def naming(name, value):
-    """Have the error about an argument name it, if the error does not do so itself."""
+    """Prefix errors about an argument with its name and value, unless they state the name."""
     try:
         yield
     except _WRONG as error:
@@ -36,7 +36,7 @@ def _in_a_line(value) -> str:
 
 
 def as_array(name, values, dtype=None) -> np.ndarray:
-    """Return values as an array; they are no ragged rows and no complex numbers."""
+    """Return values as an array; reject ragged, complex, masked and record data."""
     with naming(name, values):
         array = np.asarray(values)
         if array.dtype.kind in 'cmMV' or np.ma.is_masked(values):
@@ -54,12 +54,12 @@ def check_finite(name, values: np.ndarray):
 
 
 def place_of(index) -> str:
-    """Return a place in an array as errors write it."""
+    """Return an index as text."""
     return ', '.join(str(int(i)) for i in index)
 
 
 def checked_numbers(name, values, shape) -> np.ndarray:
-    """Return finite float64 numbers of a shape."""
+    """Return a float64 copy of finite numbers in a given shape."""
     try:
         found = as_array(name, values, np.float64).copy()
     except (TypeError, ValueError) as error:
@@ -75,7 +75,7 @@ def checked_numbers(name, values, shape) -> np.ndarray:
 
 
 def checked_direction(name, vector) -> np.ndarray:
-    """Return a unit vector."""
+    """Return a vector normalized."""
     vector = checked_numbers(name, vector, (3,))
     largest = np.abs(vector).max()
     if not largest:
@@ -85,7 +85,7 @@ def checked_direction(name, vector) -> np.ndarray:
 
 
 def check_one_of(name, value, allowed):
-    """Raise a ValueError unless a value is one of those allowed."""
+    """Raise a ValueError unless a value is one of the choices."""
     allowed = tuple(allowed)
     if np.ndim(value) or value not in allowed:
         raise ValueError(
@@ -124,7 +124,7 @@ def checked_whole(name, value, low, high) -> int:
 
 
 def checked_lengths(name, lengths: np.ndarray) -> np.ndarray:
-    """Return lengths, of any shape; shaders can square each of them."""
+    """Return lengths, of any shape, that shaders can square."""
     bad = ~((lengths >= 0) & (lengths <= _LONGEST))
     if bad.any():
         raise ValueError(
@@ -134,7 +134,7 @@ def checked_lengths(name, lengths: np.ndarray) -> np.ndarray:
 
 
 def checked_each(name, values, is_one, allowed) -> tuple:
-    """Return one or several of a kind as a tuple."""
+    """Return one item, or several, of a kind as a tuple."""
     if is_one(values):
         return (values,)
     if isinstance(values, (str, bytes, dict)) or not hasattr(values, '__iter__'):

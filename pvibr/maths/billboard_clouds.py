@@ -1,9 +1,9 @@
 """Billboard clouds: few planes that approximate all triangles of a mesh.
 
 Decoret, Durand, Sillion and Dorsey, "Billboard Clouds for Extreme Model Simplification", SIGGRAPH
-2003: each triangle votes for the planes that all of its corners are near to, and the plane with
-the most votes is taken until no triangle is left. Votes of the taken ones are subtracted, so
-that each triangle is looked at twice. A plane is a unit normal n and an offset r: n . x = r.
+2003: each triangle votes for the planes that all of its corners are close to, and the plane with
+the most votes is taken until no triangle remains. Votes of assigned triangles are subtracted, so
+that each triangle is visited twice. A plane is a unit normal n and an offset r: n . x = r.
 """
 
 from __future__ import annotations
@@ -29,12 +29,7 @@ _ROUNDS = 3  # of finding the best plane for each triangle and the best fit of e
 class Planes:
     """Planes, and the assignment of triangles to them.
 
-    Parameters
-    ----------
-    normals, offsets : numpy.ndarray, shape (k, 3) and (k,)
-        Unit vectors, and the offsets along them in world units.
-    owner : numpy.ndarray of int, shape (m,)
-        The plane of each triangle.
+    Normals (k, 3), offsets along them (k,) in world units, and the plane of each triangle (m,).
     """
 
     normals: np.ndarray
@@ -45,72 +40,18 @@ class Planes:
         return len(self.offsets)
 
     def distances(self, points) -> np.ndarray:
-        """Return the signed distances of points from each plane.
-
-        Parameters
-        ----------
-        points : array_like, shape (..., 3)
-            World units.
-
-        Returns
-        -------
-        numpy.ndarray, shape (..., k)
-            World units.
-        """
+        """Return the signed distances of points from each plane, (..., k), world units."""
         return np.asarray(points, float) @ self.normals.T - self.offsets
 
     def displacements(self, points, faces) -> np.ndarray:
-        """Return the displacement of each corner when its triangle is projected.
-
-        Parameters
-        ----------
-        points, faces : array_like, shape (n, 3) and (m, 3)
-            The mesh, world units.
-
-        Returns
-        -------
-        numpy.ndarray, shape (m, 3)
-            World units.
-
-        Examples
-        --------
-        >>> from pvibr.maths.billboard_clouds import Planes
-        >>> planes = Planes(np.array([[0, 0, 1.0]]), np.array([0.5]), np.array([0]))
-        >>> planes.displacements([[0, 0, 0], [1, 0, 0], [0, 1, 1]], [[0, 1, 2]])
-        array([[0.5, 0.5, 0.5]])
-        """
+        """Return how far projection moves each corner of each triangle, (m, 3), world units."""
         corners = np.asarray(points, float)[np.asarray(faces)]
         along = np.einsum('mcd,md->mc', corners, self.normals[self.owner])
         return np.abs(along - self.offsets[self.owner][:, None])
 
 
 def greedy_planes(points, faces, epsilon) -> Planes:
-    """Return few planes such that each triangle has one within a distance of its corners.
-
-    Parameters
-    ----------
-    points, faces : array_like, shape (n, 3) and (m, 3)
-        The mesh, world units.
-    epsilon : float
-        The distance, world units.
-
-    Returns
-    -------
-    Planes
-        With :meth:`Planes.displacements` of `epsilon` or less.
-
-    Raises
-    ------
-    ValueError
-        If epsilon is below 1/10 000 of half the bounding box's diagonal, or there is no triangle.
-
-    Examples
-    --------
-    >>> from pvibr.maths.billboard_clouds import greedy_planes
-    >>> points = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0.01]])
-    >>> len(greedy_planes(points, [[0, 1, 2], [1, 3, 2]], 0.02))
-    1
-    """
+    """Return few planes such that each triangle has one within `epsilon` of its corners."""
     surface = _Surface(points, faces, checked_positive('epsilon', epsilon))
     finest = _FINEST * surface.radius
     if epsilon < finest:
@@ -123,36 +64,9 @@ def greedy_planes(points, faces, epsilon) -> Planes:
 
 
 def kmeans_planes(points, faces, count, *, rounds=15, seed=0) -> Planes:
-    """Return a number of planes by Lloyd's algorithm (k-means).
+    """Return at most `count` planes by Lloyd's algorithm (k-means).
 
-    Triangles are assigned to the nearest plane, by distance and direction, and planes are fitted
-    to their triangles.
-
-    Parameters
-    ----------
-    points, faces : array_like, shape (n, 3) and (m, 3)
-        The mesh, world units.
-    count : int
-        Maximum number of planes; those without triangles are left out.
-    rounds, seed : int, optional
-        Number of iterations, and seed of the initial planes.
-
-    Returns
-    -------
-    Planes
-        At most `count`.
-
-    Raises
-    ------
-    ValueError
-        If count is below 1, or there is no triangle.
-
-    Examples
-    --------
-    >>> from pvibr.maths.billboard_clouds import kmeans_planes
-    >>> points = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1.0]])
-    >>> len(kmeans_planes(points, [[0, 1, 2], [0, 1, 3]], 2))
-    2
+    Triangles go to the nearest plane by distance and direction; planes fit their triangles.
     """
     if not (int(count) == count and count >= 1):
         raise ValueError(f'planes is {count!r}; it must be an integer of at least 1.')
@@ -167,7 +81,7 @@ def kmeans_planes(points, faces, count, *, rounds=15, seed=0) -> Planes:
 
 
 class _Surface:
-    """Triangles in units of the mesh's radius, its centre at the origin."""
+    """Triangles in units of the mesh's radius, centred at the origin."""
 
     def __init__(self, points, faces, smallest=1.0):
         points, faces = np.asarray(points, float), np.asarray(faces, int)
@@ -195,7 +109,10 @@ class _Surface:
         return Planes(normals, offsets * self.radius + normals @ self.center, owner)
 
     def groups(self, size):
-        """Return the group of each triangle, of small, close and similar ones; and one of each."""
+        """Return the group of each triangle, and one member of each group.
+
+        Small triangles that are close and similar share a group; large ones are alone.
+        """
         cell = np.floor(self.middles / size)
         looks = np.rint(2 * self.normals)
         small = np.ptp(self.corners, axis=1).max(1) < size
@@ -225,7 +142,7 @@ class _Votes:
         self._zero = int(np.clip(np.ceil(-low / width), 0, count))
 
     def add(self, surface, faces, areas):
-        """Add the votes of some triangles; areas below zero take them back."""
+        """Add the votes of triangles; negative areas withdraw them."""
         block = max(1, _CHUNK // len(self.directions))
         for start in range(0, len(faces), block):
             part = faces[start : start + block]
@@ -236,7 +153,7 @@ class _Votes:
             self._add(along.max(1), along.min(1), weight)
 
     def _add(self, high, low, weight):
-        """Add votes for planes between the lowest and the highest corner, a bound around them."""
+        """Add votes for planes between the lowest and the highest corner, `bound` around them."""
         first, last = self._around(high, low, 1)
         row, column = np.nonzero(last > first)
         high, low, weight = high[row, column], low[row, column], weight[row, column]
@@ -269,7 +186,7 @@ class _Votes:
         return np.clip(found - 1, -1, self.count - 1)
 
     def best(self):
-        """Return normal and offset of the plane with the most votes, and how many."""
+        """Return the normal, offset and vote count of the plane with the most votes."""
         votes = np.cumsum(self._steps.reshape(len(self.directions), -1), axis=1)[:, :-1]
         row, column = np.unravel_index(np.argmax(votes), votes.shape)
         found = self.low + self.width * column
@@ -351,7 +268,7 @@ class _Greedy:
         return normal, offset
 
     def _around(self, normal, offset, step):
-        """Return groups that may vote for planes that are turned by a step or two."""
+        """Return the groups that may vote for planes turned by a step or two."""
         away = np.abs(self.surface.middles[self.speaker] @ normal - offset)
         reach = 2 * self.bound + 1.5 * step
         return np.flatnonzero((self.weight > 0) & (away <= reach))
@@ -401,7 +318,7 @@ def _needed(surface, normals, offsets, bound):
 
 
 def _assigned(surface, normals, offsets, scale, bound):
-    """Return the plane of each triangle that moves and foreshortens it least, and how much."""
+    """Return the plane that moves and foreshortens each triangle least, and that cost."""
     owner, cost = np.zeros(len(surface), int), np.zeros(len(surface))
     for rows, away, facing in _blocks(surface, normals, offsets):
         price = (away**2).mean(1) / scale**2 + (1 - facing)
@@ -456,7 +373,7 @@ def _fitted(surface, normals, offsets, owner, bound):
 
 
 def _extent(surface, normals, owner):
-    """Return the least and the largest offset of the corners of each plane's triangles."""
+    """Return the smallest and largest offset of the corners of each plane's triangles."""
     along = np.einsum('mcd,md->mc', surface.corners, normals[owner])
     low, high = np.full(len(normals), np.inf), np.full(len(normals), -np.inf)
     np.minimum.at(low, owner, along.min(1))

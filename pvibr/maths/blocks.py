@@ -14,25 +14,9 @@ _FEW = 1024  # blocks up to which this does not pay
 
 
 def morton_order(points):
-    """Return the order of points along a Morton (Z-order) curve, of 21 bits per axis.
+    """Return the order of points (n, 3) along a Morton (Z-order) curve of 21 bits per axis.
 
     Bits are interleaved as in Warren, "Hacker's Delight", 2002, section 7-2.
-
-    Parameters
-    ----------
-    points : numpy.ndarray, shape (n, 3)
-        Any units.
-
-    Returns
-    -------
-    numpy.ndarray, shape (n,), intp
-        Indices; neighbours in it are neighbours in space.
-
-    Examples
-    --------
-    >>> from pvibr.maths.blocks import morton_order
-    >>> morton_order(np.array([[9.0, 9, 9], [0, 0, 0], [9, 9, 8]])).tolist()
-    [1, 2, 0]
     """
     points = np.asarray(points, float)
     if not len(points):
@@ -49,7 +33,7 @@ def morton_order(points):
 
 
 def _spread(x):
-    """Put two zero bits between the 21 bits of each number."""
+    """Insert two zero bits between the 21 bits of each number."""
     for shift, mask in (
         (32, 0x1F00000000FFFF),
         (16, 0x1F0000FF0000FF),
@@ -62,25 +46,9 @@ def _spread(x):
 
 
 def frustum_planes(clip_from_view):
-    """Return the six planes of a projection, normalised, pointing inward.
+    """Return the inward planes (left, right, bottom, top, near, far) of a projection, (6, 4).
 
-    Source: Gribb and Hartmann, "Fast Extraction of Viewing Frustum Planes", 2001.
-
-    Parameters
-    ----------
-    clip_from_view : numpy.ndarray, shape (4, 4)
-        Projection, perspective or parallel.
-
-    Returns
-    -------
-    numpy.ndarray, shape (6, 4)
-        Left, right, bottom, top, near, far in view coordinates: ``n . p + d >= 0`` inside.
-
-    Examples
-    --------
-    >>> from pvibr.maths.blocks import frustum_planes
-    >>> frustum_planes(np.eye(4))[0].tolist()
-    [1.0, 0.0, 0.0, 1.0]
+    View space; Gribb and Hartmann, "Fast Extraction of Viewing Frustum Planes", 2001.
     """
     m = np.asarray(clip_from_view, float)
     planes = np.concatenate([m[3] + m[:3], m[3] - m[:3]])[[0, 3, 1, 4, 2, 5]]
@@ -89,76 +57,35 @@ def frustum_planes(clip_from_view):
 
 @dataclass
 class Blocks:
-    """Groups of consecutive instances, with what is needed to cull and to choose levels.
+    """Groups of m consecutive instances, with the bounds that culling and level choice need.
 
-    Attributes
-    ----------
-    centers : numpy.ndarray, shape (m, 3), float64
-        Middle of the instances' centres, world units; also the origin of their poses.
-    half_sides : numpy.ndarray, shape (m, 3), float64
-        Of the smallest boxes around the instances' centres.
-    reach, largest, smallest : numpy.ndarray, shape (m,)
-        Largest distance of an instance's centre from it; largest and smallest radius.
+    Boxes of the instances' centres, world units, and the extremes of their radii.
     """
 
-    centers: np.ndarray
-    half_sides: np.ndarray
-    reach: np.ndarray
-    largest: np.ndarray
+    centers: np.ndarray  # (m, 3), middle of the instances' centres; origin of their poses
+    half_sides: np.ndarray  # (m, 3)
+    reach: np.ndarray  # (m,), largest distance of an instance's centre
+    largest: np.ndarray  # (m,), radius
     smallest: np.ndarray
     _parents: Blocks | None = field(default=None, repr=False)
 
     @classmethod
     def empty(cls, count) -> Blocks:
-        """Return blocks to be filled.
-
-        Parameters
-        ----------
-        count : int
-            Their number.
-
-        Returns
-        -------
-        Blocks
-            The blocks.
-        """
+        """Return `count` uninitialized blocks."""
         return cls(*np.empty((2, count, 3)), *np.empty((3, count)))
 
     @classmethod
     def of(cls, centers, radii, size) -> Blocks:
-        """Group instances that are already in order.
-
-        Parameters
-        ----------
-        centers, radii : numpy.ndarray, shape (n, 3) and (n,), float64
-            Bounding spheres of the instances, at least one, world units.
-        size : int
-            Instances per block; the last may have fewer.
-
-        Returns
-        -------
-        Blocks
-            The groups.
-        """
+        """Group ordered bounding spheres, (n, 3) and (n,), by `size`; the last may be smaller."""
         slots = members(np.arange(-(-len(centers) // size)), size, len(centers))
         blocks = cls.empty(len(slots))
         blocks.fill(slice(None), centers.T.take(slots, 1), radii[slots])
         return blocks
 
     def fill(self, where, centers, radii) -> np.ndarray:
-        """Set the spheres in some blocks.
+        """Set the spheres, (3, k, size) and (k, size), of k blocks.
 
-        Parameters
-        ----------
-        where : slice or array_like of int
-            The k blocks.
-        centers, radii : numpy.ndarray, shape (3, k, size) and (k, size), float64
-            Bounding spheres of their instances, world units.
-
-        Returns
-        -------
-        numpy.ndarray, shape (3, k, size)
-            Centres relative to those of the blocks.
+        Returns the centres relative to those of the blocks, (3, k, size).
         """
         self._parents = None
         if centers.shape[2] == 1:
@@ -186,19 +113,9 @@ class Blocks:
         return self._parents
 
     def seen(self, frame):
-        """Return the blocks that a camera may see and the sizes of their instances on screen.
+        """Return the blocks in the frustum, farthest first, and the sizes of their instances.
 
-        Parameters
-        ----------
-        frame : Frame
-            Camera and size.
-
-        Returns
-        -------
-        index, origins : numpy.ndarray, shape (k,) and (k, 3)
-            Blocks in the frustum, the farthest first, and their origins in view space.
-        small, large : numpy.ndarray, shape (k,)
-            Bounds of the on-screen diameter of their instances, pixels.
+        Indices (k,), origins in view space (k, 3), bounds of on-screen diameters in pixels (k,).
         """
         view = frame.view_from_world
         planes = frustum_planes(frame.clip_from_view)
@@ -223,7 +140,7 @@ class Blocks:
         return index, origins, scale * small, scale * large
 
     def _near(self, view, planes, parallel):
-        """Return the blocks whose neighbourhoods are in view; others cost nothing."""
+        """Return the blocks whose neighbourhoods are in view."""
         count = len(self.centers)
         if count < _FEW:
             return slice(None)
@@ -237,31 +154,12 @@ class Blocks:
 
 
 def members(blocks, size, count) -> np.ndarray:
-    """Return the members of blocks, the last one instead of those that are missing.
-
-    Parameters
-    ----------
-    blocks : numpy.ndarray of int, shape (k,)
-        Blocks.
-    size, count : int
-        Members of a block, and of all.
-
-    Returns
-    -------
-    numpy.ndarray, shape (k, size), intp
-        Their indices.
-
-    Examples
-    --------
-    >>> from pvibr.maths.blocks import members
-    >>> members(np.array([0, 1]), 2, 3).tolist()
-    [[0, 1], [2, 2]]
-    """
+    """Return the members of blocks, (k, size); the last of all stands in for missing ones."""
     return np.minimum(np.asarray(blocks)[:, None] * size + np.arange(size), count - 1)
 
 
 def _inside(origins, around, planes, parallel):
-    """Return the spheres, in view space, that intersect a frustum."""
+    """Return which spheres, in view space, intersect a frustum."""
     inside = (planes[:, :3] @ origins + planes[:, 3:]).min(0) > -around
     if not parallel:
         inside &= origins[2] < around  # no plane stands behind the eye
@@ -269,24 +167,7 @@ def _inside(origins, around, planes, parallel):
 
 
 def ascending(values):
-    """Return the order of values, those alike to a 65 536th of their range as they are.
-
-    Parameters
-    ----------
-    values : numpy.ndarray, shape (n,)
-        Finite numbers.
-
-    Returns
-    -------
-    numpy.ndarray, shape (n,), intp
-        Indices, the least value first; by a radix sort.
-
-    Examples
-    --------
-    >>> from pvibr.maths.blocks import ascending
-    >>> ascending(np.array([3.0, 1.0, 2.0])).tolist()
-    [1, 2, 0]
-    """
+    """Return the ascending order of values by a radix sort, exact to 1/65 536 of their range."""
     if not len(values):
         return np.zeros(0, np.intp)
     low = values.min()

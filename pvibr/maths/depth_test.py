@@ -1,4 +1,4 @@
-"""Whether a depth view sees points: the twin of ``receiver.glsl`` in float64."""
+"""Whether a depth view sees points: the float64 twin of ``receiver.glsl``."""
 
 from __future__ import annotations
 
@@ -9,57 +9,15 @@ _STEEPEST = 4.0
 
 
 def texel_size(view, resolution) -> float:
-    """Return the width of a texel of a view.
-
-    Parameters
-    ----------
-    view : pvibr.maths.views.View
-        Pose and projection.
-    resolution : int
-        Texels along each side.
-
-    Returns
-    -------
-    float
-        World units; in perspective at a distance of 1.
-
-    Examples
-    --------
-    >>> from pvibr.maths.depth_test import texel_size
-    >>> from pvibr.maths.views import perspective
-    >>> texel_size(perspective([0, 0, 0], [0, 0, -1], 1.0, 1.0, 9.0), 100)
-    0.02
-    """
+    """Return the width of a texel of a view, world units; in perspective at a distance of 1."""
     scale = np.linalg.norm(view.clip_from_view[:2, :2], axis=1).min()
     return float(2 / scale / resolution)
 
 
 def seen(view, depth, points, normals, offset=0.25):
-    """Return the visibility of points in a depth view.
+    """Return the visibility of points in a depth view, (m,), 0 to 1; 1 outside the view.
 
-    Parameters
-    ----------
-    view : pvibr.maths.views.View
-        Pose and projection.
-    depth : numpy.ndarray, shape (n, n)
-        0 near to 1 far, row 0 at the bottom.
-    points, normals : array_like, shape (m, 3)
-        World units, and unit vectors on the side of the eye.
-    offset : float, optional
-        Offset of points along their normals, texels.
-
-    Returns
-    -------
-    numpy.ndarray, shape (m,), float64
-        0 to 1; 1 outside the view.
-
-    Examples
-    --------
-    >>> from pvibr.maths.depth_test import seen
-    >>> from pvibr.maths.views import perspective
-    >>> view = perspective([0, 0, 5], [0, 0, -1], 1.0, 1.0, 10.0)
-    >>> seen(view, np.full((8, 8), 0.8), [[0.0, 0, 3], [0.0, 0, 0]], [[0, 0, 1.0]] * 2).tolist()
-    [1.0, 0.0]
+    Depth (n, n) from 0 near to 1 far, bottom row first; normals face the eye; `offset` in texels.
     """
     matrix, points = view.texture_from_world(), np.asarray(points, float)
     normals = np.asarray(normals, float)
@@ -71,38 +29,9 @@ def seen(view, depth, points, normals, offset=0.25):
 
 
 def uncertain(view, depth, points, normals, edges, touching=0.0):
-    """Return where texels of a depth view do not agree on whether points are seen.
+    """Return where the texels of a depth view disagree on whether points are visible, (m,) bool.
 
-    Parameters
-    ----------
-    view : pvibr.maths.views.View
-        Pose and projection.
-    depth : numpy.ndarray, shape (n, n)
-        0 near to 1 far, row 0 at the bottom.
-    points, normals : array_like, shape (m, 3)
-        World units, and unit vectors on the side of the eye.
-    edges : numpy.ndarray, shape (n, n)
-        The same depth with the edges of all triangles drawn over it.
-    touching : float, optional
-        Texels of what may rise beside a point without shadowing it, as the other faces of a
-        corner do.
-
-    Returns
-    -------
-    numpy.ndarray, shape (m,), bool
-        True where one of the texels around has something before a point's plane and another has
-        not; False outside the view.
-
-    Examples
-    --------
-    >>> from pvibr.maths.depth_test import uncertain
-    >>> from pvibr.maths.views import perspective
-    >>> view = perspective([0, 0, 5], [0, 0, -1], 1.0, 1.0, 10.0)
-    >>> wire = np.ones((64, 64))
-    >>> wire[:, 40] = 0.5
-    >>> points = [[0.0, 0, 0], [1.3, 0, 0]]
-    >>> uncertain(view, np.ones((64, 64)), points, [[0, 0, 1.0]] * 2, wire).tolist()
-    [False, True]
+    `edges` is the depth with all triangle edges drawn over it; `touching`, texels, spares corners.
     """
     matrix, side = view.texture_from_world(), depth.shape[0]
     points, normals = np.asarray(points, float), np.asarray(normals, float)
@@ -126,7 +55,7 @@ def uncertain(view, depth, points, normals, edges, touching=0.0):
 
 
 def _placed(matrix, points):
-    """Return points in the texture, before and after the division, and which lie on it."""
+    """Return points in texture space, before and after the division, and which lie inside."""
     q = points @ matrix[:, :3].T + matrix[:, 3]
     with np.errstate(divide='ignore', invalid='ignore'):
         s = q[:, :3] / q[:, 3:]
@@ -166,7 +95,7 @@ def _next(at, step, side):
 
 
 def _steepest(matrix, q, side):
-    """Return the steepest that a blocker may rise away from a point, depth per texel, (m,)."""
+    """Return the steepest rise of a blocker away from a point, depth per texel, (m,)."""
     x, y, z = (_along(matrix, q, np.broadcast_to(axis, (len(q), 3))) for axis in np.eye(3))
     across, along = (np.stack([x[:, i], y[:, i], z[:, i]], 1) for i in (0, 2))
     return _STEEPEST * np.linalg.norm(along, axis=1) / (side * np.linalg.norm(across, axis=1))

@@ -1,7 +1,7 @@
 """Lens distortion of photographs: from the ideal image plane to the distorted one, and back.
 
 The model is that of Brown, "Decentering Distortion of Lenses", Photogrammetric Engineering
-32(3), 1966, with the rational radial term and the order of coefficients of OpenCV.
+32(3), 1966, with the rational radial term and the coefficient order of OpenCV.
 """
 
 from __future__ import annotations
@@ -15,26 +15,9 @@ _TERMS = (0, 4, 5, 8)
 
 
 def distort(xy, distortion):
-    """Return the distorted positions of points of the ideal image plane.
+    """Return the distorted positions of points (n, 2) of the ideal plane one unit ahead, y down.
 
-    Parameters
-    ----------
-    xy : array_like, shape (n, 2)
-        Points on the plane one unit ahead (x right, y down).
-    distortion : array_like, 0, 4, 5 or 8 numbers
-        k1, k2, p1, p2[, k3[, k4, k5, k6]].
-
-    Returns
-    -------
-    numpy.ndarray, shape (n, 2), float64
-        Points on the same plane; NaN at :func:`valid_radius` and beyond, where the formula folds
-        the plane back into the picture.
-
-    Examples
-    --------
-    >>> from pvibr.maths.distortion import distort
-    >>> distort([[0.5, 0.0], [9.0, 0.0]], [-0.2, 0.0, 0.0, 0.0]).tolist()
-    [[0.475, 0.0], [nan, nan]]
+    NaN at :func:`valid_radius` and beyond, where the formula folds back into the picture.
     """
     lens = coefficients(distortion)
     xy = np.asarray(xy, dtype=np.float64)
@@ -48,28 +31,9 @@ def distort(xy, distortion):
 
 
 def undistort(xy, distortion):
-    """Return the ideal positions of distorted points.
+    """Return the ideal positions of distorted points, (n, 2); NaN where there is none.
 
-    Newton's method with halved steps. The Jacobian is symmetric and, within the valid radius,
-    positive definite, so each step goes down and the point found is the only one.
-
-    Parameters
-    ----------
-    xy : array_like, shape (n, 2)
-        Points on the plane one unit ahead, as :func:`distort` returns them.
-    distortion : array_like, 0, 4, 5 or 8 numbers
-        k1, k2, p1, p2[, k3[, k4, k5, k6]].
-
-    Returns
-    -------
-    numpy.ndarray, shape (n, 2), float64
-        Points nearer than :func:`valid_radius`; NaN where there is none.
-
-    Examples
-    --------
-    >>> from pvibr.maths.distortion import undistort
-    >>> undistort([[0.475, 0.0], [9.0, 0.0]], [-0.2, 0.0, 0.0, 0.0]).tolist()
-    [[0.5, 0.0], [nan, nan]]
+    Newton's method with halved steps; the Jacobian is positive definite within the valid radius.
     """
     lens = coefficients(distortion)
     wanted = np.asarray(xy, dtype=np.float64)
@@ -95,32 +59,7 @@ def undistort(xy, distortion):
 
 
 def valid_radius(distortion):
-    """Return the radius on the ideal image plane up to which a lens maps one to one.
-
-    Parameters
-    ----------
-    distortion : array_like, 0, 4, 5 or 8 numbers
-        k1, k2, p1, p2[, k3[, k4, k5, k6]].
-
-    Returns
-    -------
-    float
-        Where the distorted radius stops growing; infinite if it never does.
-
-    Notes
-    -----
-    With g(r) the distorted radius without the tangential terms and q = (p2, p1), the Jacobian at
-    a distance r is, along and across the radius and with c, s the cosine and sine of the angle
-    to q, ``[[g' + 6|q|rc, 2|q|rs], [2|q|rs, g/r + 2|q|rc]]``. It is positive definite for every
-    angle while g' and g/r are above 6|q|r, and first singular where g' meets it. A map whose
-    Jacobian is symmetric and positive definite on a disc takes no value twice there.
-
-    Examples
-    --------
-    >>> from pvibr.maths.distortion import valid_radius
-    >>> round(valid_radius([-1 / 3, 0.0, 0.0, 0.0]), 12), valid_radius([0.1, 0.0, 0.0, 0.0])
-    (1.0, inf)
-    """
+    """Return the radius on the ideal image plane up to which a lens is one-to-one, or infinity."""
     k1, k2, p1, p2, k3, k4, k5, k6 = coefficients(distortion)
     above = Polynomial([1, 0, k1, 0, k2, 0, k3])
     below = Polynomial([1, 0, k4, 0, k5, 0, k6])
@@ -136,23 +75,7 @@ def valid_radius(distortion):
 
 
 def coefficients(distortion):
-    """Return all coefficients of a lens.
-
-    Parameters
-    ----------
-    distortion : array_like, 0, 4, 5 or 8 numbers
-        k1, k2, p1, p2[, k3[, k4, k5, k6]].
-
-    Returns
-    -------
-    numpy.ndarray, shape (8,), float64
-        The missing ones are 0.
-
-    Raises
-    ------
-    ValueError
-        If there are another number of terms, or one is not finite.
-    """
+    """Return all 8 coefficients k1, k2, p1, p2, k3, k4, k5, k6 of a lens; missing ones are 0."""
     terms = np.ravel(as_array('distortion', distortion, np.float64))
     if len(terms) not in _TERMS:
         raise ValueError(

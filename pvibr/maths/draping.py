@@ -1,4 +1,4 @@
-"""Projection of several pictures on one surface: sampling, weights, blending, exposure.
+"""Projection of several pictures onto one surface: sampling, weights, blending, exposure.
 
 Arrays over views start with the view: v views, n points, c channels.
 """
@@ -17,34 +17,7 @@ _CLIPPED = 0.02  # share of the range at either end where a camera's response is
 
 
 def sample(image, uv, filter='linear'):
-    """Return the colours of a picture at points.
-
-    Parameters
-    ----------
-    image : array_like, shape (h, w, c) or (h, w)
-        Row 0 at the top, as picture files are read; any type of number.
-    uv : array_like, shape (n, 2)
-        v = 0 at the bottom edge, v = 1 at the top edge of the picture.
-    filter : {'linear', 'nearest'}
-        Interpolation between pixel centres, clamped at the edge.
-
-    Returns
-    -------
-    numpy.ndarray, shape (n, c), float64
-        In the picture's units; NaN outside [0, 1].
-
-    Raises
-    ------
-    ValueError
-        If the picture is empty or of another shape, or the filter is unknown.
-
-    Examples
-    --------
-    >>> from pvibr.maths.draping import sample
-    >>> picture = [[0, 10], [20, 30]]
-    >>> sample(picture, [[0.25, 0.75], [0.5, 0.5], [1.0, 0.0], [1.1, 0.0]]).ravel().tolist()
-    [0.0, 15.0, 30.0, nan]
-    """
+    """Return the colours (n, c) of a picture (h, w[, c]), top row first, at uv; NaN outside."""
     image = np.asarray(image)
     image = image[..., None] if image.ndim == 2 else image
     if image.ndim != 3 or not image.size:
@@ -75,31 +48,7 @@ def sample(image, uv, filter='linear'):
 
 
 def border(uv, width):
-    """Return weights that fall smoothly to zero at a picture's edges.
-
-    Parameters
-    ----------
-    uv : array_like, shape (..., 2)
-        Positions in the picture.
-    width : float
-        Width of the band along each edge, as a fraction of the picture, 0 to 0.5.
-
-    Returns
-    -------
-    numpy.ndarray, shape (...), float64
-        1 inside the band, 0 outside the picture and at NaN.
-
-    Raises
-    ------
-    ValueError
-        If the width is not in [0, 0.5].
-
-    Examples
-    --------
-    >>> from pvibr.maths.draping import border
-    >>> border([[0.5, 0.5], [0.05, 0.5], [0.0, 0.5], [1.5, 0.5]], 0.1).tolist()
-    [1.0, 0.5, 0.0, 0.0]
-    """
+    """Return weights that fall smoothly to zero within `width` (a fraction) of the edges."""
     checked_number('width', width, 0, 0.5)
     uv = np.asarray(uv, dtype=np.float64)
     inward = np.minimum(uv, 1 - uv).min(axis=-1)
@@ -110,37 +59,9 @@ def border(uv, width):
 
 
 def weights(cosines, texels=None, borders=None, masks=None, method='feather', power=1.0):
-    """Return the weight of each view at each point.
+    """Return the weight of each view at each point, (v, n), of sum 1, or 0 where no view shows it.
 
-    Parameters
-    ----------
-    cosines : array_like, shape (v, n)
-        Cosines between the surface's normal and the direction to the camera; not positive where
-        the surface faces away.
-    texels : array_like, shape (v, n), optional
-        Width of a pixel there; weights are proportional to the inverse of its square.
-    borders, masks : array_like, shape (v, n), optional
-        Weights of :func:`border`, and from 0 (hidden or masked) to 1.
-    method : {'feather', 'best'}
-        All views in proportion, or only the one of largest weight (the first of equals).
-    power : float
-        Exponent of the cosine.
-
-    Returns
-    -------
-    numpy.ndarray, shape (v, n), float64
-        The sum over the views is 1, or 0 where no view shows the point. NaN in an input is 0.
-
-    Raises
-    ------
-    ValueError
-        If the shapes differ, or method or power is out of range.
-
-    Examples
-    --------
-    >>> from pvibr.maths.draping import weights
-    >>> weights([[1.0, -1.0], [1.0, -1.0]], texels=[[1.0, 1.0], [2.0, 2.0]]).tolist()
-    [[0.8, 0.0], [0.2, 0.0]]
+    From cosines (of the normal and the view), pixel widths, border and mask weights, all (v, n).
     """
     check_one_of('method', method, ('feather', 'best'))
     checked_number('power', power, 0)
@@ -166,32 +87,7 @@ def weights(cosines, texels=None, borders=None, masks=None, method='feather', po
 
 
 def blend(colors, weights):
-    """Return the weighted mean colour of each point.
-
-    Parameters
-    ----------
-    colors : array_like, shape (v, n, c)
-        What each view shows at each point; NaN where it shows nothing.
-    weights : array_like, shape (v, n)
-        Not negative, of any sum.
-
-    Returns
-    -------
-    numpy.ndarray, shape (n, c), float64
-        NaN where no view has both a colour and a weight.
-
-    Raises
-    ------
-    ValueError
-        If the shapes do not fit or a weight is negative.
-
-    Examples
-    --------
-    >>> from pvibr.maths.draping import blend
-    >>> nothing = float('nan')
-    >>> blend([[[10.0], [20.0]], [[40.0], [nothing]]], [[2.0, 1.0], [1.0, 1.0]]).tolist()
-    [[20.0], [20.0]]
-    """
+    """Return the weighted mean colour of each point, (n, c); NaN where nothing has a weight."""
     colors, weights = _views(colors, weights)
     # Relative to the largest, so that no product of small weights is rounded to its last bit.
     largest = weights.max(axis=0, initial=0.0)
@@ -202,42 +98,10 @@ def blend(colors, weights):
 
 
 def exposure_gains(colors, weights=None, limits=(0.0, 255.0), common=False):
-    """Return gains that equalize the exposure of overlapping views.
+    """Return gains (v, c), or (v,) if `common`, that equalize the exposure of overlapping views.
 
-    For each two views, the median difference of the logarithms is one observation of the
-    difference of their gains, weighted by the spread of the samples. The gains are the least
-    squares solution of these and of a prior near 1: Brown and Lowe, "Automatic Panoramic Image
-    Stitching using Invariant Features", International Journal of Computer Vision 74(1), 2007,
-    section 6, here in logarithms, where a gain of 2 is as far from 1 as 1/2 and black is no
-    solution. An exposure is a factor of colours encoded with a power, too.
-
-    Parameters
-    ----------
-    colors : array_like, shape (v, n, c)
-        What each view shows at each point; NaN where it shows nothing.
-    weights : array_like, shape (v, n), optional
-        Samples of weight 0 are left out.
-    limits : tuple of 2 float
-        Range of the values; those within 2 % of either end may be clipped and are left out.
-    common : bool
-        One factor for all channels of a view, which keeps its hue.
-
-    Returns
-    -------
-    numpy.ndarray, shape (v, c) or (v,), float64
-        Positive factors, of geometric mean 1 within each group of views that overlap.
-
-    Raises
-    ------
-    ValueError
-        If the shapes do not fit, a weight is negative, or the limits are not in order.
-
-    Examples
-    --------
-    >>> from pvibr.maths.draping import exposure_gains
-    >>> scene = np.linspace(20.0, 100.0, 500)[:, None]
-    >>> exposure_gains([scene, 2.25 * scene]).ravel().round(2).tolist()
-    [1.5, 0.67]
+    Brown and Lowe, "Automatic Panoramic Image Stitching using Invariant Features", International
+    Journal of Computer Vision 74(1), 2007, section 6, here on logarithms.
     """
     low, high = limits
     if not low < high:
@@ -278,7 +142,7 @@ def _median(values):
 
 
 def _views(colors, weights):
-    """Return both as float64; the weight is 0 where a colour is not finite."""
+    """Return colours and weights as float64; the weight is 0 where a colour is not finite."""
     colors = np.asarray(colors, dtype=np.float64)
     if colors.ndim != 3:
         raise ValueError(

@@ -21,15 +21,7 @@ CLOSE = 0.9
 
 
 class Eye(NamedTuple):
-    """A camera's position and axes, world space.
-
-    Attributes
-    ----------
-    position : numpy.ndarray, shape (3,)
-        World units.
-    right, up, direction : numpy.ndarray, shape (3,)
-        Unit vectors; `direction` is looked along.
-    """
+    """A camera's position and unit axes in world space, (3,) each; it looks along `direction`."""
 
     position: np.ndarray
     right: np.ndarray
@@ -173,27 +165,7 @@ def azimuths(points, view_from_world, axis=(0.0, 0.0, 1.0), *, parallel=False):
 
 
 def turned_azimuths(axes, rotation):
-    """Return the azimuths about turned axes of what had azimuth 0 before the turn.
-
-    Parameters
-    ----------
-    axes : array_like, shape (3,) or (n, 3)
-        Before the turn.
-    rotation : array_like, shape (3, 3)
-        The turn.
-
-    Returns
-    -------
-    numpy.ndarray, shape () or (n,)
-        Radians from -pi to pi.
-
-    Examples
-    --------
-    >>> from pvibr.maths.facing import turned_azimuths
-    >>> quarter = [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]
-    >>> turned_azimuths([0.0, 0.0, 1.0], quarter).round(4).item()
-    1.5708
-    """
+    """Return the azimuths about rotated axes of what had azimuth 0 before, radians."""
     axes, rotation = as_units('axes', axes), np.asarray(rotation, float)
     rows = axes.reshape(-1, 3)
     found = _azimuths(_azimuth_zero(rows) @ rotation.T, rows @ rotation.T)
@@ -201,7 +173,7 @@ def turned_azimuths(axes, rotation):
 
 
 def _azimuth_zero(axis):
-    """Return directions of azimuth 0 about axes, (n, 3)."""
+    """Return the directions of azimuth 0 about axes, (n, 3)."""
     side = np.where(np.abs(axis[:, :1]) < CLOSE, (1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
     return side - axis * (axis * side).sum(1, keepdims=True)
 
@@ -212,7 +184,7 @@ def _azimuths(toward, axis):
 
 
 def _toward(points, eye, plane):
-    """Return unit vectors to the eye."""
+    """Return unit vectors from points to the eye, or against its direction."""
     ahead = np.tile(-eye.direction, (len(points), 1))
     if plane:
         return ahead
@@ -241,7 +213,7 @@ def _turned(orientation, count):
 
 
 def _rolled(axes, rotation):
-    """Return axes turned about their normal."""
+    """Return axes rotated about their normal."""
     angle = np.broadcast_to(np.asarray(rotation, float), (len(axes),))[:, None]
     right, up, normal = np.moveaxis(axes, 2, 0)
     c, s = np.cos(angle), np.sin(angle)

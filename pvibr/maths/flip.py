@@ -1,4 +1,4 @@
-"""FLIP, the difference of pictures as people who flip between them see it."""
+"""FLIP, the difference of pictures as perceived when flipping between them."""
 
 from __future__ import annotations
 
@@ -32,41 +32,17 @@ _BACK = (_WHITE @ np.linalg.inv(_YCC.astype(float))).astype(np.float32)
 
 
 class Flip:
-    """FLIP of many pictures against references, whose features are computed once.
+    """FLIP of sRGB pictures against references (n, h, w, 3), whose features are computed once.
 
-    Andersson et al., "FLIP: A Difference Evaluator for Alternating Images", HPG 2020, for display
-    at its standard 67 pixels per degree. Filters are products with sparse matrices, many times as
-    fast as the authors' package, which has no wheels for some systems.
-
-    Parameters
-    ----------
-    references : array_like, shape (n, h, w, 3)
-        Display-ready sRGB, 0 to 1.
-
-    Examples
-    --------
-    >>> from pvibr.maths.flip import Flip
-    >>> white = np.ones((2, 16, 16, 3))
-    >>> float(Flip(white).maps(white).max())
-    0.0
+    Andersson et al., "FLIP: A Difference Evaluator for Alternating Images", HPG 2020, at 67 pixels
+    per degree. Filters are sparse matrices: far faster than the authors' package.
     """
 
     def __init__(self, references):
         self._colors, self._features = _seen(references)
 
     def maps(self, images):
-        """Return the difference maps of as many pictures.
-
-        Parameters
-        ----------
-        images : array_like, shape (n, h, w, 3)
-            Display-ready sRGB, 0 to 1.
-
-        Returns
-        -------
-        numpy.ndarray, shape (n, h, w), float32
-            0 for the same to 1.
-        """
+        """Return the difference maps of as many pictures, (n, h, w), 0 (equal) to 1."""
         colors, features = _seen(images)
         off = np.abs(colors[0] - self._colors[0])
         off += np.hypot(colors[1] - self._colors[1], colors[2] - self._colors[2])
@@ -83,32 +59,12 @@ class Flip:
 
 
 def flip(image, reference):
-    """Return the FLIP difference map of two pictures, at its standard 67 pixels per degree.
-
-    Andersson et al., "FLIP: A Difference Evaluator for Alternating Images", HPG 2020.
-
-    Parameters
-    ----------
-    image, reference : array_like, shape (h, w, 3)
-        Display-ready sRGB, 0 to 1.
-
-    Returns
-    -------
-    numpy.ndarray, shape (h, w), float32
-        0 for the same to 1; its mean is the FLIP error.
-
-    Examples
-    --------
-    >>> from pvibr.maths.flip import flip
-    >>> gray = np.full((16, 16, 3), 0.5)
-    >>> float(flip(gray, gray).mean())
-    0.0
-    """
+    """Return the FLIP difference map of two sRGB pictures, (h, w), 0 (equal) to 1."""
     return Flip(np.asarray(reference)[None]).maps(np.asarray(image)[None])[0]
 
 
 def _seen(images):
-    """Return perceived colours and the strength of edges and of points, (columns, n, rows)."""
+    """Return perceived colours, and the strength of edges and of points, (columns, n, rows)."""
     srgb = np.asarray(images, np.float32).transpose(1, 0, 2, 3)
     linear = np.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4)
     opponent = [_mixed(row, np.moveaxis(linear, -1, 0)) for row in _YCC]
@@ -117,7 +73,7 @@ def _seen(images):
 
 
 def _perceived(opponent):
-    """Return Hunt-adjusted L*a*b* of what the eye filters."""
+    """Return Hunt-adjusted L*a*b* of filtered opponent colours."""
     inverse = np.linalg.inv(_WHITE.astype(float)) @ _BACK
     linear = [np.clip(_mixed(row, opponent), 0, 1) for row in inverse]
     x, y, z = (_lightness(_mixed(row, linear)) for row in _WHITE)
@@ -135,7 +91,7 @@ def _lightness(ratio):
 
 
 def _featured(y):
-    """Return the strength of edges and points, shape (2, columns, n, rows)."""
+    """Return the strength of edges and points, (2, columns, n, rows)."""
     smooth, slope, bend = (_turned(_along(y, kind)) for kind in ('smooth', 'slope', 'bend'))
     across = _along(smooth, 'slope'), _along(smooth, 'bend')
     pairs = zip(across, (slope, bend), strict=True)
@@ -166,7 +122,7 @@ def _along(values, kind):
 
 @lru_cache(maxsize=256)
 def _band(n, kind):
-    """Return the matrix of a filter along n pixels, whose ends are repeated outward."""
+    """Return the matrix of a filter along n pixels, the ends repeated outward."""
     if isinstance(kind, float):
         places = np.arange(-_RADIUS, _RADIUS + 1)
         weights = np.exp(-(np.pi**2) * (places / _PPD) ** 2 / kind)

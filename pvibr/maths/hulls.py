@@ -10,25 +10,7 @@ _ROUNDING = 1e-9  # of the size: a point that is less far inside may be a corner
 
 
 def hull_corners(points):
-    """Return the points on the convex hull of a shape.
-
-    Parameters
-    ----------
-    points : array_like, shape (n, 3)
-        Any units.
-
-    Returns
-    -------
-    numpy.ndarray, shape (k, 3), float64
-        Corners of the hull; all distinct points if these lie in a plane.
-
-    Examples
-    --------
-    >>> from pvibr.maths.hulls import hull_corners
-    >>> cube = np.stack(np.meshgrid([0, 1, 2], [0, 1, 2], [0, 1, 2]), -1).reshape(-1, 3)
-    >>> len(cube), len(hull_corners(cube))
-    (27, 8)
-    """
+    """Return the corners of the convex hull of points, (k, 3); all distinct points if coplanar."""
     from scipy.spatial import ConvexHull, QhullError
 
     points = np.asarray(points, float)
@@ -43,7 +25,7 @@ def hull_corners(points):
 
 
 def _may_be_corners(points) -> np.ndarray:
-    """Return a mask of the points that are not inside the hull of some extreme ones."""
+    """Return which points lie outside the hull of a few extreme ones."""
     from scipy.spatial import ConvexHull, QhullError
 
     outside, places = np.zeros(len(points), bool), points - points.mean(0)

@@ -29,86 +29,34 @@ _BLOCK = 2**16  # points that are looked at together
 
 
 class Card(NamedTuple):
-    """The planes through the centres of objects that face the eye, and the covered rectangles.
+    """The planes through n objects' centres that face the eye, and the rectangles they cover.
 
-    Attributes
-    ----------
-    center, eye : numpy.ndarray, shape (n, 3)
-        Middles of the objects, and the eye less `center` (or the unit vector toward it in a
-        parallel view); float64, world units.
-    axes : numpy.ndarray, shape (n, 3, 3)
-        Rows right, up and toward the eye; orthonormal.
-    low, high : numpy.ndarray, shape (n, 2)
-        The rectangle along right and up, from `center`.
-    away, depth : numpy.ndarray, shape (n,)
-        Distance of the eye from the card (1 in a parallel view), and extent of the object to
-        either side of the card.
+    Rows of `axes` are right, up, toward the eye; `low`, `high` and `eye` count from `center`.
     """
 
-    center: np.ndarray
-    eye: np.ndarray
-    axes: np.ndarray
-    low: np.ndarray
+    center: np.ndarray  # (n, 3)
+    eye: np.ndarray  # (n, 3), or the unit vector toward it in a parallel view
+    axes: np.ndarray  # (n, 3, 3)
+    low: np.ndarray  # (n, 2), along right and up
     high: np.ndarray
-    away: np.ndarray
-    depth: np.ndarray
+    away: np.ndarray  # (n,), distance of the eye from the card, 1 in a parallel view
+    depth: np.ndarray  # (n,), extent of the object to either side of the card
 
     def rows(self, index) -> Card:
-        """Return a selection.
-
-        Parameters
-        ----------
-        index : array_like of int or bool
-            Rows.
-        """
+        """Return a selection."""
         return Card(*(field[index] for field in self))
 
 
 def box_corners(half) -> np.ndarray:
-    """Return the corners of oriented boxes, relative to their centres.
-
-    Parameters
-    ----------
-    half : array_like, shape (n, 3, 3)
-        Rows are half the edges, world units.
-
-    Returns
-    -------
-    numpy.ndarray, shape (n, 8, 3)
-        World units.
-    """
+    """Return the corners (n, 8, 3) of boxes from half their edges, relative to their centres."""
     signs = np.array([[(i >> k & 1) * 2.0 - 1.0 for k in range(3)] for i in range(8)])
     return signs @ np.asarray(half, float)
 
 
 def dop_corners(points) -> np.ndarray:
-    """Return the corners of a polytope of 42 faces that holds all points (a k-DOP).
+    """Return the corners, (80, 3), of a polytope of 42 faces that holds all points (a k-DOP).
 
     A rotated box covers about twice the area of its contents, this about a tenth more.
-
-    Parameters
-    ----------
-    points : array_like, shape (n, 3)
-        Any units, finite.
-
-    Returns
-    -------
-    numpy.ndarray, shape (80, 3)
-        In the same units; the last corner is repeated.
-
-    Raises
-    ------
-    ValueError
-        If there is no point.
-
-    Examples
-    --------
-    >>> from pvibr.maths.impostors import dop_corners
-    >>> ball = np.random.default_rng(0).normal(size=(9000, 3))
-    >>> ball /= np.linalg.norm(ball, axis=1)[:, None]
-    >>> corners = dop_corners(ball)
-    >>> corners.shape, bool(np.linalg.norm(corners, axis=1).max() < 1.2)
-    ((80, 3), True)
     """
     points = np.asarray(points, float).reshape(-1, 3)
     if not len(points):
@@ -136,27 +84,7 @@ def _ends(points):
 def fit_cards(center, corners, radius, eye, up, toward=None) -> Card:
     """Fit cards through the centres of objects, facing the eye (Schaufler 1995).
 
-    Parameters
-    ----------
-    center, corners, radius : numpy.ndarray, shape (n, 3), (n, k, 3) and (n,)
-        Bounding spheres, and corners of bounding polytopes less `center`, world units.
-    eye, up : array_like, shape (3,)
-        The eye in world units, outside of all objects, and the camera's upward direction.
-    toward : array_like, shape (3,), optional
-        In a parallel view, the unit vector toward the eye.
-
-    Returns
-    -------
-    Card
-        Of the smallest rectangles that hold the corners as the eye sees them.
-
-    Examples
-    --------
-    >>> from pvibr.maths.impostors import box_corners, fit_cards
-    >>> box = box_corners(np.eye(3)[None])
-    >>> card = fit_cards(np.zeros((1, 3)), box, np.ones(1), [0, 0, 3], [0, 1, 0])
-    >>> card.high[0].tolist(), float(card.depth[0])
-    ([1.5, 1.5], 1.0)
+    `corners` (n, k, 3) are relative to the centres; `toward` the eye, for a parallel view.
     """
     out = (
         np.asarray(eye, float) - center
@@ -187,22 +115,7 @@ def _facing(back, up):
 
 
 def card_view(card, k, pad, *, parallel=False) -> View:
-    """Return the view in which the image of a card is drawn.
-
-    Parameters
-    ----------
-    card, k : Card and int
-        Cards, and the index of one.
-    pad : array_like, shape (2,)
-        Margins at either side of the rectangle, world units on the card.
-    parallel : bool, optional
-        Whether the card is that of a parallel view.
-
-    Returns
-    -------
-    View
-        Of the rectangle and the object's depth.
-    """
+    """Return the view in which the image of card `k` is drawn, with a margin in world units."""
     axes, low, high = card.axes[k], card.low[k] - pad, card.high[k] + pad
     reach = 1.001 * card.depth[k]
     away = 3.0 * reach if parallel else card.away[k]
@@ -221,32 +134,9 @@ def card_view(card, k, pad, *, parallel=False) -> View:
 
 
 def displacement(card, eye, toward=None) -> np.ndarray:
-    """Return the maximum angle at the eye between a point of an object and its image on the card.
+    """Return the largest angle between a point and its image on the card, seen from `eye`, (n,).
 
-    Schaufler's errors of moving sideways and nearer at once; largest at the near side, in the
-    middle or at the rim.
-
-    Parameters
-    ----------
-    card : Card
-        Of n objects.
-    eye : array_like, shape (3,)
-        Present position of the eye, world units.
-    toward : array_like, shape (3,), optional
-        In a parallel view, the unit vector toward the eye.
-
-    Returns
-    -------
-    numpy.ndarray, shape (n,)
-        Radians; world units in a parallel view; inf where the eye is within the object's depth.
-
-    Examples
-    --------
-    >>> from pvibr.maths.impostors import box_corners, displacement, fit_cards
-    >>> box = box_corners(np.eye(3)[None])
-    >>> card = fit_cards(np.zeros((1, 3)), box, np.ones(1), [0, 0, 9], [0, 1, 0])
-    >>> displacement(card, [0, 0, 9]).round(6).tolist()
-    [0.0]
+    Radians; world units in a parallel view; inf where the eye is within the object's depth.
     """
     places = card.low[:, None] + _SHARES * (card.high - card.low)[:, None]
     on_card = places @ card.axes[:, :2]
@@ -264,19 +154,9 @@ def displacement(card, eye, toward=None) -> np.ndarray:
 
 
 def stretch_of(middle, radius, tangent) -> np.ndarray:
-    """Return the magnification of small angles on the screen, relative to its centre.
+    """Return the magnification of small angles off the screen's centre, (n,), 1 or more.
 
-    Parameters
-    ----------
-    middle, radius : numpy.ndarray, shape (n, 3) and (n,)
-        Bounding spheres in view space.
-    tangent : float
-        Tangent of the angle between the view's axis and the corners of the screen.
-
-    Returns
-    -------
-    numpy.ndarray, shape (n,)
-        1 or more.
+    `tangent` is that of the angle between the view's axis and a corner of the screen.
     """
     ahead = np.maximum(-middle[:, 2], 1e-300)
     slope = (np.linalg.norm(middle[:, :2], axis=1) + radius) / ahead

@@ -1,4 +1,4 @@
-"""Interpolation weights of key frames: numpy only, float64."""
+"""Interpolation weights of key frames."""
 
 from __future__ import annotations
 
@@ -14,42 +14,10 @@ _SAME = 1e-6  # of the span: a gap from last to first that is only rounding
 
 
 def frame_weights(keys, times, interpolation='linear', period=None):
-    """Return the key frames blended at given times, and their weights.
+    """Return the key frames blended at times, and their weights of sum 1, (..., k) for k slots.
 
-    'step' shows the last frame that began; 'linear' is ``(1 - w) A + w B``; 'quadratic' is the
-    parabola through the frame before and the two around the time, continuous but not smooth at
-    frames; 'cubic' is the Catmull-Rom spline for non-uniform keys as a blend of two parabolas
-    (Overhauser, "Analytic definition of curves and surfaces by parabolic blending", 1968): smooth,
-    and exact for motions of degree 2.
-
-    Parameters
-    ----------
-    keys : array_like, shape (f,)
-        Times of the frames in seconds, increasing.
-    times : array_like, any shape
-        Seconds; clamped to the keys unless there is a period.
-    interpolation : str
-        'step', 'linear', 'quadratic' or 'cubic': 1 to 4 frames at a time.
-    period : float, optional
-        Seconds from the first frame until it is shown again, at least those from the first key to
-        the last; if equal, the last frame stands for the first and is left out.
-
-    Returns
-    -------
-    tuple of 2 numpy.ndarray, shape (..., k), int64 and float64
-        Frames and their weights, of sum 1 and, beyond 'linear', of either sign.
-
-    Raises
-    ------
-    ValueError
-        If keys are invalid (see :func:`checked_keys`), times are not finite, the interpolation is
-        unknown or the period is too short.
-
-    Examples
-    --------
-    >>> from pvibr.maths.keyframes import frame_weights
-    >>> frame_weights([0.0, 1.0, 3.0], 3.5, period=4.0)  # between the last and the first
-    (array([2, 0]), array([0.5, 0.5]))
+    'cubic' is Overhauser's blend of two parabolas, "Analytic definition of curves and surfaces by
+    parabolic blending", 1968; a `period` equal to the span drops the last frame.
     """
     keys = checked_keys(keys)
     check_one_of('interpolation', interpolation, SLOTS)
@@ -64,31 +32,7 @@ def frame_weights(keys, times, interpolation='linear', period=None):
 
 
 def checked_keys(keys, name='keys'):
-    """Return increasing times of keys as an array.
-
-    Parameters
-    ----------
-    keys : array_like, shape (f,)
-        Times in seconds.
-    name : str
-        Name of the argument in errors.
-
-    Returns
-    -------
-    numpy.ndarray, shape (f,), float64
-        The keys.
-
-    Raises
-    ------
-    ValueError
-        If they are empty, not finite or not increasing.
-
-    Examples
-    --------
-    >>> from pvibr.maths.keyframes import checked_keys
-    >>> checked_keys([0, 1, 4]).tolist()
-    [0.0, 1.0, 4.0]
-    """
+    """Return finite, increasing times of keys as an array, (f,)."""
     keys = np.asarray(keys, dtype=np.float64)
     if keys.ndim != 1 or not keys.size:
         raise ValueError(
@@ -105,26 +49,7 @@ def checked_keys(keys, name='keys'):
 
 
 def blend(frames, indices, weights):
-    """Return the weighted sum of frames.
-
-    Parameters
-    ----------
-    frames : array_like, shape (f, ...)
-        Values of each frame.
-    indices, weights : array_like, shape (..., k)
-        Frames and their weights.
-
-    Returns
-    -------
-    numpy.ndarray, shape (..., ...), float64
-        One sum for each row of indices.
-
-    Examples
-    --------
-    >>> from pvibr.maths.keyframes import blend
-    >>> blend([[0.0, 8.0], [4.0, 0.0]], [0, 1], [0.75, 0.25]).tolist()
-    [1.0, 6.0]
-    """
+    """Return the weighted sum of frames (f, ...) for each row of indices (..., k)."""
     frames = np.asarray(frames)
     weights = np.asarray(weights, dtype=np.float64)
     indices, weights = np.broadcast_arrays(indices, weights)
@@ -138,26 +63,7 @@ def blend(frames, indices, weights):
 
 
 def blend_directions(frames, indices, weights):
-    """Return the weighted sum of the directions of frames, normalised.
-
-    Parameters
-    ----------
-    frames : array_like, shape (f, ..., 3)
-        Normals or other directions of each frame.
-    indices, weights : array_like, shape (..., k)
-        Frames and their weights.
-
-    Returns
-    -------
-    numpy.ndarray, shape (..., ..., 3), float64
-        Unit vectors; zero where the sum vanishes.
-
-    Examples
-    --------
-    >>> from pvibr.maths.keyframes import blend_directions
-    >>> blend_directions([[[4.0, 0.0, 0.0]], [[0.0, 4.0, 0.0]]], [0, 1], [0.5, 0.5]).tolist()
-    [[0.707..., 0.707..., 0.0]]
-    """
+    """Return the normalized weighted sum of directions of frames; zero where it vanishes."""
     return unit_vectors(blend(frames, indices, weights))
 
 
@@ -187,7 +93,7 @@ class _Line:
         return self.keys[numbers]
 
     def around(self, numbers):
-        """Return the first of the three keys of the parabola at a key."""
+        """Return the first of the three keys of a key's parabola."""
         return np.clip(numbers - 1, 0, self.last - 2)
 
     def frames(self, numbers):

@@ -16,20 +16,7 @@ _TINY = 1e-12
 
 
 def to_screen(clip, size) -> tuple[np.ndarray, np.ndarray]:
-    """Return the pixels of points in clip space, and which are in front of the eye.
-
-    Parameters
-    ----------
-    clip : numpy.ndarray, shape (n, 4)
-        Homogeneous points.
-    size : tuple of 2 int
-        Width and height of the screen, pixels.
-
-    Returns
-    -------
-    tuple of 2 numpy.ndarray, shape (n, 2), and (n,) of bool
-        Pixels, and whether the points are beyond the near plane; pixels of others are undefined.
-    """
+    """Return the pixels of clip space points (n, 4), and which are beyond the near plane."""
     w = clip[:, 3]
     ahead = (w > _TINY) & (clip[:, 2] >= -w)
     ndc = clip[:, :2] / np.where(ahead, w, 1.0)[:, None]
@@ -37,27 +24,9 @@ def to_screen(clip, size) -> tuple[np.ndarray, np.ndarray]:
 
 
 def extents(clip_from_world, bounds, size) -> np.ndarray:
-    """Return the rectangles of boxes on the screen and beyond it, clipped by the near plane.
+    """Return the pixel rectangles (left, bottom, right, top) of boxes, clipped by the near plane.
 
-    Parameters
-    ----------
-    clip_from_world : numpy.ndarray, shape (4, 4)
-        Of the view.
-    bounds : array_like, shape (n, 6)
-        World units.
-    size : tuple of 2 int
-        Width and height of the screen, pixels.
-
-    Returns
-    -------
-    numpy.ndarray, shape (n, 4)
-        Left, bottom, right and top in pixels; left above right for boxes behind the eye.
-
-    Examples
-    --------
-    >>> from pvibr.maths.layers import extents
-    >>> extents(np.diag([1.0, 1, -1, 1]), [[-0.5, 0.5, -2, 0, 0, 0.5]], (100, 100)).tolist()
-    [[25.0, -50.0, 75.0, 50.0]]
+    Boxes are (n, 6) in world units; left is above right for those behind the eye.
     """
     points = corners(bounds)
     clip = points @ clip_from_world[:, :3].T + clip_from_world[:, 3]
@@ -76,28 +45,7 @@ def extents(clip_from_world, bounds, size) -> np.ndarray:
 
 
 def part_of(clip_from_view, size, rect) -> np.ndarray:
-    """Return the projection of a rectangle of the screen, or beyond it.
-
-    Parameters
-    ----------
-    clip_from_view : numpy.ndarray, shape (4, 4)
-        The screen's.
-    size : tuple of 2 int
-        Width and height of the screen, pixels.
-    rect : sequence of 4 float
-        Left, bottom, right and top, pixels.
-
-    Returns
-    -------
-    numpy.ndarray, shape (4, 4)
-        Of the same depth.
-
-    Examples
-    --------
-    >>> from pvibr.maths.layers import part_of
-    >>> (part_of(np.eye(4), (100, 100), (0, 0, 50, 100)) @ [-0.5, 0, 0, 1]).tolist()
-    [0.0, 0.0, 0.0, 1.0]
-    """
+    """Return the projection of a pixel rectangle of the screen, or beyond it, (4, 4)."""
     out = np.array(clip_from_view, float)
     for k in range(2):
         span = rect[2 + k] - rect[k]
@@ -107,47 +55,14 @@ def part_of(clip_from_view, size, rect) -> np.ndarray:
 
 
 def moved(warp, points) -> np.ndarray:
-    """Return warped points.
-
-    Parameters
-    ----------
-    warp : numpy.ndarray, shape (3, 3)
-        See the module.
-    points : numpy.ndarray, shape (n, 2)
-        Pixels.
-
-    Returns
-    -------
-    numpy.ndarray, shape (n, 2)
-        Pixels; inf on or beyond the horizon.
-    """
+    """Return warped points, (n, 2) in pixels; inf on or beyond the horizon."""
     out = points @ warp[:, :2].T + warp[:, 2]
     ahead = out[:, 2:] > _TINY
     return np.where(ahead, out[:, :2] / np.where(ahead, out[:, 2:], 1.0), np.inf)
 
 
 def fit_affine(source, target) -> np.ndarray:
-    """Return the affine warp between points, by least squares.
-
-    Directions that the points do not determine are kept.
-
-    Parameters
-    ----------
-    source, target : numpy.ndarray, shape (n, 2)
-        Pixels.
-
-    Returns
-    -------
-    numpy.ndarray, shape (3, 3)
-        The warp; the identity without points.
-
-    Examples
-    --------
-    >>> from pvibr.maths.layers import fit_affine
-    >>> square = np.array([[0.0, 0], [9, 0], [9, 9], [0, 9]])
-    >>> fit_affine(square, 2 * square + 3).round(9).tolist()
-    [[2.0, 0.0, 3.0], [0.0, 2.0, 3.0], [0.0, 0.0, 1.0]]
-    """
+    """Return the affine warp between points (n, 2) by least squares; free directions stay."""
     warp = np.eye(3)
     if not len(source):
         return warp
@@ -166,18 +81,9 @@ def _solved(x, y):
 
 
 def fit_plane(pixels, inverse_depth) -> np.ndarray:
-    """Return the plane of points in a picture, by least squares.
+    """Return the plane (3,) of points in a picture, by least squares.
 
-    Parameters
-    ----------
-    pixels, inverse_depth : numpy.ndarray, shape (n, 2) and (n,)
-        Pixels, and inverse distances along the view (distances in a parallel view): on a plane
-        they are linear in pixels.
-
-    Returns
-    -------
-    numpy.ndarray, shape (3,)
-        Its product with a homogeneous pixel is the inverse depth.
+    Its product with a homogeneous pixel is the inverse depth (the depth in a parallel view).
     """
     if not len(pixels):
         return np.zeros(3)
@@ -190,23 +96,7 @@ def fit_plane(pixels, inverse_depth) -> np.ndarray:
 def plane_warp(clip_from_view, view_from_pixel, plane, size, *, parallel) -> np.ndarray:
     """Return the warp of a plane to another view: exact for it, and for all if the eye stays.
 
-    Parameters
-    ----------
-    clip_from_view : numpy.ndarray, shape (4, 4)
-        Present clip space from past view space.
-    view_from_pixel : numpy.ndarray, shape (3, 3)
-        Takes a homogeneous past pixel to the point at distance 1, or its x and y if parallel.
-    plane : numpy.ndarray, shape (3,)
-        See :func:`fit_plane`.
-    size : tuple of 2 int
-        Present width and height of the screen, pixels.
-    parallel : bool
-        Whether the past view was parallel.
-
-    Returns
-    -------
-    numpy.ndarray, shape (3, 3)
-        The warp.
+    `view_from_pixel` gives the past point at distance 1; `plane` is that of :func:`fit_plane`.
     """
     one = np.array([0.0, 0.0, 1.0])
     rows = [-plane, one] if parallel else [-one, plane]
@@ -216,20 +106,7 @@ def plane_warp(clip_from_view, view_from_pixel, plane, size, *, parallel) -> np.
 
 
 def stretch(warp, at) -> tuple[float, float]:
-    """Return the largest and the smallest magnification of a warp around a pixel.
-
-    Parameters
-    ----------
-    warp : numpy.ndarray, shape (3, 3)
-        See the module.
-    at : array_like, shape (2,)
-        A pixel of the picture.
-
-    Returns
-    -------
-    tuple of 2 float
-        1 where nothing changes.
-    """
+    """Return the largest and the smallest magnification of a warp at a pixel."""
     x, y, w = warp @ [*at, 1.0]
     if w <= _TINY:
         return np.inf, 0.0
@@ -239,19 +116,7 @@ def stretch(warp, at) -> tuple[float, float]:
 
 
 def reaches(warp, rect, open_sides, size) -> bool:
-    """Return True if a picture covers the screen wherever it was cut off.
-
-    Parameters
-    ----------
-    warp : numpy.ndarray, shape (3, 3)
-        From the picture to the screen.
-    rect : sequence of 4 float
-        Left, bottom, right and top of the picture, pixels.
-    open_sides : sequence of 4 bool
-        Sides at which the picture was cut off.
-    size : tuple of 2 int
-        Width and height of the screen, pixels.
-    """
+    """Return whether a picture covers the screen at each side where it was cut off."""
     if not any(open_sides):
         return True
     if abs(np.linalg.det(warp)) < _TINY:
@@ -267,31 +132,9 @@ def reaches(warp, rect, open_sides, size) -> bool:
 
 
 def split_by_depth(nearest, farthest, count, *, ratio=True) -> np.ndarray:
-    """Return the depth layers of boxes.
+    """Return the depth layer of each box, from 0, the nearest; `count` for very long boxes.
 
-    Layers have equal ranges of the logarithm of the distance, so of equal parallax. Boxes longer
-    than two such ranges and twice the median, as the ground, share an additional layer.
-
-    Parameters
-    ----------
-    nearest, farthest : numpy.ndarray, shape (n,)
-        Distances of each, above 0 if logarithmic.
-    count : int
-        Number of layers but the additional one.
-    ratio : bool, optional
-        Ranges of logarithms; for parallel projection, of distances.
-
-    Returns
-    -------
-    numpy.ndarray, shape (n,), int
-        Numbers from 0, the nearest; `count` for the additional layer.
-
-    Examples
-    --------
-    >>> from pvibr.maths.layers import split_by_depth
-    >>> near = np.array([1.0, 9.0, 95.0, 1.0])
-    >>> split_by_depth(near, np.array([1.5, 11.0, 105.0, 100.0]), 3).tolist()
-    [0, 1, 2, 3]
+    Layers have equal ranges of the logarithm of distance (of distance without `ratio`).
     """
     low, high = (np.log(d) if ratio else np.asarray(d, float) for d in (nearest, farthest))
     middle = (low + high) / 2

@@ -22,31 +22,9 @@ _ROUNDS = 60
 
 
 def levelled(vertices, colors, edges, smooth=SMOOTH):
-    """Return corrections that give the photographs of each vertex one colour.
+    """Return corrections (n, c) that give the photographs of each vertex one colour.
 
-    Parameters
-    ----------
-    vertices : array_like, shape (n,), int
-        The vertex of each colour.
-    colors : array_like, shape (n, c)
-        What one photograph shows at one vertex, 0 to 255.
-    edges : array_like, shape (m, 2), int
-        Rows of neighbouring vertices in one photograph.
-    smooth : float
-        Weight of the differences of neighbours' corrections.
-
-    Returns
-    -------
-    numpy.ndarray, shape (n, c), float64
-        To be added to the colours.
-
-    Examples
-    --------
-    >>> from pvibr.maths.levelling import levelled
-    >>> levelled([0, 0, 1, 1], [[10.0], [20.0], [10.0], [20.0]], [[0, 2], [1, 3]]).round(
-    ...     1
-    ... ).tolist()
-    [[5.0], [-5.0], [5.0], [-5.0]]
+    Row i is the colour of vertex `vertices[i]` in one photograph; `edges` (m, 2) join such rows.
     """
     vertices, colors = np.asarray(vertices), np.asarray(colors, float)
     edges = np.asarray(edges, int).reshape(-1, 2)

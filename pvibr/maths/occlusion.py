@@ -1,4 +1,4 @@
-"""Occlusion of spheres: an estimate by the number in front, and a proof by depths."""
+"""Occlusion of spheres: an estimate by what is in front, and a proof by depths."""
 
 from __future__ import annotations
 
@@ -8,30 +8,9 @@ _STEP = 1e-6  # what 32 bits may lose, of window depth and of distances
 
 
 def on_screen(frame, centers, radii):
-    """Return the bounding rectangles of projected spheres.
+    """Return the lower left and upper right pixels of spheres in view space, (n, 2) each.
 
-    Parameters
-    ----------
-    frame : pvibr.core.frame.Frame
-        Camera and size.
-    centers, radii : numpy.ndarray, shape (n, 3) and (n,)
-        Spheres in view space.
-
-    Returns
-    -------
-    tuple of 2 numpy.ndarray, shape (n, 2)
-        Lower left and upper right corners, pixels; undefined for spheres across the eye's plane.
-
-    Examples
-    --------
-    >>> from pvibr.core.frame import Frame
-    >>> from pvibr.maths.occlusion import on_screen
-    >>> from pvibr.maths.views import View
-    >>> view = View(np.eye(4), np.diag([1.0, 1, -1, 1]), near=0.0, far=10.0, parallel=True)
-    >>> frame = Frame(None, None, (8, 8), (0, 0), view)
-    >>> low, high = on_screen(frame, np.array([[0, 0, -3.0]]), np.array([0.5]))
-    >>> low.tolist(), high.tolist()
-    ([[2.0, 2.0]], [[6.0, 6.0]])
+    Undefined for spheres across the eye's plane.
     """
     m, r = frame.clip_from_view, radii[:, None]
     low, high, offset = centers[:, :2] - r, centers[:, :2] + r, m[:2, 3]
@@ -46,27 +25,9 @@ def on_screen(frame, centers, radii):
 
 
 def likely_seen(pixels, areas, layers, tile=32) -> np.ndarray:
-    """Estimate the visible actors: those with little in front of them.
+    """Estimate which actors are visible: those with less than `layers` of cover in front, (n,).
 
-    Parameters
-    ----------
-    pixels, areas : numpy.ndarray, shape (n, 2) and (n,)
-        Their centres on the screen, the nearest first, and covered areas, pixels.
-    layers : float
-        Covered area in front, relative to the screen's, beyond which an actor is hidden.
-    tile : float
-        Side of the squares in which areas are added, pixels.
-
-    Returns
-    -------
-    numpy.ndarray of bool, shape (n,)
-        True if visible.
-
-    Examples
-    --------
-    >>> from pvibr.maths.occlusion import likely_seen
-    >>> likely_seen(np.array([[4, 4], [5, 4], [6, 4.0]]), np.full(3, 1500.0), 2).tolist()
-    [True, True, False]
+    Pixels of their centres, nearest first, and covered areas, summed in squares of `tile` pixels.
     """
     if not len(pixels):
         return np.zeros(0, bool)
@@ -82,36 +43,9 @@ def likely_seen(pixels, areas, layers, tile=32) -> np.ndarray:
 
 
 def behind(frame, farthest, tile, centers, radii, margin=2.0) -> np.ndarray:
-    """Return the spheres certainly hidden by a depth buffer.
+    """Return which spheres in view space a depth buffer certainly hides, (n,) bool.
 
-    Parameters
-    ----------
-    frame : pvibr.core.frame.Frame
-        Camera and size.
-    farthest : numpy.ndarray, shape (h, w)
-        Maximum depth, 0 near to 1 far, of each square of the screen, row 0 at the bottom.
-    tile : int
-        Side of the squares, pixels.
-    centers, radii : numpy.ndarray, shape (n, 3) and (n,)
-        Spheres in view space.
-    margin : float
-        Margin around the spheres, pixels.
-
-    Returns
-    -------
-    numpy.ndarray of bool, shape (n,)
-        True if hidden.
-
-    Examples
-    --------
-    >>> from pvibr.core.frame import Frame
-    >>> from pvibr.maths.occlusion import behind
-    >>> from pvibr.maths.views import View
-    >>> view = View(np.eye(4), np.diag([1.0, 1, -0.2, 1]), near=0.0, far=10.0, parallel=True)
-    >>> frame = Frame(None, None, (8, 8), (0, 0), view)
-    >>> centers = np.array([[0, 0, -1.0], [0, 0, -4]])
-    >>> behind(frame, np.full((1, 1), 0.7), 8, centers, np.full(2, 0.5)).tolist()
-    [False, True]
+    `farthest` (h, w) is the largest depth in each square of `tile` pixels, row 0 at the bottom.
     """
     nearest = -centers[:, 2] - radii - _STEP * np.abs(centers[:, 2])
     low, high = on_screen(frame, centers, radii)
@@ -130,7 +64,7 @@ def behind(frame, farthest, tile, centers, radii, margin=2.0) -> np.ndarray:
 def _largest_within(values, low, high):
     """Return the largest value of rectangles of about equal sides, both corners included.
 
-    Each is four windows of a power of two, which overlap: a sparse table (Bender and
+    Each is four overlapping windows of a power of two: a sparse table (Bender and
     Farach-Colton, "The LCA Problem Revisited", 2000).
     """
     level = np.floor(np.log2((high - low).max(1, initial=0) + 1)).astype(int)

@@ -174,23 +174,7 @@ def _border():
 
 
 def check_intrinsics(K):
-    """Return K, scaled so that its last entry is 1.
-
-    Parameters
-    ----------
-    K : array_like, shape (3, 3)
-        Focal lengths, skew and principal point.
-
-    Returns
-    -------
-    numpy.ndarray, shape (3, 3), float64
-        The same.
-
-    Raises
-    ------
-    ValueError
-        If it is singular or not upper triangular.
-    """
+    """Return K scaled so that its last entry is 1; it must be regular and upper triangular."""
     K = checked_numbers('K', K, (3, 3))
     if K[1, 0] or K[2, 0] or K[2, 1]:
         raise ValueError(
@@ -204,23 +188,7 @@ def check_intrinsics(K):
 
 
 def check_rotation(R):
-    """Return a rotation matrix.
-
-    Parameters
-    ----------
-    R : array_like, shape (3, 3)
-        From world to camera.
-
-    Returns
-    -------
-    numpy.ndarray, shape (3, 3), float64
-        The same.
-
-    Raises
-    ------
-    ValueError
-        If it is not a rotation.
-    """
+    """Return R as float64 after checking that it is a rotation."""
     R = checked_numbers('R', R, (3, 3))
     off, det = np.abs(R @ R.T - np.eye(3)).max(), np.linalg.det(R)
     if off > _checks.ROTATION_TOLERANCE or det < 0:
@@ -232,22 +200,7 @@ def check_rotation(R):
 
 
 def check_principal_point(K, size, allowed):
-    """Raise an error if K seems to be for a picture of another size.
-
-    Parameters
-    ----------
-    K : numpy.ndarray, shape (3, 3)
-        Intrinsics in pixels.
-    size : tuple of 2 int
-        Width and height in pixels.
-    allowed : tuple of 2 float
-        Range of the principal point, as fractions of the size.
-
-    Raises
-    ------
-    ValueError
-        If the principal point is out of range.
-    """
+    """Raise a ValueError if K is for a picture of another size, by its principal point."""
     share = (K[:2, 2] + 0.5) / size
     if (share < allowed[0]).any() or (share > allowed[1]).any():
         raise ValueError(

@@ -15,26 +15,9 @@ _SIDE = 65  # of the support table: what it adds is below a thousandth of a ball
 
 
 class PosedShape:
-    """A shape whose bounds at many poses are asked for again and again.
+    """A convex shape, in model units, whose bounds at many poses are queried repeatedly.
 
-    Bounding spheres and the support function, see :mod:`pvibr.maths.support`, rule out most poses
-    on each side; the corners decide among the rest.
-
-    Parameters
-    ----------
-    corners : array_like, shape (k, 3)
-        Corners of the shape, model units, as :func:`pvibr.maths.hulls.hull_corners` returns.
-    center : array_like, shape (3,)
-        A point of the shape, model units.
-
-    Examples
-    --------
-    >>> from pvibr.maths.posed_bounds import PosedShape
-    >>> shape = PosedShape([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]], [0.5, 0.0, 0.0])
-    >>> turned = np.array([[[0, -1, 0, 0], [1, 0, 0, 0], [0, 0, 1, 2], [0, 0, 0, 1]]], float)
-    >>> spheres = np.array([[0.0], [0.5], [2.0]]), np.array([0.5])
-    >>> shape.bounds(turned, np.array([0]), spheres).tolist()
-    [[0.0, 0.0, 2.0], [0.0, 1.0, 2.0]]
+    Bounding spheres and the support function rule out most poses; the corners decide on the rest.
     """
 
     def __init__(self, corners, center):
@@ -43,25 +26,9 @@ class PosedShape:
         self._corners = np.ascontiguousarray((corners - center).T)
 
     def bounds(self, poses, ids, spheres) -> np.ndarray:
-        """Return the bounds of the shape at some poses.
+        """Return the bounds (2, 3) of the shape at poses `ids`, (n, 3) points or (n, 4, 4).
 
-        They are exact up to rounding, unless very many poses reach almost equally far: then they
-        may be wider, by less than a thousandth of the shape's radius.
-
-        Parameters
-        ----------
-        poses : numpy.ndarray, shape (n, 3) or (n, 4, 4)
-            Points, or matrices from model to world.
-        ids : numpy.ndarray of int, shape (m,)
-            Which of them, at least one.
-        spheres : (numpy.ndarray, numpy.ndarray)
-            Where these place the centre, shape (3, m), and radii of spheres around it that hold
-            the shape, shape (m,), world units; used of matrices only.
-
-        Returns
-        -------
-        numpy.ndarray, shape (2, 3), float64
-            Lowest and highest coordinates, world units.
+        `spheres`, centres (3, m) and radii (m,), hold the posed shape; bounds may exceed by 0.1 %.
         """
         if poses.ndim == 2:
             points, (low, high) = np.ascontiguousarray(poses.take(ids, 0).T), self._ends
@@ -103,7 +70,7 @@ class PosedShape:
         return self._highest_of(rows[:, left], along[left], bounds[left], best)
 
     def _highest_of(self, rows, along, bounds, best):
-        """Return the highest of poses sorted by their upper bounds, or the best if none is."""
+        """Return the highest of poses sorted by upper bounds, or the best if none is higher."""
         count = self._corners.shape[1]
         step = max(1, _AT_ONCE // count)
         for start in range(0, len(along), step):

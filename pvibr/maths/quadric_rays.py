@@ -1,7 +1,7 @@
-"""Intersections of rays with spheres, ellipsoids and cylinders: the float64 reference of shaders.
+"""Intersections of rays with spheres, ellipsoids and cylinders: the float64 twin of the shaders.
 
 Directions of rays may have any length; distances are counted in it. All arrays are broadcast
-against each other: many rays meet one thing, or one ray many things.
+against each other: many rays meet one item, or one ray many items.
 """
 
 from __future__ import annotations
@@ -16,32 +16,16 @@ CAPS = ('flat', 'round', None)
 
 
 class Meeting(NamedTuple):
-    """Entries and exits of rays.
-
-    Attributes
-    ----------
-    hits, distances : numpy.ndarray, shape (2, ...)
-        Whether there is a surface at entry and exit, and the distances along the ray.
-    normals : numpy.ndarray, shape (2, ..., 3)
-        Outward unit vectors.
-    """
+    """Entries and exits of rays: hits and distances (2, ...), outward normals (2, ..., 3)."""
 
     hits: np.ndarray
     distances: np.ndarray
     normals: np.ndarray
 
     def first(self, near=0.0):
-        """Return the first visible surface.
+        """Return the first surface beyond `near`: distances, normals, and whether it is an inside.
 
-        Parameters
-        ----------
-        near : float
-            Distance up to which surfaces are clipped.
-
-        Returns
-        -------
-        tuple of 3 numpy.ndarray, shape (...), (..., 3) and (...)
-            Distances, infinite for none; normals toward the start; whether the inside is seen.
+        Distances are infinite for none; normals point toward the start.
         """
         with np.errstate(invalid='ignore'):
             ahead = self.hits & (self.distances >= near)
@@ -52,51 +36,13 @@ class Meeting(NamedTuple):
 
 
 def meet_spheres(starts, ways, centers, radii) -> Meeting:
-    """Intersect rays with spheres.
-
-    Parameters
-    ----------
-    starts, ways : array_like, shape (..., 3)
-        Starts and directions of rays, world units.
-    centers, radii : array_like, shape (..., 3) and (...)
-        World units.
-
-    Returns
-    -------
-    Meeting
-        Entry and exit of each ray.
-
-    Examples
-    --------
-    >>> from pvibr.maths.quadric_rays import meet_spheres
-    >>> meet_spheres([0, 0, 5], [0, 0, -1], [0, 0, 0], 2.0).distances.tolist()
-    [3.0, 7.0]
-    """
+    """Intersect rays with spheres."""
     radii = np.asarray(radii, float)[..., None]
     return meet_ellipsoids(starts, ways, centers, radii[..., None] * np.eye(3))
 
 
 def meet_ellipsoids(starts, ways, centers, axes) -> Meeting:
-    """Intersect rays with ellipsoids.
-
-    Parameters
-    ----------
-    starts, ways : array_like, shape (..., 3)
-        Starts and directions of rays, world units.
-    centers, axes : array_like, shape (..., 3) and (..., 3, 3)
-        Centres, and perpendicular half axes in columns, not zero, world units.
-
-    Returns
-    -------
-    Meeting
-        Entry and exit of each ray.
-
-    Examples
-    --------
-    >>> from pvibr.maths.quadric_rays import meet_ellipsoids
-    >>> meet_ellipsoids([0, 0, 5], [0, 0, -1], [0, 0, 0], np.diag([1, 1, 2])).distances.tolist()
-    [3.0, 7.0]
-    """
+    """Intersect rays with ellipsoids; half axes, not zero, are the columns of `axes`."""
     ways, axes = np.asarray(ways, float), np.asarray(axes, float)
     # Columns over their squared lengths: what takes the ellipsoid to the unit sphere.
     scaled = axes / (axes**2).sum(-2, keepdims=True)
@@ -114,33 +60,7 @@ def meet_ellipsoids(starts, ways, centers, axes) -> Meeting:
 
 
 def meet_cylinders(starts, ways, middles, halves, radii, caps='flat') -> Meeting:
-    """Intersect rays with cylinders.
-
-    Parameters
-    ----------
-    starts, ways : array_like, shape (..., 3)
-        Starts and directions of rays, world units.
-    middles, halves : array_like, shape (..., 3)
-        Middles, and vectors from there to an end, world units.
-    radii : array_like, shape (...)
-        World units.
-    caps : {'flat', 'round', None}
-        Flat, half a sphere, or open.
-
-    Returns
-    -------
-    Meeting
-        Entry and exit of each ray.
-
-    Examples
-    --------
-    >>> from pvibr.maths.quadric_rays import meet_cylinders
-    >>> for caps in ('flat', 'round'):
-    ...     met = meet_cylinders([0, 0, 5], [0, 0, -1], [0, 0, 0], [0, 0, 2], 1.0, caps)
-    ...     print(met.distances.tolist())
-    [3.0, 7.0]
-    [2.0, 8.0]
-    """
+    """Intersect rays with cylinders; `halves` reach from the middles to an end."""
     ways, halves, radii = (np.asarray(a, float) for a in (ways, halves, radii))
     length = np.linalg.norm(halves, axis=-1)
     some = length > 0
@@ -208,35 +128,9 @@ def _dot(a, b):
 
 
 def cast(frame, meet, *things):
-    """Return the surfaces that are visible at the centre of each pixel.
+    """Return item (plus n for its inside, -1 for none), depth and normal per pixel, top row first.
 
-    Parameters
-    ----------
-    frame : pvibr.core.frame.Frame
-        Camera and size.
-    meet : callable
-        One of the functions above.
-    *things : numpy.ndarray, shape (n, ...)
-        Its arguments after the rays, world units.
-
-    Returns
-    -------
-    ids, depth : numpy.ndarray, shape (h, w), top row first
-        Nearest surface (plus n for its inside, -1 for none), and its distance along the view's
-        axis, infinite for none.
-    normals : numpy.ndarray, shape (h, w, 3)
-        View space, toward the eye.
-
-    Examples
-    --------
-    >>> from pvibr.core.frame import Frame
-    >>> from pvibr.maths.quadric_rays import cast, meet_spheres
-    >>> from pvibr.maths.views import View
-    >>> view = View(np.eye(4), np.diag([1.0, 1, -1, 1]), near=0.0, far=10.0, parallel=True)
-    >>> frame = Frame(None, None, (3, 3), (0, 0), view)
-    >>> ids, depth, _ = cast(frame, meet_spheres, [[0, 0, -3]], [0.5])
-    >>> ids.tolist(), float(depth[1, 1])
-    ([[-1, -1, -1], [-1, 0, -1], [-1, -1, -1]], 2.5)
+    `meet` is a function above, `items` its arguments after the rays; normals are in view space.
     """
     starts, ways = _rays(frame)
     turn = frame.view_from_world[:3, :3]
@@ -255,7 +149,7 @@ def cast(frame, meet, *things):
 
 
 def _may_meet(starts, ways, center, *extents):
-    """Return which rays meet a sphere around a thing."""
+    """Return which rays meet a sphere around an item."""
     reach = sum(np.linalg.norm(extent) for extent in extents)
     off = np.subtract(starts, center)
     nearest = _foot(ways, off)[1]
@@ -277,24 +171,7 @@ def _rays(frame):
 
 
 def inner(ids) -> np.ndarray:
-    """Return the pixels whose four neighbours show the same surface.
-
-    Parameters
-    ----------
-    ids : numpy.ndarray, shape (h, w)
-        Surfaces, see :func:`cast`.
-
-    Returns
-    -------
-    numpy.ndarray of bool, shape (h, w)
-        False at the border.
-
-    Examples
-    --------
-    >>> from pvibr.maths.quadric_rays import inner
-    >>> inner(np.array([[1, 1, 1, 2]] * 3)).tolist()[1]
-    [False, True, False, False]
-    """
+    """Return the pixels whose four neighbours show the same surface; False at the border."""
     same = np.ones(ids.shape, bool)
     for axis in (0, 1):
         for step in (-1, 1):

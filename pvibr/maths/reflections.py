@@ -10,31 +10,9 @@ _OFFSET = 1e-3  # of the reach of the scene, so that a mirror does not see itsel
 
 
 def through_rectangle(rectangle, sight, bounds) -> View | None:
-    """Return the parallel view that a mirror reflects, from behind, its rectangle filling it.
+    """Return the parallel view from behind a mirror, its rectangle filling it, sides swapped.
 
-    Parameters
-    ----------
-    rectangle : sequence of 3 array_like, shape (3,)
-        Corner, right and up of the mirror as seen from in front, world units; the last two are
-        perpendicular.
-    sight : array_like, shape (3,)
-        Direction in which the camera looks, into the mirror.
-    bounds : numpy.ndarray, shape (n, 6)
-        World bounds of what may be reflected.
-
-    Returns
-    -------
-    View or None
-        None if nothing is in front of the mirror. Right and left change places.
-
-    Examples
-    --------
-    >>> from pvibr.maths.reflections import through_rectangle
-    >>> floor = [0, 0, 0], [4, 0, 0], [0, 2, 0]
-    >>> view = through_rectangle(floor, [0, 1, -1], np.array([[0, 4, 0, 2, 0, 3.0]]))
-    >>> # What is one above the middle is seen where the mirror is one nearer to the camera.
-    >>> (view.clip_from_view @ view.view_from_world @ [2, 1, 1, 1])[:2].round(6).tolist()
-    [0.0, -1.0]
+    `rectangle` is corner, right, up as seen from the front; None if nothing is in front.
     """
     corner, right, up = (np.asarray(x, float) for x in rectangle)
     lengths = np.linalg.norm(right), np.linalg.norm(up)

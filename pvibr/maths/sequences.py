@@ -1,4 +1,4 @@
-"""Sequences of points that fill a square evenly, however many of them are taken."""
+"""Sequences of points that fill a square evenly at any length."""
 
 from __future__ import annotations
 
@@ -10,29 +10,10 @@ _MASK = 0xFFFFFFFF
 
 
 def pair(index, name) -> tuple[float, float]:
-    """Return a point of one of many sequences that have nothing to do with each other.
+    """Return point `index` in [0, 1)^2 of the independent Sobol sequence of a name.
 
-    Each is Sobol's of two dimensions: of its first 4**k points one lies in each of 4**k squares.
-    Digits and order are scrambled by the name: Burley, "Practical hash-based Owen scrambling",
-    Journal of Computer Graphics Techniques 9, 2020.
-
-    Parameters
-    ----------
-    index : int
-        Number of the point, from 0.
-    name : str
-        Name of the sequence.
-
-    Returns
-    -------
-    tuple of 2 float
-        In [0, 1).
-
-    Examples
-    --------
-    >>> from pvibr.maths.sequences import pair
-    >>> sorted(int(4 * pair(k, 'pixel')[0]) for k in range(4))
-    [0, 1, 2, 3]
+    Digits and order are scrambled: Burley, "Practical hash-based Owen scrambling", Journal of
+    Computer Graphics Techniques 9, 2020.
     """
     order, first, second = _seeds(name)
     k = _scrambled(index, order)
@@ -41,26 +22,10 @@ def pair(index, name) -> tuple[float, float]:
 
 
 def disk(x, y) -> tuple[float, float]:
-    """Return the point of the unit disk that a point of the unit square is mapped to.
+    """Map the unit square to the unit disk, preserving areas.
 
-    Areas keep their shares: Shirley and Chiu, "A low distortion map between disk and square",
-    Journal of Graphics Tools 2, 1997.
-
-    Parameters
-    ----------
-    x, y : float
-        In [0, 1].
-
-    Returns
-    -------
-    tuple of 2 float
-        Within the unit circle.
-
-    Examples
-    --------
-    >>> from pvibr.maths.sequences import disk
-    >>> disk(0.5, 0.5), disk(1.0, 0.5)
-    ((0.0, 0.0), (1.0, 0.0))
+    Shirley and Chiu, "A low distortion map between disk and square", Journal of Graphics Tools 2,
+    1997.
     """
     a, b = 2.0 * x - 1.0, 2.0 * y - 1.0
     if a == b == 0:
@@ -73,26 +38,9 @@ def disk(x, y) -> tuple[float, float]:
 
 
 def ball(x, y, z) -> tuple[float, float, float]:
-    """Return a point of the unit ball that looks evenly spread over a disk from everywhere.
+    """Map the unit cube to the unit ball, so that every projection fills a disk evenly.
 
-    It is of the unit sphere in four dimensions without its last coordinate: Shoemake, "Uniform
-    random rotations", Graphics Gems III, 1992.
-
-    Parameters
-    ----------
-    x, y, z : float
-        In [0, 1].
-
-    Returns
-    -------
-    tuple of 3 float
-        Within the unit sphere.
-
-    Examples
-    --------
-    >>> from pvibr.maths.sequences import ball
-    >>> ball(0.0, 0.0, 0.0)
-    (0.0, 1.0, 0.0)
+    By the 4D unit sphere: Shoemake, "Uniform random rotations", Graphics Gems III, 1992.
     """
     r, s = sqrt(1.0 - x), sqrt(x)
     return r * sin(2 * pi * y), r * cos(2 * pi * y), s * sin(2 * pi * z)

@@ -1,4 +1,4 @@
-"""Sharpness, how much of the detail of a reference a picture has where it has least."""
+"""Sharpness: how much of a reference's detail a picture has where it has least."""
 
 from __future__ import annotations
 
@@ -14,29 +14,9 @@ _ROUNDING = 1e-9  # of running sums; what 8 bits show is hundreds of times as st
 
 
 def sharpness(image, reference):
-    """Return how sharp a picture is beside a reference, where it is least sharp.
+    """Return the sharpness of an sRGB picture beside a reference where it is lowest; 1 is equal.
 
-    The mean gradient of luminance in windows of 25 px, over that of the reference: its 5th
-    percentile where the reference has gradients. Noise and aliasing raise it, so it counts only
-    beside :func:`~pvibr.maths.flip.flip` of the same pictures.
-
-    Parameters
-    ----------
-    image, reference : array_like, shape (h, w, 3)
-        Display-ready sRGB, 0 to 1; the reference with many samples per pixel.
-
-    Returns
-    -------
-    float
-        1 is as sharp as the reference.
-
-    Examples
-    --------
-    >>> from pvibr.maths.sharpness import sharpness
-    >>> stripes = np.zeros((32, 32, 3))
-    >>> stripes[:, ::4] = 1.0
-    >>> round(sharpness(stripes / 2, stripes), 6)
-    0.5
+    Noise and aliasing raise it: read it beside :func:`~pvibr.maths.flip.flip`.
     """
     expected = local_gradients(reference)
     if not (expected > _ROUNDING).any():
@@ -45,36 +25,14 @@ def sharpness(image, reference):
 
 
 def local_gradients(images) -> np.ndarray:
-    """Return gradients of luminance, averaged in a window of 25 px around each pixel.
-
-    Parameters
-    ----------
-    images : array_like, shape (..., h, w, 3)
-        Display-ready sRGB, 0 to 1.
-
-    Returns
-    -------
-    numpy.ndarray, shape (..., h, w)
-        Change of luminance per pixel.
-    """
+    """Return gradients of luminance per pixel, averaged over 25 px windows, (..., h, w)."""
     luminance = np.asarray(images, float) @ _LUMINANCE
     steepness = np.hypot(*np.gradient(luminance, axis=(-2, -1)))
     return uniform_filter(steepness, (1,) * (steepness.ndim - 2) + (_WINDOW, _WINDOW))
 
 
 def lowest_ratio(gradients, expected) -> float:
-    """Return the 5th percentile of local gradients over the expected ones.
-
-    Parameters
-    ----------
-    gradients, expected : numpy.ndarray, shape (h, w)
-        Of an image and of its reference, as :func:`local_gradients` returns them.
-
-    Returns
-    -------
-    float
-        1 if none is expected anywhere.
-    """
+    """Return the 5th percentile of local gradients over the expected ones, 1 if there are none."""
     steep = expected > _ROUNDING
     if not steep.any():
         return 1.0

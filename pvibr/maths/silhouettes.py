@@ -22,36 +22,19 @@ from scipy.sparse.csgraph import connected_components
 
 @dataclass(frozen=True, eq=False)
 class Edges:
-    """A mesh prepared for the silhouettes of any light; made by `edge_table`.
+    """A mesh prepared for the silhouettes of any light; made by `edge_table`."""
 
-    Attributes
-    ----------
-    origin, half_box : numpy.ndarray, shape (3,), float64
-        Centre and half size of the bounding box, world units.
-    points : numpy.ndarray, shape (n, 3), float64
-        The distinct points that triangles use, relative to `origin`.
-    triangles, sources : numpy.ndarray, shape (m, 3) and (m,), int
-        Triangles of three distinct points, and their indices in the given mesh.
-    planes : numpy.ndarray, shape (m, 4), float64
-        Their planes, positive on the counterclockwise side; in units of `unit`.
-    unit : float
-        A power of two near the half size of the mesh, world units.
-    groups : tuple of (numpy.ndarray, shape (e, 2), numpy.ndarray, shape (k, e)), int
-        For each number k of triangles at an edge: the ends of these edges, and their triangles,
-        plus m for a triangle that runs from the second end to the first.
-    welded : tuple of numpy.ndarray
-        Indices of `points` in the given points, shape (n,); the given points that triangles use,
-        and their indices in `points`, both of shape (u,).
-    """
-
-    origin: np.ndarray
-    half_box: np.ndarray
-    points: np.ndarray
-    triangles: np.ndarray
-    sources: np.ndarray
-    planes: np.ndarray
-    unit: float
+    origin: np.ndarray  # (3,), centre of the bounding box, world units
+    half_box: np.ndarray  # (3,)
+    points: np.ndarray  # (n, 3), the distinct points that triangles use, relative to `origin`
+    triangles: np.ndarray  # (m, 3), of distinct points
+    sources: np.ndarray  # (m,), their indices in the mesh
+    planes: np.ndarray  # (m, 4), positive on the counterclockwise side, in units of `unit`
+    unit: float  # a power of two near the half size of the mesh, world units
+    # Per number k of triangles at an edge: ends (e, 2), and triangles (k, e), plus m for one that
+    # runs from the second end to the first.
     groups: tuple[tuple[np.ndarray, np.ndarray], ...]
+    # Sources (n,) of `points`; the source points that triangles use, and their indices, (u,) each.
     welded: tuple[np.ndarray, np.ndarray, np.ndarray]
 
     @cached_property
@@ -73,31 +56,9 @@ class Edges:
 
 
 def edge_table(points, triangles):
-    """Prepare a mesh: weld it, compute its planes and group its edges.
+    """Prepare a mesh, (n, 3) and (m, 3): weld it, compute its planes and group its edges.
 
-    Parameters
-    ----------
-    points : array_like, shape (n, 3)
-        World units; points of equal coordinates become one.
-    triangles : array_like, shape (m, 3), int
-        Indices in any winding; degenerate triangles are left out.
-
-    Returns
-    -------
-    Edges
-        The table, for any light.
-
-    Raises
-    ------
-    ValueError
-        If a shape is wrong, an index is out of range, or a corner is not finite.
-
-    Examples
-    --------
-    >>> from pvibr.maths.silhouettes import edge_table
-    >>> square = edge_table([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], [[0, 1, 2], [0, 2, 3]])
-    >>> [len(ends) for ends, _ in square.groups]
-    [4, 1]
+    Points of equal coordinates become one; degenerate triangles are omitted.
     """
     points, triangles = _checked(points, triangles)
     welded, triangles = _welded(points, triangles)
@@ -110,28 +71,7 @@ def edge_table(points, triangles):
 
 
 def moved_table(edges, points):
-    """Return the table of a mesh whose points have moved.
-
-    Parameters
-    ----------
-    edges : Edges
-        The table of the mesh before.
-    points : array_like, shape (n, 3)
-        Its moved points, world units.
-
-    Returns
-    -------
-    Edges or None
-        Of the same topology; None if welded points are apart, or a corner is not finite.
-
-    Examples
-    --------
-    >>> from pvibr.maths.silhouettes import edge_table, moved_table
-    >>> square = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0.0]])
-    >>> table = moved_table(edge_table(square, [[0, 1, 2], [0, 2, 3]]), 2 * square)
-    >>> table.half_box.tolist()
-    [1.0, 1.0, 0.0]
-    """
+    """Return the table of a mesh after its points moved; None if welded points separate."""
     points = np.asarray(points, np.float64)
     rows, used, which = edges.welded
     if used.size and used.max() >= len(points):
@@ -145,7 +85,7 @@ def moved_table(edges, points):
 
 
 def _placed(points, triangles, welded):
-    """Return what of a table depends on where its points are."""
+    """Return the fields of a table that depend on the positions of its points."""
     points = points[welded[0]] + 0.0  # no negative zero
     low, high = (points.min(axis=0), points.max(axis=0)) if len(points) else np.zeros((2, 3))
     origin = low + 0.5 * (high - low)
@@ -161,27 +101,7 @@ def _placed(points, triangles, welded):
 class LitMesh:
     """The front faces, the silhouette and the shadow volume of a mesh and a light.
 
-    Parameters
-    ----------
-    edges : Edges
-        Table of the mesh, with n points and m triangles.
-    light : array_like, shape (4,)
-        Position (x, y, z, 1) or direction toward the light (x, y, z, 0), in world space.
-
-    Raises
-    ------
-    ValueError
-        If the light is not finite, has a negative last number or is zero.
-
-    Examples
-    --------
-    >>> from pvibr.maths.silhouettes import LitMesh, edge_table
-    >>> sheet = edge_table([[0, 0, 0], [2, 0, 0], [0, 2, 0]], [[0, 1, 2]])
-    >>> lit = LitMesh(sheet, (0, 0, 1, 0))
-    >>> lit.facing.tolist(), lit.silhouette[1].tolist()
-    ([True], [1, 1, 1])
-    >>> lit.volume_triangles().tolist()
-    [[1, 0, 3], [0, 2, 3], [2, 1, 3], [0, 1, 2]]
+    The light is a position (x, y, z, 1) or a direction toward it (x, y, z, 0), world space.
     """
 
     def __init__(self, edges, light):
@@ -204,8 +124,7 @@ class LitMesh:
     def weights(self):
         """Signs of the triangles' prisms, (m,) int8: 1 as wound, -1 reversed, 0 omitted.
 
-        Omitted are back faces of closed bodies lit from outside, and triangles with the light at
-        a corner.
+        Omitted are back faces of closed bodies lit from outside, and triangles touching the light.
         """
         edges, light = self._edges, self._light
         front = self.facing.view(np.int8)
@@ -222,15 +141,9 @@ class LitMesh:
 
     @cached_property
     def silhouette(self):
-        """The edges that bound the shadow.
+        """The edges (k, 2) that bound the shadow, and their multiplicities (k,), positive.
 
-        Returns
-        -------
-        ends : numpy.ndarray, shape (k, 2), int
-            Indices of points; the side (first, second, second at infinity, first at infinity) is
-            counterclockwise seen from outside the shadow.
-        multiplicities : numpy.ndarray, shape (k,), int
-            Positive.
+        First, second, second at infinity run counterclockwise as seen from outside the shadow.
         """
         # Reversed, a triangle runs along its edges the other way: look up m + i for that.
         table = np.concatenate([self.weights, -self.weights])
@@ -249,19 +162,9 @@ class LitMesh:
         return np.concatenate(ends), np.concatenate(multiplicities)
 
     def volume_triangles(self, caps=True):
-        """Return the shadow volume as indices alone, for points that stay on the GPU.
+        """Return the shadow volume as indices (q, 3), counterclockwise from outside.
 
-        Parameters
-        ----------
-        caps : bool
-            Close the volume at the mesh and at infinity (there only for a position).
-
-        Returns
-        -------
-        numpy.ndarray, shape (q, 3), int
-            Counterclockwise seen from outside. Index i < n is point i, n + i is point i moved to
-            infinity away from the light, and n that of all points for a direction. A side of
-            multiplicity k occurs k times.
+        n + i is point i at infinity, n that of all for a direction; multiplicity k repeats a side.
         """
         triangles, prisms = self._edges.triangles, self.weights
         ends, multiplicities = self.silhouette
@@ -278,21 +181,9 @@ class LitMesh:
         return np.concatenate(parts)
 
     def volume(self, caps=True):
-        """Return the surface of the shadow volume.
+        """Return homogeneous vertices (v, 4), relative to `Edges.origin`, and triangles.
 
-        A point is in shadow if the path from a lit point to it enters the surface more often than
-        it leaves.
-
-        Parameters
-        ----------
-        caps : bool
-            Close the volume at the mesh and at infinity (there only for a position).
-
-        Returns
-        -------
-        tuple of 2 numpy.ndarray, shape (v, 4) and (q, 3)
-            Homogeneous points relative to `Edges.origin`, world units, or (unit vector, 0) at
-            infinity; triangles of :meth:`volume_triangles`, indices of these vertices.
+        A point is in shadow if a path from the light enters the surface more often than it leaves.
         """
         triangles = self.volume_triangles(caps)
         points, light = self._edges.points, self._light
@@ -326,7 +217,7 @@ def _checked(points, triangles):
 
 
 def _welded(points, triangles):
-    """Return which points stand for which (see `Edges.welded`), and the triangles between them."""
+    """Return `Edges.welded`, and the triangles of welded points."""
     # Points that no triangle uses would move the origin.
     used = np.zeros(len(points), bool)
     used[triangles] = True

@@ -1,4 +1,4 @@
-"""Linear blend and dual quaternion skinning; numpy only, float64.
+"""Linear blend and dual quaternion skinning.
 
 Both give one affine matrix per vertex, which moves the vertex and, by its cofactors, the normal.
 Dual quaternions: Kavan, Collins, Zara and O'Sullivan, "Geometric Skinning with Approximate Dual
@@ -20,29 +20,7 @@ _HALF_TURN = 1e-6  # cosine between quaternions, as in posing.glsl
 
 
 def normalized_weights(weights):
-    """Return skin weights that sum to one per vertex.
-
-    Parameters
-    ----------
-    weights : array_like, shape (v, k)
-        Weights of up to eight joints per vertex.
-
-    Returns
-    -------
-    numpy.ndarray, shape (v, k), float64
-        Weights of sum 1.
-
-    Raises
-    ------
-    ValueError
-        If a weight is negative or not finite, or all weights of a vertex are zero.
-
-    Examples
-    --------
-    >>> from pvibr.maths.skinning import normalized_weights
-    >>> normalized_weights([[1.0, 3.0]]).tolist()
-    [[0.25, 0.75]]
-    """
+    """Return skin weights (v, k) that sum to one per vertex."""
     weights = np.asarray(weights, dtype=np.float64)
     if weights.ndim != 2 or not 1 <= weights.shape[1] <= MAX_INFLUENCES:
         raise ValueError(
@@ -58,65 +36,15 @@ def normalized_weights(weights):
 
 
 def linear_blend(matrices, joints, weights):
-    """Return one matrix per vertex: the weighted mean of its joints' matrices.
-
-    Parameters
-    ----------
-    matrices : array_like, shape (m, 4, 4)
-        ``figure_from_rest`` of each joint.
-    joints, weights : array_like, shape (v, k)
-        Joints of each vertex and their weights, of sum 1.
-
-    Returns
-    -------
-    numpy.ndarray, shape (v, 3, 4), float64
-        Affine matrices.
-
-    Examples
-    --------
-    >>> from pvibr.maths import skinning
-    >>> two = np.stack([np.eye(4), np.diag([3.0, 3.0, 3.0, 1.0])])
-    >>> skinning.linear_blend(two, [[0, 1]], [[0.5, 0.5]])[0, 0].tolist()
-    [2.0, 0.0, 0.0, 0.0]
-    """
+    """Return one matrix per vertex, (v, 3, 4): the weighted mean of its joints' matrices."""
     rows = np.asarray(matrices, dtype=np.float64)[:, :3, :]
     return _weighted(rows, joints, weights)
 
 
 def dual_blend(matrices, joints, weights, centers=None, bulge=1.0):
-    """Return one matrix per vertex: its joints' rigid motions blended by dual quaternions.
+    """Return one matrix per vertex, (v, 3, 4): its joints' motions blended as dual quaternions.
 
-    Parameters
-    ----------
-    matrices : array_like, shape (m, 4, 4)
-        ``figure_from_rest`` of each joint.
-    joints, weights : array_like, shape (v, k)
-        Joints of each vertex and their weights, of sum 1.
-    centers : array_like, shape (m, 3), optional
-        Joints at rest, about which scale and shear act; the origin by default.
-    bulge : float
-        From 0, the linear blend, to 1, which keeps the cross-section of a twist and lets the
-        outside of a bend bulge.
-
-    Returns
-    -------
-    numpy.ndarray, shape (v, 3, 4), float64
-        Affine matrices; rigid if the joints are and ``bulge`` is 1.
-
-    Raises
-    ------
-    ValueError
-        If ``bulge`` is out of range.
-
-    Examples
-    --------
-    A point between a joint at rest and one turned by 180 degrees keeps its distance.
-
-    >>> from pvibr.maths import skinning
-    >>> two = np.stack([np.eye(4), np.diag([-1.0, -1.0, 1.0, 1.0])])
-    >>> matrix = skinning.dual_blend(two, [[0, 1]], [[0.5, 0.5]])[0]
-    >>> np.abs(matrix @ [1, 0, 0, 1]).round(12).tolist()
-    [0.0, 1.0, 0.0]
+    Joints scale about `centers`; `bulge` goes from the linear blend, 0, to the dual one, 1.
     """
     real, dual, stretch = dual_parts(matrices, centers)
     joints = np.asarray(joints)
@@ -136,28 +64,9 @@ def dual_blend(matrices, joints, weights, centers=None, bulge=1.0):
 
 
 def dual_parts(matrices, centers=None):
-    """Decompose joints into unit dual quaternions and the stretch before them.
+    """Decompose joints into unit dual quaternions (..., m, 4) and the stretch before them.
 
-    Parameters
-    ----------
-    matrices : array_like, shape (..., m, 4, 4)
-        ``figure_from_rest`` of each joint.
-    centers : array_like, shape (m, 3), optional
-        Joints at rest, about which they stretch; the origin by default.
-
-    Returns
-    -------
-    real, dual : numpy.ndarray, shape (..., m, 4), float64
-        Rotation (w, x, y, z), and its product with half the translation as a pure quaternion.
-    stretch : numpy.ndarray, shape (..., m, 3, 4), float64
-        Affine matrices of scale, shear and mirror, the first phase.
-
-    Examples
-    --------
-    >>> from pvibr.maths import skinning
-    >>> real, dual, stretch = skinning.dual_parts([np.diag([2.0, 2.0, 2.0, 1.0])], [[1.0, 0, 0]])
-    >>> stretch[0, 0].tolist(), (2 * dual[0]).tolist()
-    ([2.0, 0.0, 0.0, -1.0], [0.0, 1.0, 0.0, 0.0])
+    The stretch is the affine matrix of scale, shear and mirror about `centers`, (..., m, 3, 4).
     """
     matrices = np.asarray(matrices, dtype=np.float64)
     centers = np.zeros(3) if centers is None else np.asarray(centers, dtype=np.float64)
@@ -172,26 +81,7 @@ def dual_parts(matrices, centers=None):
 
 
 def rigid(real, dual):
-    """Return the matrices of dual quaternions.
-
-    Parameters
-    ----------
-    real : array_like, shape (..., 4)
-        Rotations (w, x, y, z) of any length but zero.
-    dual : array_like, shape (..., 4)
-        Half the translation times ``real``. A component along ``real`` has no effect.
-
-    Returns
-    -------
-    numpy.ndarray, shape (..., 3, 4), float64
-        Rigid motions.
-
-    Examples
-    --------
-    >>> from pvibr.maths import skinning
-    >>> skinning.rigid([2.0, 0, 0, 0], [0, 3.0, 0, 0])[:, 3].tolist()
-    [3.0, 0.0, 0.0]
-    """
+    """Return the matrices (..., 3, 4) of dual quaternions of any length but zero."""
     real = np.asarray(real, dtype=np.float64)
     square = (real**2).sum(-1, keepdims=True)
     shift = 2 * quaternions.multiply(dual, quaternions.conjugate(real))[..., 1:] / square
@@ -199,52 +89,13 @@ def rigid(real, dual):
 
 
 def moved_points(matrices, points):
-    """Return points, each transformed by its own matrix.
-
-    Parameters
-    ----------
-    matrices : array_like, shape (v, 3, 4)
-        Affine matrices.
-    points : array_like, shape (v, 3)
-        Points.
-
-    Returns
-    -------
-    numpy.ndarray, shape (v, 3), float64
-        Moved points.
-
-    Examples
-    --------
-    >>> from pvibr.maths import skinning
-    >>> skinning.moved_points([np.eye(4)[:3] * 2], [[1.0, 2.0, 3.0]]).tolist()
-    [[2.0, 4.0, 6.0]]
-    """
+    """Return points (v, 3), each transformed by its own matrix (v, 3, 4)."""
     matrices = np.asarray(matrices, dtype=np.float64)
     return _times(matrices[..., :3], np.asarray(points, float)) + matrices[..., 3]
 
 
 def moved_normals(matrices, normals):
-    """Return unit normals of points, each transformed by its own matrix.
-
-    Parameters
-    ----------
-    matrices : array_like, shape (v, 3, 4)
-        Affine matrices.
-    normals : array_like, shape (v, 3)
-        Normals; a zero normal stays zero.
-
-    Returns
-    -------
-    numpy.ndarray, shape (v, 3), float64
-        Normals by the inverse transpose. A mirroring matrix keeps outward normals outward.
-
-    Examples
-    --------
-    >>> from pvibr.maths import skinning
-    >>> flat = np.diag([1.0, 1.0, -5.0, 1.0])[:3]
-    >>> skinning.moved_normals([flat], [[0.0, 0.0, 1.0]]).tolist()
-    [[0.0, 0.0, -1.0]]
-    """
+    """Return unit normals, each transformed by its own matrix; outward ones stay outward."""
     a, b, c = np.moveaxis(np.asarray(matrices, dtype=np.float64)[..., :3], -1, 0)
     # The cofactors are the inverse transpose times the determinant, and exist without one.
     cofactors = np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)], -1)
@@ -254,7 +105,7 @@ def moved_normals(matrices, normals):
 
 
 def _weighted(values, joints, weights):
-    """Return the sum over the joints of each vertex, a column of joints at a time."""
+    """Return the sum over the joints of each vertex, one column of joints at a time."""
     joints = np.asarray(joints)
     weights = np.asarray(weights, dtype=np.float64)
     total = np.zeros((len(joints), *values.shape[1:]))

@@ -14,18 +14,7 @@ _HOPELESS = 3.0  # times too thick is a slab that turning will not mend
 
 
 def hemisphere(step) -> np.ndarray:
-    """Return unit vectors of a hemisphere, about an angle apart.
-
-    Parameters
-    ----------
-    step : float
-        Radians.
-
-    Returns
-    -------
-    numpy.ndarray, shape (n, 3)
-        Fibonacci's spiral.
-    """
+    """Return unit vectors over a hemisphere, about `step` radians apart: Fibonacci's spiral."""
     count = int(np.ceil(2 * np.pi / step**2))
     z = (np.arange(count) + 0.5) / count
     angle = np.pi * (3 - np.sqrt(5)) * np.arange(count)
@@ -34,20 +23,7 @@ def hemisphere(step) -> np.ndarray:
 
 
 def turned(normal, step) -> np.ndarray:
-    """Return a normal and others around it.
-
-    Parameters
-    ----------
-    normal : numpy.ndarray, shape (3,)
-        Unit vector.
-    step : float
-        Maximum angle along either axis, radians.
-
-    Returns
-    -------
-    numpy.ndarray, shape (25, 3)
-        Unit vectors.
-    """
+    """Return 25 unit vectors around a normal, up to `step` radians along either axis."""
     u = np.cross(normal, np.eye(3)[np.abs(normal).argmin()])
     u /= np.linalg.norm(u)
     v = np.cross(normal, u)
@@ -58,31 +34,9 @@ def turned(normal, step) -> np.ndarray:
 
 
 def thinnest(points, starts, enough):
-    """Return the thinnest slab that contains points, near some directions.
+    """Return the normal, middle offset and thickness of a thin slab that contains points.
 
-    Parameters
-    ----------
-    points : numpy.ndarray, shape (n, 3)
-        Any units.
-    starts : sequence of numpy.ndarray, shape (3,)
-        Initial unit vectors, besides that of least spread.
-    enough : float
-        Sufficient thickness; much thicker slabs are not refined.
-
-    Returns
-    -------
-    normal : numpy.ndarray, shape (3,)
-        Unit vector.
-    offset, thickness : float
-        Offset of the slab's middle along it, and thickness, in units of the points.
-
-    Examples
-    --------
-    >>> from pvibr.maths.slabs import thinnest
-    >>> corners = np.array([[0, 0, 0], [4, 0, 0.1], [0, 4, 0], [4, 4, 0.1]])
-    >>> normal, offset, thickness = thinnest(corners, [np.array([0, 0, 1.0])], 0.01)
-    >>> bool(thickness < 0.02), bool(abs(offset) < 0.02)
-    (True, True)
+    Searched near `starts` and the direction of least spread, until it is thin `enough`.
     """
     middle = points - points.mean(0)
     least = np.linalg.eigh(middle.T @ middle)[1][:, 0]
@@ -110,19 +64,7 @@ def _turned_thinner(points, normal, step, best, width):
 
 
 class Cover:
-    """Triangles, and slabs of one thickness that contain all of them.
-
-    Parameters
-    ----------
-    points : numpy.ndarray, shape (n, 3)
-        Any units.
-    faces, areas : numpy.ndarray, shape (m, 3) and (m,)
-        Triangles and their areas.
-    normals, offsets : numpy.ndarray, shape (k, 3) and (k,)
-        Unit vectors and offsets of the slabs' middles.
-    bound : float
-        Half the thickness.
-    """
+    """Triangles, and slabs of half thickness `bound` that together contain them."""
 
     def __init__(self, points, faces, areas, normals, offsets, bound):
         self.points, self.faces, self.areas, self.bound = points, faces, areas, bound

@@ -2,7 +2,7 @@
 
 The support function is ``h(u) = max over points p of p . u``, see Rockafellar, "Convex Analysis",
 1970, section 13. It is convex and of degree one, so linear interpolation within a face of the
-octahedron overestimates it: what it bounds stays within. ``cards.glsl`` holds the same formulas.
+octahedron overestimates it: bounds stay bounds. ``cards.glsl`` holds the same formulas.
 """
 
 from __future__ import annotations
@@ -16,76 +16,20 @@ SIDE = 33  # grid points along a side of a table: odd, so that it has the six ax
 
 
 def support_table(points, room=0.0):
-    """Return the support function at points of the octahedron whose corners are the unit axes.
+    """Return the support function, enlarged by `room`, at points of the octahedron, (33, 33).
 
-    Parameters
-    ----------
-    points : array_like, shape (n, 3)
-        Those of the shape.
-    room : float
-        Distance by which the shape may reach farther, same unit.
-
-    Returns
-    -------
-    numpy.ndarray, shape (33, 33), float64
-        Distances from the origin times the lengths of the grid points, which lie as those of
-        :func:`pvibr.maths.octahedral.view_directions`.
-
-    Examples
-    --------
-    >>> from pvibr.maths.support import support_table
-    >>> support_table([[0.0, 0.0, 2.0], [1.0, 0.0, 0.0]])[16, [16, 32]].tolist()
-    [2.0, 1.0]
+    Its corners are the unit axes; points lie as in :func:`pvibr.maths.octahedral.view_directions`.
     """
     return table_of(hull_corners(points)) + room * np.linalg.norm(_grid(SIDE), axis=-1)
 
 
 def table_of(corners, side=SIDE):
-    """Return the support function of corners of a hull, as :func:`support_table` does.
-
-    Parameters
-    ----------
-    corners : numpy.ndarray, shape (k, 3)
-        Corners; points inside the hull take time and change nothing.
-    side : int
-        Grid points along a side of the table: odd.
-
-    Returns
-    -------
-    numpy.ndarray, shape (side, side), float64
-        Distances from the origin times the lengths of the grid points.
-
-    Examples
-    --------
-    >>> from pvibr.maths.support import table_of
-    >>> table_of(np.array([[0.0, 0.0, 2.0]]), 5)[2].tolist()
-    [0.0, 1.0, 2.0, 1.0, 0.0]
-    """
+    """Return the support function of a hull's corners (k, 3), as :func:`support_table` does."""
     return np.stack([(row @ corners.T).max(-1) for row in _grid(side)])
 
 
 def support(table, vectors):
-    """Return the support function in directions, or hardly more.
-
-    Parameters
-    ----------
-    table : array_like, shape (side, side)
-        Of :func:`support_table` or :func:`table_of`.
-    vectors : array_like, shape (..., 3)
-        Directions of any length but 0, by which distances are multiplied.
-
-    Returns
-    -------
-    numpy.ndarray, shape (...), float64
-        Distances: exact in the directions of the grid, never less in others.
-
-    Examples
-    --------
-    >>> from pvibr.maths.support import support, support_table
-    >>> table = support_table([[0.0, 0.0, 2.0], [1.0, 0.0, 0.0]])
-    >>> support(table, [[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0]]).tolist()
-    [2.0, 0.0]
-    """
+    """Return the support function of a table at vectors: exact on its grid, never less."""
     table = np.asarray(table, float)
     side, middle = len(table), len(table) // 2
     x, y, z = np.moveaxis(np.asarray(vectors, float), -1, 0)
@@ -109,24 +53,7 @@ def support(table, vectors):
 
 
 def box_of(table):
-    """Return the bounding box of the shape of a table.
-
-    Parameters
-    ----------
-    table : array_like, shape (33, 33)
-        Of :func:`support_table`.
-
-    Returns
-    -------
-    numpy.ndarray, shape (2, 3), float64
-        Lowest and highest coordinates.
-
-    Examples
-    --------
-    >>> from pvibr.maths.support import box_of, support_table
-    >>> box_of(support_table([[0.0, 0.0, 2.0], [1.0, 0.0, 0.0]])).tolist()
-    [[0.0, 0.0, 0.0], [1.0, 0.0, 2.0]]
-    """
+    """Return the bounding box of the shape of a table, (2, 3)."""
     return np.stack([-support(table, -np.eye(3)), support(table, np.eye(3))])
 
 

@@ -13,30 +13,9 @@ _MOST = 1 << 21  # pairs of lines and triangles that are tried for one axis
 
 
 def winding(points, faces) -> int:
-    """Return the side from which triangles that are closed run counter-clockwise.
+    """Return 1 if closed triangles run counter-clockwise seen from outside, -1 if from inside.
 
-    Parameters
-    ----------
-    points : array_like, shape (n, 3)
-        Any units; points of equal coordinates are one.
-    faces : array_like of int, shape (m, 3)
-        Indices of points.
-
-    Returns
-    -------
-    int
-        1 seen from outside, -1 seen from inside. 0 if some edge is not used as often in one
-        direction as in the other, if it is not the same for all connected components, or if
-        more than 0.1 % of what is seen along an axis is wound the other way, as one of the loops
-        of an eight is.
-
-    Examples
-    --------
-    >>> from pvibr.maths.surfaces import winding
-    >>> corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
-    >>> sides = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
-    >>> winding(corners, sides), winding(corners, sides[1:]), winding(corners, sides[:, ::-1])
-    (1, 0, -1)
+    0 if they are not closed, or if components or more than 0.1 % of the visible surface disagree.
     """
     faces = np.asarray(faces)
     if not len(faces):
@@ -69,7 +48,7 @@ def _side_by_volume(points, faces) -> int:
 
 
 def _is_seen_from(side, corners) -> bool:
-    """Return True if nearly all that is met first along the axes is met from one side."""
+    """Return whether nearly all that is met first along the axes is met from one side."""
     for axis in range(3):
         line, depth, toward = _crossings(np.roll(corners, 2 - axis, axis=2))
         for sign in (1, -1):
