@@ -8,9 +8,9 @@ import numpy as np
 
 #: Instances that are culled, sorted and chosen together.
 BLOCK = 64
-_AT_ONCE = 4096  # points whose numbers stay in the processor's cache
+_AT_ONCE = 4096  # points per batch, which stays in the processor's cache
 _CHILDREN = 64  # blocks that are culled together first
-_FEW = 1024  # blocks up to which this does not pay
+_FEW = 1024  # below so many blocks, parents do not pay off
 
 
 def morton_order(points):
@@ -21,18 +21,18 @@ def morton_order(points):
     points = np.asarray(points, float)
     if not len(points):
         return np.zeros(0, np.intp)
-    low = points.min(0)
-    extent = float((points.max(0) - low).max()) or 1.0
-    code = np.empty(len(points), np.uint64)
+    low_corner = points.min(0)
+    extent = float((points.max(0) - low_corner).max()) or 1.0
+    morton_codes = np.empty(len(points), np.uint64)
     for start in range(0, len(points), _AT_ONCE):
-        part = slice(start, start + _AT_ONCE)
-        cells = ((points[part] - low).T * ((2**21 - 1) / extent)).astype(np.uint64)
+        batch = slice(start, start + _AT_ONCE)
+        cells = ((points[batch] - low_corner).T * ((2**21 - 1) / extent)).astype(np.uint64)
         x, y, z = _spread(cells)
-        code[part] = x | y << np.uint64(1) | z << np.uint64(2)
-    return np.argsort(code)
+        morton_codes[batch] = x | y << np.uint64(1) | z << np.uint64(2)
+    return np.argsort(morton_codes)
 
 
-def _spread(x):
+def _spread(numbers):
     """Insert two zero bits between the 21 bits of each number."""
     for shift, mask in (
         (32, 0x1F00000000FFFF),
@@ -41,8 +41,8 @@ def _spread(x):
         (4, 0x10C30C30C30C30C3),
         (2, 0x1249249249249249),
     ):
-        x = (x | (x << np.uint64(shift))) & np.uint64(mask)
-    return x
+        numbers = (numbers | (numbers << np.uint64(shift))) & np.uint64(mask)
+    return numbers
 
 
 def frustum_planes(clip_from_view):
@@ -95,11 +95,11 @@ class Blocks:
             return np.zeros_like(centers)
         low, high = centers.min(2), centers.max(2)
         middle = (low + high) / 2
-        local = centers - middle[:, :, None]
+        local_centers = centers - middle[:, :, None]
         self.centers[where], self.half_sides[where] = middle.T, (high - low).T / 2
-        self.reach[where] = np.sqrt((local * local).sum(0).max(1))
+        self.reach[where] = np.sqrt((local_centers * local_centers).sum(0).max(1))
         self.largest[where], self.smallest[where] = radii.max(1), radii.min(1)
-        return local
+        return local_centers
 
     @property
     def neighborhoods(self) -> Blocks:
@@ -117,40 +117,44 @@ class Blocks:
 
         Indices (k,), origins in view space (k, 3), bounds of on-screen diameters in pixels (k,).
         """
-        view = frame.view_from_world
+        view_from_world = frame.view_from_world
         planes = frustum_planes(frame.clip_from_view)
-        planes = planes[:4]  # near and far follow what is drawn: they cull nothing
-        some = self._near(view, planes, frame.parallel)
-        # Coordinates lie in rows, each one piece of memory: that is several times faster.
-        origins = view[:3, :3] @ self.centers[some].T + view[:3, 3:]
-        around = self.reach[some] + self.largest[some]
-        found = np.flatnonzero(_inside(origins, around, planes, frame.parallel))
-        origins = origins.take(found, 1)
+        planes = planes[:4]  # near and far follow the scene, so they cull nothing
+        near_blocks = self._near(view_from_world, planes, frame.parallel)
+        # Rows of coordinates, each contiguous, are several times faster.
+        origins = view_from_world[:3, :3] @ self.centers[near_blocks].T + view_from_world[:3, 3:]
+        outer_radii = self.reach[near_blocks] + self.largest[near_blocks]
+        in_frustum = np.flatnonzero(_inside(origins, outer_radii, planes, frame.parallel))
+        origins = origins.take(in_frustum, 1)
         depths = origins[2] if frame.parallel else -np.sqrt((origins * origins).sum(0))
-        order = np.argsort(depths)
-        origins, depths, found = origins.take(order, 1).T, depths[order], found[order]
-        index = found if isinstance(some, slice) else some[found]
+        far_first = np.argsort(depths)
+        origins = origins.take(far_first, 1).T
+        depths = depths[far_first]
+        in_frustum = in_frustum[far_first]
+        visible = in_frustum if isinstance(near_blocks, slice) else near_blocks[in_frustum]
         scale = 2 * frame.pixel_scale
         if frame.parallel:
             near = far = 1.0
         else:
-            reach, away = self.reach[index], -depths
-            near, far = np.maximum(away - reach, 1e-200), away + reach
-        small, large = self.smallest[index] / far, self.largest[index] / near
-        return index, origins, scale * small, scale * large
+            center_reach, eye_distances = self.reach[visible], -depths
+            near = np.maximum(eye_distances - center_reach, 1e-200)
+            far = eye_distances + center_reach
+        small = self.smallest[visible] / far
+        large = self.largest[visible] / near
+        return visible, origins, scale * small, scale * large
 
-    def _near(self, view, planes, parallel):
+    def _near(self, view_from_world, planes, parallel):
         """Return the blocks whose neighbourhoods are in view."""
         count = len(self.centers)
         if count < _FEW:
             return slice(None)
         parents = self.neighborhoods
-        origins = view[:3, :3] @ parents.centers.T + view[:3, 3:]
-        inside = _inside(origins, parents.reach + parents.largest, planes, parallel)
-        if inside.all():
+        origins = view_from_world[:3, :3] @ parents.centers.T + view_from_world[:3, 3:]
+        visible = _inside(origins, parents.reach + parents.largest, planes, parallel)
+        if visible.all():
             return slice(None)
-        some = (np.flatnonzero(inside)[:, None] * _CHILDREN + np.arange(_CHILDREN)).ravel()
-        return some[some < count]
+        children = (np.flatnonzero(visible)[:, None] * _CHILDREN + np.arange(_CHILDREN)).ravel()
+        return children[children < count]
 
 
 def members(blocks, size, count) -> np.ndarray:
@@ -158,18 +162,18 @@ def members(blocks, size, count) -> np.ndarray:
     return np.minimum(np.asarray(blocks)[:, None] * size + np.arange(size), count - 1)
 
 
-def _inside(origins, around, planes, parallel):
+def _inside(origins, outer_radii, planes, parallel):
     """Return which spheres, in view space, intersect a frustum."""
-    inside = (planes[:, :3] @ origins + planes[:, 3:]).min(0) > -around
+    is_inside = (planes[:, :3] @ origins + planes[:, 3:]).min(0) > -outer_radii
     if not parallel:
-        inside &= origins[2] < around  # no plane stands behind the eye
-    return inside
+        is_inside &= origins[2] < outer_radii  # no plane lies behind the eye
+    return is_inside
 
 
 def ascending(values):
     """Return the ascending order of values by a radix sort, exact to 1/65 536 of their range."""
     if not len(values):
         return np.zeros(0, np.intp)
-    low = values.min()
-    scale = 65535 / max(float(values.max() - low), 1e-30)
-    return np.argsort(((values - low) * scale).astype(np.uint16), kind='stable')
+    lowest = values.min()
+    scale = 65535 / max(float(values.max() - lowest), 1e-30)
+    return np.argsort(((values - lowest) * scale).astype(np.uint16), kind='stable')

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-_MANY = 10_000  # points from which those deep inside are left out first
+_MANY = 10_000  # above so many points, those deep inside are removed first
 _OUTWARD = [(x, y, z) for x in (-1, 0, 1) for y in (-1, 0, 1) for z in (-1, 0, 1) if x or y or z]
-_ROUNDING = 1e-9  # of the size: a point that is less far inside may be a corner
+_ROUNDING = 1e-9  # of the size: points nearer to a face may be corners
 
 
 def hull_corners(points):
@@ -18,7 +18,7 @@ def hull_corners(points):
         points = points[_may_be_corners(points)]
     points = np.unique(points, axis=0)
     try:
-        # Relative to the middle: the hull of what is far from the origin loses digits.
+        # Relative to the centre: far from the origin the hull would lose digits.
         return points[ConvexHull(points - points.mean(0)).vertices]
     except (QhullError, ValueError):
         return points
@@ -28,13 +28,13 @@ def _may_be_corners(points) -> np.ndarray:
     """Return which points lie outside the hull of a few extreme ones."""
     from scipy.spatial import ConvexHull, QhullError
 
-    outside, places = np.zeros(len(points), bool), points - points.mean(0)
-    extreme = np.unique([(places @ direction).argmax() for direction in _OUTWARD])
+    may_be_corner, local_points = np.zeros(len(points), bool), points - points.mean(0)
+    extreme_points = np.unique([(local_points @ direction).argmax() for direction in _OUTWARD])
     try:
-        planes = ConvexHull(places[extreme]).equations
+        planes = ConvexHull(local_points[extreme_points]).equations
     except (QhullError, ValueError):
-        return ~outside
-    slack = _ROUNDING * np.ptp(places, axis=0).max()
+        return ~may_be_corner
+    slack = _ROUNDING * np.ptp(local_points, axis=0).max()
     for *normal, offset in planes.tolist():
-        outside |= places @ normal > -offset - slack
-    return outside
+        may_be_corner |= local_points @ normal > -offset - slack
+    return may_be_corner

@@ -10,8 +10,8 @@ def box_reduce(image, factor):
     """Return the means of an image over squares of `factor` pixels, a divisor of both sides."""
     image = np.asarray(image)
     h, w = image.shape[0] // factor, image.shape[1] // factor
-    blocks = image.reshape(h, factor, w, factor, *image.shape[2:])
-    return blocks.mean((1, 3), dtype=np.float64)
+    pixel_blocks = image.reshape(h, factor, w, factor, *image.shape[2:])
+    return pixel_blocks.mean((1, 3), dtype=np.float64)
 
 
 def outline(coverage):
@@ -33,28 +33,29 @@ def displacements(coverage, reference):
 
     From each outline pixel to the nearest pixel that the other silhouette crosses.
     """
-    pairs = ((coverage, reference), (reference, coverage))
+    pairs = (coverage, reference), (reference, coverage)
     return np.concatenate([outline_distances(*pair)[1] for pair in pairs])
 
 
-def outline_distances(drawn, other):
+def outline_distances(coverage, reference):
     """Return a picture's outline pixels (n, 2) and their distances (n,) to another silhouette."""
-    edge, target = outline(drawn), crossed(other)
-    off = edge & ~target
-    away = np.zeros(int(edge.sum()))
-    if not target.any():
-        away[:] = np.hypot(*edge.shape)
-    elif off.any():
-        # Few pixels are asked for: much cheaper than the distance of each pixel of the picture.
-        tree = cKDTree(np.argwhere(target), compact_nodes=False, balanced_tree=False)
-        away[off[edge]] = tree.query(np.argwhere(off))[0]
-    return np.argwhere(edge), away
+    is_outline, is_target = outline(coverage), crossed(reference)
+    off_target = is_outline & ~is_target
+    pixel_distances = np.zeros(int(is_outline.sum()))
+    if not is_target.any():
+        pixel_distances[:] = np.hypot(*is_outline.shape)
+    elif off_target.any():
+        # For few pixels a tree is much cheaper than a distance transform.
+        tree = cKDTree(np.argwhere(is_target), compact_nodes=False, balanced_tree=False)
+        pixel_distances[off_target[is_outline]] = tree.query(np.argwhere(off_target))[0]
+    return np.argwhere(is_outline), pixel_distances
 
 
 def silhouette_iou(coverage, reference) -> float:
     """Return the overlap of two silhouettes: covered in both over covered in either."""
-    low, high = np.minimum(coverage, reference).sum(), np.maximum(coverage, reference).sum()
-    return float(low / high) if high > 0 else 1.0
+    intersection = np.minimum(coverage, reference).sum()
+    union = np.maximum(coverage, reference).sum()
+    return float(intersection / union) if union > 0 else 1.0
 
 
 def psnr(image, reference) -> float:

@@ -10,7 +10,7 @@ from scipy.spatial import HalfspaceIntersection
 from pvibr.maths.vectors import unit_vectors
 from pvibr.maths.views import View, frustum
 
-# The middle of a card and its corners, as shares of its sides.
+# The centre of a card and its corners, as fractions of its sides.
 _SHARES = np.array([[0.5, 0.5], [0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
 
 
@@ -25,7 +25,7 @@ def _icosahedral() -> np.ndarray:
 
 _NORMALS = _icosahedral()
 _CORNERS, _THICKNESS = 80, 1e-3
-_BLOCK = 2**16  # points that are looked at together
+_BLOCK = 2**16  # points per batch
 
 
 class Card(NamedTuple):
@@ -60,25 +60,25 @@ def dop_corners(points) -> np.ndarray:
     """
     points = np.asarray(points, float).reshape(-1, 3)
     if not len(points):
-        raise ValueError('points is empty: there must be one or more')
-    middle = points.mean(0)
+        raise ValueError('points must have one or more rows, got none')
+    centroid = points.mean(0)
     ends = np.array(
-        [_ends(points[k : k + _BLOCK] - middle) for k in range(0, len(points), _BLOCK)]
+        [_ends(points[k : k + _BLOCK] - centroid) for k in range(0, len(points), _BLOCK)]
     )
-    low, high = ends[:, 0].min(0), ends[:, 1].max(0)
-    size = max(-low.min(), high.max())
+    low_ends, high_ends = ends[:, 0].min(0), ends[:, 1].max(0)
+    size = max(-low_ends.min(), high_ends.max())
     if size == 0.0:
-        return np.tile(middle, (_CORNERS, 1))
-    # A little thickness, since flat things have none, and the middle must be within.
-    reach = np.concatenate([high, -low]) / size + _THICKNESS
-    faces = np.concatenate([_NORMALS, -_NORMALS])
-    found = HalfspaceIntersection(np.c_[faces, -reach], np.zeros(3)).intersections
-    return middle + size * found[np.minimum(np.arange(_CORNERS), len(found) - 1)]
+        return np.tile(centroid, (_CORNERS, 1))
+    # Flat shapes need some thickness, since the centroid must be inside.
+    slab_reach = np.concatenate([high_ends, -low_ends]) / size + _THICKNESS
+    face_normals = np.concatenate([_NORMALS, -_NORMALS])
+    corners = HalfspaceIntersection(np.c_[face_normals, -slab_reach], np.zeros(3)).intersections
+    return centroid + size * corners[np.minimum(np.arange(_CORNERS), len(corners) - 1)]
 
 
 def _ends(points):
-    along = _NORMALS @ points.T
-    return along.min(1), along.max(1)
+    normal_offsets = _NORMALS @ points.T
+    return normal_offsets.min(1), normal_offsets.max(1)
 
 
 def fit_cards(center, corners, radius, eye, up, toward=None) -> Card:
@@ -86,51 +86,54 @@ def fit_cards(center, corners, radius, eye, up, toward=None) -> Card:
 
     `corners` (n, k, 3) are relative to the centres; `toward` the eye, for a parallel view.
     """
-    out = (
+    to_eye = (
         np.asarray(eye, float) - center
         if toward is None
         else np.broadcast_to(toward, center.shape)
     )
-    away = np.linalg.norm(out, axis=1)
-    back = out / away[:, None]
-    axes = _facing(back, np.asarray(up, float))
+    away = np.linalg.norm(to_eye, axis=1)
+    eye_direction = to_eye / away[:, None]
+    axes = _facing(eye_direction, np.asarray(up, float))
     x, y, z = np.einsum('nij,nkj->ink', axes, corners)
     if toward is None:
-        scale = away[:, None] / (away[:, None] - z)
-        x, y = x * scale, y * scale
+        perspective_scale = away[:, None] / (away[:, None] - z)
+        x, y = x * perspective_scale, y * perspective_scale
     else:
         away = np.ones_like(away)
     sides = np.stack([x, y], -1)
     depth = np.minimum(np.abs(z).max(1), radius)
-    return Card(center, out, axes, sides.min(1), sides.max(1), away, depth)
+    return Card(center, to_eye, axes, sides.min(1), sides.max(1), away, depth)
 
 
-def _facing(back, up):
+def _facing(eye_direction, up):
     """Return right, up and back, (n, 3, 3), as upright as possible."""
-    other = np.eye(3)[np.argmin(np.abs(back), axis=1)]
-    steep = np.abs(back @ up) > 0.999 * np.linalg.norm(up)
-    right = np.cross(np.where(steep[:, None], other, up), back)
+    least_axis = np.eye(3)[np.argmin(np.abs(eye_direction), axis=1)]
+    is_steep = np.abs(eye_direction @ up) > 0.999 * np.linalg.norm(up)
+    right = np.cross(np.where(is_steep[:, None], least_axis, up), eye_direction)
     right /= np.linalg.norm(right, axis=1)[:, None]
-    return np.stack([right, np.cross(back, right), back], axis=1)
+    return np.stack([right, np.cross(eye_direction, right), eye_direction], axis=1)
 
 
-def card_view(card, k, pad, *, parallel=False) -> View:
+def card_view(card, card_index, pad, *, parallel=False) -> View:
     """Return the view in which the image of card `k` is drawn, with a margin in world units."""
-    axes, low, high = card.axes[k], card.low[k] - pad, card.high[k] + pad
-    reach = 1.001 * card.depth[k]
-    away = 3.0 * reach if parallel else card.away[k]
-    near, far = away - reach, away + reach
-    world = np.eye(4)
-    world[:3, :3] = axes
-    world[:3, 3] = -axes @ (card.center[k] + away * axes[2])
+    axes = card.axes[card_index]
+    low = card.low[card_index] - pad
+    high = card.high[card_index] + pad
+    half_depth = 1.001 * card.depth[card_index]
+    eye_distance = 3.0 * half_depth if parallel else card.away[card_index]
+    near, far = eye_distance - half_depth, eye_distance + half_depth
+    view_from_world = np.eye(4)
+    view_from_world[:3, :3] = axes
+    view_from_world[:3, 3] = -axes @ (card.center[card_index] + eye_distance * axes[2])
     if parallel:
-        clip = np.zeros((4, 4))
-        clip[[0, 1], [0, 1]], clip[[0, 1], [3, 3]] = 2 / (high - low), -(high + low) / (high - low)
-        clip[2, 2:] = -2 / (far - near), -(far + near) / (far - near)
-        clip[3, 3] = 1.0
+        clip_from_view = np.zeros((4, 4))
+        clip_from_view[[0, 1], [0, 1]] = 2 / (high - low)
+        clip_from_view[[0, 1], [3, 3]] = -(high + low) / (high - low)
+        clip_from_view[2, 2:] = -2 / (far - near), -(far + near) / (far - near)
+        clip_from_view[3, 3] = 1.0
     else:
-        clip = frustum(low, high, near, far, away)
-    return View(world, clip, float(near), float(far), parallel)
+        clip_from_view = frustum(low, high, near, far, eye_distance)
+    return View(view_from_world, clip_from_view, float(near), float(far), parallel)
 
 
 def displacement(card, eye, toward=None) -> np.ndarray:
@@ -138,26 +141,26 @@ def displacement(card, eye, toward=None) -> np.ndarray:
 
     Radians; world units in a parallel view; inf where the eye is within the object's depth.
     """
-    places = card.low[:, None] + _SHARES * (card.high - card.low)[:, None]
-    on_card = places @ card.axes[:, :2]
+    rect_points = card.low[:, None] + _SHARES * (card.high - card.low)[:, None]
+    card_points = rect_points @ card.axes[:, :2]
     if toward is not None:
-        moved = card.depth[:, None] * card.axes[:, 2]
-        return np.linalg.norm(np.cross(moved, toward), axis=1)
-    ray = (card.eye[:, None] - on_card) / card.away[:, None, None]
-    now = np.asarray(eye, float) - card.center
-    seen = on_card - now[:, None]
-    point = seen + card.depth[:, None, None] * ray
-    across = np.linalg.norm(np.cross(seen, point), axis=2)
-    along = np.einsum('nki,nki->nk', seen, point)
-    ahead = np.einsum('ni,ni->n', now, card.axes[:, 2]) > card.depth
-    return np.where(ahead, np.arctan2(across, along).max(1), np.inf)
+        depth_offsets = card.depth[:, None] * card.axes[:, 2]
+        return np.linalg.norm(np.cross(depth_offsets, toward), axis=1)
+    eye_rays = (card.eye[:, None] - card_points) / card.away[:, None, None]
+    eye_offsets = np.asarray(eye, float) - card.center
+    image_directions = card_points - eye_offsets[:, None]
+    point_directions = image_directions + card.depth[:, None, None] * eye_rays
+    cross_lengths = np.linalg.norm(np.cross(image_directions, point_directions), axis=2)
+    dot_products = np.einsum('nki,nki->nk', image_directions, point_directions)
+    is_ahead = np.einsum('ni,ni->n', eye_offsets, card.axes[:, 2]) > card.depth
+    return np.where(is_ahead, np.arctan2(cross_lengths, dot_products).max(1), np.inf)
 
 
-def stretch_of(middle, radius, tangent) -> np.ndarray:
+def stretch_of(view_centers, radius, tangent) -> np.ndarray:
     """Return the magnification of small angles off the screen's centre, (n,), 1 or more.
 
     `tangent` is that of the angle between the view's axis and a corner of the screen.
     """
-    ahead = np.maximum(-middle[:, 2], 1e-300)
-    slope = (np.linalg.norm(middle[:, :2], axis=1) + radius) / ahead
-    return 1.0 + np.minimum(slope, tangent) ** 2
+    view_depths = np.maximum(-view_centers[:, 2], 1e-300)
+    edge_slopes = (np.linalg.norm(view_centers[:, :2], axis=1) + radius) / view_depths
+    return 1.0 + np.minimum(edge_slopes, tangent) ** 2

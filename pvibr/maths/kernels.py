@@ -15,8 +15,8 @@ def vogel_disk(n):
     Vogel, "A better way to construct the sunflower head", Mathematical Biosciences 44, 1979.
     """
     if operator.index(n) < 1:
-        raise ValueError(f'n is {n}; it must be at least 1.')
-    index = np.arange(n)
-    radius = np.sqrt((index + 0.5) / n)
-    angle = _GOLDEN_ANGLE * index
-    return np.column_stack([radius * np.cos(angle), radius * np.sin(angle)])
+        raise ValueError(f'n must be at least 1, got {n}')
+    point_index = np.arange(n)
+    radii = np.sqrt((point_index + 0.5) / n)
+    angles = _GOLDEN_ANGLE * point_index
+    return np.column_stack([radii * np.cos(angles), radii * np.sin(angles)])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-_STEP = 1e-6  # what 32 bits may lose, of window depth and of distances
+_STEP = 1e-6  # rounding of window depth and distances in 32 bits
 
 
 def on_screen(frame, centers, radii):
@@ -12,16 +12,19 @@ def on_screen(frame, centers, radii):
 
     Undefined for spheres across the eye's plane.
     """
-    m, r = frame.clip_from_view, radii[:, None]
-    low, high, offset = centers[:, :2] - r, centers[:, :2] + r, m[:2, 3]
+    clip_from_view, radius_column = frame.clip_from_view, radii[:, None]
+    low = centers[:, :2] - radius_column
+    high = centers[:, :2] + radius_column
+    offset = clip_from_view[:2, 3]
     if not frame.parallel:
-        away = -centers[:, 2:]
-        ends = np.stack([away - r, away + r])
+        view_depth = -centers[:, 2:]
+        depth_range = np.stack([view_depth - radius_column, view_depth + radius_column])
         with np.errstate(divide='ignore', invalid='ignore'):
-            low, high = (low / ends).min(0), (high / ends).max(0)
-        offset = -m[:2, 2]
-    scale, size = [m[0, 0], m[1, 1]], np.array(frame.size)
-    return tuple(((x * scale + offset) / 2 + 0.5) * size for x in (low, high))
+            low = (low / depth_range).min(0)
+            high = (high / depth_range).max(0)
+        offset = -clip_from_view[:2, 2]
+    scale, size = [clip_from_view[0, 0], clip_from_view[1, 1]], np.array(frame.size)
+    return tuple(((corner * scale + offset) / 2 + 0.5) * size for corner in (low, high))
 
 
 def likely_seen(pixels, areas, layers, tile=32) -> np.ndarray:
@@ -31,15 +34,15 @@ def likely_seen(pixels, areas, layers, tile=32) -> np.ndarray:
     """
     if not len(pixels):
         return np.zeros(0, bool)
-    square = np.clip(pixels // tile, -1e6, 1e6).astype(np.int64)
-    number = square[:, 0] + 2_000_003 * square[:, 1]
-    order = np.argsort(number, kind='stable')
+    screen_tile = np.clip(pixels // tile, -1e6, 1e6).astype(np.int64)
+    tile_number = screen_tile[:, 0] + 2_000_003 * screen_tile[:, 1]
+    order = np.argsort(tile_number, kind='stable')
     covered = np.cumsum(areas[order]) - areas[order]
-    first = np.r_[0, np.flatnonzero(np.diff(number[order])) + 1]
-    counts = np.diff(np.r_[first, len(order)])
-    seen = np.empty(len(order), bool)
-    seen[order] = covered - np.repeat(covered[first], counts) < layers * tile * tile
-    return seen
+    starts = np.r_[0, np.flatnonzero(np.diff(tile_number[order])) + 1]
+    counts = np.diff(np.r_[starts, len(order)])
+    visible = np.empty(len(order), bool)
+    visible[order] = covered - np.repeat(covered[starts], counts) < layers * tile * tile
+    return visible
 
 
 def behind(frame, farthest, tile, centers, radii, margin=2.0) -> np.ndarray:
@@ -52,38 +55,41 @@ def behind(frame, farthest, tile, centers, radii, margin=2.0) -> np.ndarray:
     m = frame.clip_from_view
     with np.errstate(divide='ignore', invalid='ignore'):
         depth = (m[2, 3] - m[2, 2] * nearest) / (m[3, 3] - m[3, 2] * nearest) / 2 + 0.5
-    ahead = (nearest > frame.near) & np.isfinite(low).all(1) & np.isfinite(high).all(1)
-    last = np.array(farthest.shape[::-1]) - 1
+    in_front = (nearest > frame.near) & np.isfinite(low).all(1) & np.isfinite(high).all(1)
+    last_tile = np.array(farthest.shape[::-1]) - 1
     low, high = (
-        np.clip(np.where(ahead[:, None], x + d, 0) // tile, 0, last).astype(np.int64)
-        for x, d in ((low, -margin), (high, margin))
+        np.clip(np.where(in_front[:, None], corner + shift, 0) // tile, 0, last_tile).astype(
+            np.int64
+        )
+        for corner, shift in ((low, -margin), (high, margin))
     )
-    return ahead & (depth > _largest_within(farthest, low, high) + _STEP)
+    return in_front & (depth > _largest_within(farthest, low, high) + _STEP)
 
 
-def _largest_within(values, low, high):
+def _largest_within(values, lower_left, upper_right):
     """Return the largest value of rectangles of about equal sides, both corners included.
 
     Each is four overlapping windows of a power of two: a sparse table (Bender and
     Farach-Colton, "The LCA Problem Revisited", 2000).
     """
-    level = np.floor(np.log2((high - low).max(1, initial=0) + 1)).astype(int)
-    found = np.empty(len(low))
-    for k in range(level.max(initial=0) + 1):
-        some, step = level == k, 1 << k
-        first, second = low[some], np.maximum(low[some], high[some] + 1 - step)
+    window_level = np.floor(np.log2((upper_right - lower_left).max(1, initial=0) + 1)).astype(int)
+    largest_values = np.empty(len(lower_left))
+    for level in range(window_level.max(initial=0) + 1):
+        at_level, window_side = window_level == level, 1 << level
+        start = lower_left[at_level]
+        end = np.maximum(lower_left[at_level], upper_right[at_level] + 1 - window_side)
         corners = [
-            values[y, x] for y in (first[:, 1], second[:, 1]) for x in (first[:, 0], second[:, 0])
+            values[y, x] for y in (start[:, 1], end[:, 1]) for x in (start[:, 0], end[:, 0])
         ]
-        found[some] = np.max(corners, 0)
+        largest_values[at_level] = np.max(corners, 0)
         for axis in (0, 1):
-            values = _with_next(values, step, axis)
-    return found
+            values = _with_next(values, window_side, axis)
+    return largest_values
 
 
-def _with_next(values, step, axis):
+def _with_next(values, offset, axis):
     """Return the maximum of each value and the one at an offset."""
-    out = values.copy()
-    here, there = (np.moveaxis(a, axis, 0) for a in (out, values))
-    np.maximum(here[:-step], there[step:], out=here[:-step])
-    return out
+    pair_maximum = values.copy()
+    here, there = (np.moveaxis(a, axis, 0) for a in (pair_maximum, values))
+    np.maximum(here[:-offset], there[offset:], out=here[:-offset])
+    return pair_maximum

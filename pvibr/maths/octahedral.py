@@ -19,7 +19,7 @@ def encode(directions, half=False):
     """Map unit vectors to the square [-1, 1]^2; `half` clamps those below the equator to it."""
     d = np.asarray(directions, float)
     if half:
-        # Straight from below every view of the horizon is as near: take that of x.
+        # Straight from below all views of the horizon are equally close: take that of x.
         d = np.concatenate([d[..., :1] + 1e-15, d[..., 1:2], np.maximum(d[..., 2:], 0.0)], -1)
     p = d[..., :2] / np.abs(d).sum(-1, keepdims=True)
     if half:
@@ -44,25 +44,25 @@ def cells(directions, n, half=False):
 
     And how far they are inside, from the next cell, in sides of a cell.
     """
-    place = (encode(directions, half) + 1.0) * (n / 2)
-    found = np.clip(place.astype(int), 0, n - 1)
-    if half:  # beyond the outer border there is none
-        place = np.clip(place, 0.5, n - 0.5)
-    inside = 0.5 - np.abs(place - found - 0.5).max(-1)
-    return found[..., 1] * n + found[..., 0], inside
+    grid_position = (encode(directions, half) + 1.0) * (n / 2)
+    cell_index = np.clip(grid_position.astype(int), 0, n - 1)
+    if half:  # there is no cell beyond the border
+        grid_position = np.clip(grid_position, 0.5, n - 0.5)
+    cell_margin = 0.5 - np.abs(grid_position - cell_index - 0.5).max(-1)
+    return cell_index[..., 1] * n + cell_index[..., 0], cell_margin
 
 
 def view_directions(n, half=False):
     """Return the directions toward the eye of an n x n grid of views, (n, n, 3)."""
-    side = np.linspace(-1.0, 1.0, n)
-    x, y = np.meshgrid(side, side)
+    grid_line = np.linspace(-1.0, 1.0, n)
+    x, y = np.meshgrid(grid_line, grid_line)
     return decode(np.stack([x, y], -1), half)
 
 
 def frame(directions):
     """Return the axes of views as rows right, up, toward the eye, (..., 3, 3)."""
-    d = np.asarray(directions, float)
-    helper = np.where(np.abs(d[..., 2:]) < _POLE, [0.0, 0.0, 1.0], [0.0, 1.0, 0.0])
-    right = np.cross(helper, d)
+    toward_eye = np.asarray(directions, float)
+    helper_axis = np.where(np.abs(toward_eye[..., 2:]) < _POLE, [0.0, 0.0, 1.0], [0.0, 1.0, 0.0])
+    right = np.cross(helper_axis, toward_eye)
     right /= np.linalg.norm(right, axis=-1, keepdims=True)
-    return np.stack([right, np.cross(d, right), d], -2)
+    return np.stack([right, np.cross(toward_eye, right), toward_eye], -2)

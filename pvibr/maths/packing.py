@@ -31,17 +31,17 @@ def largest_scale(sizes, side, margin):
     """
     sizes = np.asarray(sizes, float)
 
-    def tried(scale):
+    def packed(scale):
         texels = np.maximum(np.ceil(sizes * scale - 1e-9), 1).astype(int) + 2 * margin
         return texels, *shelves(texels, side)
 
-    low, high = 0.0, side / max(sizes.max(), 1e-300)
-    if tried(low)[2] > side:
-        raise ValueError(f'{len(sizes)} rectangles do not fit into {side} x {side} texels.')
+    fitting_scale, upper_scale = 0.0, side / max(sizes.max(), 1e-300)
+    if packed(fitting_scale)[2] > side:
+        raise ValueError(f'side must be larger for {len(sizes)} rectangles, got {side}')
     for _ in range(30):
-        middle = (low + high) / 2
-        if tried(middle)[2] <= side:
-            low = middle
+        middle_scale = (fitting_scale + upper_scale) / 2
+        if packed(middle_scale)[2] <= side:
+            fitting_scale = middle_scale
         else:
-            high = middle
-    return low, *tried(low)[:2]
+            upper_scale = middle_scale
+    return fitting_scale, *packed(fitting_scale)[:2]

@@ -53,7 +53,7 @@ def to_matrices(quaternions):
 
 def unit_matrices(quaternions):
     """Return the rotation matrices, (..., 3, 3), of unit quaternions, which are not checked."""
-    # Number after number: a product of long and narrow matrices would wake BLAS's threads.
+    # Element by element: a product of long and narrow matrices would wake BLAS's threads.
     parts = np.ascontiguousarray(np.moveaxis(quaternions, -1, 0))
     (wx, xx, xy, xz), (wy, _, yy, yz), (wz, _, _, zz) = 2 * parts[1:, None] * parts
     first = 1 - yy - zz, xy - wz, xz + wy
@@ -66,12 +66,12 @@ def from_matrices(matrices):
     """Return the unit quaternions, w not negative, of rotation matrices (..., 3, 3)."""
     m = np.asarray(matrices, dtype=np.float64)
     if m.shape[-2:] != (3, 3):
-        raise ValueError(f'matrices is of shape {m.shape}; the last two axes must be (3, 3).')
+        raise ValueError(f'matrices must have shape (..., 3, 3), got {m.shape}')
     x, y, z = m[..., 0, 0], m[..., 1, 1], m[..., 2, 2]
     s01, s02, s12 = (m[..., j, i] + m[..., i, j] for i, j in ((0, 1), (0, 2), (1, 2)))
     d01, d02, d12 = (m[..., j, i] - m[..., i, j] for i, j in ((0, 1), (0, 2), (1, 2)))
-    # Rows of 4 q q^T: each is q but for a factor; the one with the largest diagonal is the safest.
-    outer = np.stack(
+    # Rows of 4 q q^T: each is a multiple of q; the one with the largest diagonal is most exact.
+    outer_products = np.stack(
         [
             *(1 + x + y + z, d12, -d02, d01),
             *(d12, 1 + x - y - z, s01, s02),
@@ -80,8 +80,8 @@ def from_matrices(matrices):
         ],
         axis=-1,
     ).reshape(*m.shape[:-2], 4, 4)
-    best = np.diagonal(outer, axis1=-2, axis2=-1).argmax(-1)
-    q = np.take_along_axis(outer, best[..., None, None], axis=-2)[..., 0, :]
+    largest_row = np.diagonal(outer_products, axis1=-2, axis2=-1).argmax(-1)
+    q = np.take_along_axis(outer_products, largest_row[..., None, None], axis=-2)[..., 0, :]
     return _positive(_units('matrices', q, 4))
 
 
@@ -95,13 +95,13 @@ def from_axis_angle(axes, angles):
 def between(u, v):
     """Return the shortest rotations from directions u to directions v; a half turn if opposite."""
     u, v = np.broadcast_arrays(_units('u', u, 3), _units('v', v, 3))
-    # (1 + u . v, u x v); the sum's length keeps its digits where the directions are opposite.
+    # (1 + u . v, u x v); the sum's length keeps its digits for opposite directions.
     w = np.square(u + v).sum(-1, keepdims=True) / 2
     q = np.concatenate([w, np.cross(u, v)], axis=-1)
-    opposite = np.abs(q).max(-1, keepdims=True) < 1e-8
-    least = np.eye(3)[np.abs(u).argmin(-1)]
-    turned = np.concatenate([np.zeros_like(w), np.cross(u, least)], axis=-1)
-    return normalized(np.where(opposite, turned, q))
+    is_opposite = np.abs(q).max(-1, keepdims=True) < 1e-8
+    least_axis = np.eye(3)[np.abs(u).argmin(-1)]
+    half_turns = np.concatenate([np.zeros_like(w), np.cross(u, least_axis)], axis=-1)
+    return normalized(np.where(is_opposite, half_turns, q))
 
 
 def slerp(a, b, t):
@@ -109,10 +109,10 @@ def slerp(a, b, t):
     a, b = np.asarray(a, dtype=np.float64), np.asarray(b, dtype=np.float64)
     t = np.asarray(t, dtype=np.float64)[..., None]
     b = np.where((a * b).sum(-1, keepdims=True) < 0, -b, b)
-    # The half angle between them from both diagonals: no digit is lost for near ones. It is at
-    # most a quarter turn: only zero is special, and a tiny angle serves for it.
-    angle = np.maximum(2 * np.arctan2(_length(a - b), _length(a + b)), _TINY)
-    return (a * np.sin((1 - t) * angle) + b * np.sin(t * angle)) / np.sin(angle)
+    # The half angle from both diagonals loses no digit for close ones. It is at most a quarter
+    # turn: only zero is special, and a tiny angle stands in for it.
+    half_angle = np.maximum(2 * np.arctan2(_length(a - b), _length(a + b)), _TINY)
+    return (a * np.sin((1 - t) * half_angle) + b * np.sin(t * half_angle)) / np.sin(half_angle)
 
 
 def swing_twist(quaternions, axis):
@@ -122,9 +122,9 @@ def swing_twist(quaternions, axis):
     """
     q = np.asarray(quaternions, dtype=np.float64)
     axis = _units('axis', axis, 3)
-    along = (q[..., 1:] * axis).sum(-1, keepdims=True)
-    w = np.broadcast_to(q[..., :1], along.shape)
-    twist = np.concatenate([w, along * axis], axis=-1)
+    axis_component = (q[..., 1:] * axis).sum(-1, keepdims=True)
+    w = np.broadcast_to(q[..., :1], axis_component.shape)
+    twist = np.concatenate([w, axis_component * axis], axis=-1)
     length = _length(twist)
     twist = np.where(length > 1e-12, twist / np.maximum(length, 1e-12), [1.0, 0, 0, 0])
     return multiply(q, conjugate(twist)), twist
@@ -134,9 +134,9 @@ def log(quaternions):
     """Return the rotation vectors (axis times angle up to pi) of unit quaternions."""
     q = _positive(np.asarray(quaternions, dtype=np.float64))
     sine = _length(q[..., 1:])
-    half = np.arctan2(sine, q[..., :1])
-    # sin(half) / half is the safe side of the quotient: it is one where there is no rotation.
-    return 2 * q[..., 1:] / np.sinc(half / np.pi)
+    half_angle = np.arctan2(sine, q[..., :1])
+    # sin(half) / half is the safe side of the quotient: it is 1 without a rotation.
+    return 2 * q[..., 1:] / np.sinc(half_angle / np.pi)
 
 
 def exp(vectors):
@@ -159,5 +159,5 @@ def _units(name, vectors, size):
     """Return unit vectors of `size` components."""
     v = np.asarray(vectors, dtype=np.float64)
     if v.shape[-1:] != (size,):
-        raise ValueError(f'{name} is of shape {v.shape}; the last axis must be of {size}.')
+        raise ValueError(f'{name} must have shape (..., {size}), got {v.shape}')
     return as_units(name, v)

@@ -15,9 +15,9 @@ def pair(index, name) -> tuple[float, float]:
     Digits and order are scrambled: Burley, "Practical hash-based Owen scrambling", Journal of
     Computer Graphics Techniques 9, 2020.
     """
-    order, first, second = _seeds(name)
-    k = _scrambled(index, order)
-    x, y = _scrambled(_reversed(k), first), _scrambled(_second(k), second)
+    order_seed, x_seed, y_seed = _seeds(name)
+    shuffled = _scrambled(index, order_seed)
+    x, y = _scrambled(_reversed(shuffled), x_seed), _scrambled(_second(shuffled), y_seed)
     return x / 2**32, y / 2**32
 
 
@@ -31,10 +31,10 @@ def disk(x, y) -> tuple[float, float]:
     if a == b == 0:
         return 0.0, 0.0
     if abs(a) > abs(b):
-        r, angle = a, pi / 4 * b / a
+        radius, angle = a, pi / 4 * b / a
     else:
-        r, angle = b, pi / 2 - pi / 4 * a / b
-    return r * cos(angle), r * sin(angle)
+        radius, angle = b, pi / 2 - pi / 4 * a / b
+    return radius * cos(angle), radius * sin(angle)
 
 
 def ball(x, y, z) -> tuple[float, float, float]:
@@ -48,13 +48,13 @@ def ball(x, y, z) -> tuple[float, float, float]:
 
 def _second(k) -> int:
     """Return the second coordinate of Sobol's k-th point, 32 bits."""
-    found, column = 0, 1 << 31
+    bits, direction_bits = 0, 1 << 31
     while k:
         if k & 1:
-            found ^= column
+            bits ^= direction_bits
         k >>= 1
-        column ^= column >> 1
-    return found
+        direction_bits ^= direction_bits >> 1
+    return bits
 
 
 def _reversed(k) -> int:

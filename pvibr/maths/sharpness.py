@@ -7,10 +7,10 @@ from scipy.ndimage import uniform_filter
 
 _LUMINANCE = np.array([0.299, 0.587, 0.114])
 _WINDOW = 25  # px along a side, in which gradients are averaged
-#: The share of windows, those with the least gradient in the reference, that has no say.
+#: The share of windows, those of least gradient in the reference, that is ignored.
 FLAT_SHARE = 0.3
 _PERCENTILE = 5
-_ROUNDING = 1e-9  # of running sums; what 8 bits show is hundreds of times as steep
+_ROUNDING = 1e-9  # of running sums; one step of 8 bits is hundreds of times as steep
 
 
 def sharpness(image, reference):
@@ -18,10 +18,10 @@ def sharpness(image, reference):
 
     Noise and aliasing raise it: read it beside :func:`~pvibr.maths.flip.flip`.
     """
-    expected = local_gradients(reference)
-    if not (expected > _ROUNDING).any():
-        raise ValueError('reference must have gradients, got one colour.')
-    return lowest_ratio(local_gradients(image), expected)
+    expected_gradients = local_gradients(reference)
+    if not (expected_gradients > _ROUNDING).any():
+        raise ValueError('reference must have gradients, got one colour')
+    return lowest_ratio(local_gradients(image), expected_gradients)
 
 
 def local_gradients(images) -> np.ndarray:
@@ -33,8 +33,8 @@ def local_gradients(images) -> np.ndarray:
 
 def lowest_ratio(gradients, expected) -> float:
     """Return the 5th percentile of local gradients over the expected ones, 1 if there are none."""
-    steep = expected > _ROUNDING
-    if not steep.any():
+    is_steep = expected > _ROUNDING
+    if not is_steep.any():
         return 1.0
-    detailed = expected > np.quantile(expected[steep], FLAT_SHARE)
-    return float(np.percentile(gradients[detailed] / expected[detailed], _PERCENTILE))
+    is_detailed = expected > np.quantile(expected[is_steep], FLAT_SHARE)
+    return float(np.percentile(gradients[is_detailed] / expected[is_detailed], _PERCENTILE))

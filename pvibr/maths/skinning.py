@@ -24,21 +24,21 @@ def normalized_weights(weights):
     weights = np.asarray(weights, dtype=np.float64)
     if weights.ndim != 2 or not 1 <= weights.shape[1] <= MAX_INFLUENCES:
         raise ValueError(
-            f'weights must be (v, k) with k from 1 to {MAX_INFLUENCES}, not {weights.shape}.'
+            f'weights must have shape (v, 1 to {MAX_INFLUENCES}), got {weights.shape}'
         )
-    _refuse(weights, ~np.isfinite(weights).all(1), 'not finite')
-    _refuse(weights, (weights < 0).any(1), 'negative')
-    # Two steps, so that the sum of very large or small weights stays in range.
+    _refuse(weights, ~np.isfinite(weights).all(1), 'finite')
+    _refuse(weights, (weights < 0).any(1), '0 or more')
+    # In two steps, so that the sum of very large or small weights stays in range.
     largest = weights.max(1, keepdims=True)
-    _refuse(weights, largest[:, 0] == 0, 'all zero')
+    _refuse(weights, largest[:, 0] == 0, 'above 0 for a joint of each vertex')
     weights = weights / largest
     return weights / weights.sum(1, keepdims=True)
 
 
 def linear_blend(matrices, joints, weights):
     """Return one matrix per vertex, (v, 3, 4): the weighted mean of its joints' matrices."""
-    rows = np.asarray(matrices, dtype=np.float64)[:, :3, :]
-    return _weighted(rows, joints, weights)
+    affine_rows = np.asarray(matrices, dtype=np.float64)[:, :3, :]
+    return _weighted(affine_rows, joints, weights)
 
 
 def dual_blend(matrices, joints, weights, centers=None, bulge=1.0):
@@ -50,17 +50,17 @@ def dual_blend(matrices, joints, weights, centers=None, bulge=1.0):
     joints = np.asarray(joints)
     weights = np.asarray(weights, dtype=np.float64)
     heaviest = joints[np.arange(len(joints)), weights.argmax(1)]
-    # q and -q are one rotation: take those on the side of the heaviest joint's, the short way.
-    # Half a turn has two; rounding must not choose, which differs from that of 32 bits.
-    aligned = np.einsum('vkq,vq->vk', real[joints], real[heaviest])
-    signed = np.where(aligned < -_HALF_TURN, -weights, weights)
+    # q and -q are one rotation: take that on the side of the heaviest joint's, the short way.
+    # Half a turn has two; rounding, which differs in 32 bits, must not decide.
+    alignment = np.einsum('vkq,vq->vk', real[joints], real[heaviest])
+    signed = np.where(alignment < -_HALF_TURN, -weights, weights)
     blended = rigid(_weighted(real, joints, signed), _weighted(dual, joints, signed))
-    round_about = _after(blended, _weighted(stretch, joints, weights))
+    rigid_blend = _after(blended, _weighted(stretch, joints, weights))
     if bulge == 1.0:
-        return round_about
+        return rigid_blend
     checked_number('bulge', bulge, 0, 1)
-    straight = linear_blend(matrices, joints, weights)
-    return straight + bulge * (round_about - straight)
+    linear = linear_blend(matrices, joints, weights)
+    return linear + bulge * (rigid_blend - linear)
 
 
 def dual_parts(matrices, centers=None):
@@ -72,19 +72,19 @@ def dual_parts(matrices, centers=None):
     centers = np.zeros(3) if centers is None else np.asarray(centers, dtype=np.float64)
     rotation, linear = _polar(matrices[..., :3, :3])
     real = quaternions.from_matrices(rotation)
-    fixed = centers - _times(linear, centers)
-    moved = _times(matrices[..., :3, :3], centers) + matrices[..., :3, 3]
-    shift = moved - _times(rotation, centers)
-    pure = np.concatenate([np.zeros_like(shift[..., :1]), 0.5 * shift], -1)
-    stretch = np.concatenate([linear, fixed[..., None]], -1)
-    return real, quaternions.multiply(pure, real), stretch
+    stretch_shift = centers - _times(linear, centers)
+    posed_centers = _times(matrices[..., :3, :3], centers) + matrices[..., :3, 3]
+    translation = posed_centers - _times(rotation, centers)
+    half_translation = np.concatenate([np.zeros_like(translation[..., :1]), 0.5 * translation], -1)
+    stretch = np.concatenate([linear, stretch_shift[..., None]], -1)
+    return real, quaternions.multiply(half_translation, real), stretch
 
 
 def rigid(real, dual):
     """Return the matrices (..., 3, 4) of dual quaternions of any length but zero."""
     real = np.asarray(real, dtype=np.float64)
-    square = (real**2).sum(-1, keepdims=True)
-    shift = 2 * quaternions.multiply(dual, quaternions.conjugate(real))[..., 1:] / square
+    length_squared = (real**2).sum(-1, keepdims=True)
+    shift = 2 * quaternions.multiply(dual, quaternions.conjugate(real))[..., 1:] / length_squared
     return np.concatenate([quaternions.to_matrices(real), shift[..., None]], -1)
 
 
@@ -99,34 +99,34 @@ def moved_normals(matrices, normals):
     a, b, c = np.moveaxis(np.asarray(matrices, dtype=np.float64)[..., :3], -1, 0)
     # The cofactors are the inverse transpose times the determinant, and exist without one.
     cofactors = np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)], -1)
-    sign = np.where((cofactors[..., 0] * a).sum(-1) < 0, -1.0, 1.0)
-    moved = _times(cofactors, np.asarray(normals, float)) * sign[..., None]
-    return unit_vectors(moved) + 0.0
+    mirror_sign = np.where((cofactors[..., 0] * a).sum(-1) < 0, -1.0, 1.0)
+    turned_normals = _times(cofactors, np.asarray(normals, float)) * mirror_sign[..., None]
+    return unit_vectors(turned_normals) + 0.0
 
 
 def _weighted(values, joints, weights):
     """Return the sum over the joints of each vertex, one column of joints at a time."""
     joints = np.asarray(joints)
     weights = np.asarray(weights, dtype=np.float64)
-    total = np.zeros((len(joints), *values.shape[1:]))
+    weighted_sum = np.zeros((len(joints), *values.shape[1:]))
     for joint, weight in zip(joints.T, weights.T, strict=True):
-        total += values[joint] * weight.reshape(-1, *[1] * (values.ndim - 1))
-    return total
+        weighted_sum += values[joint] * weight.reshape(-1, *[1] * (values.ndim - 1))
+    return weighted_sum
 
 
 def _after(second, first):
     """Return the affine matrices of ``first`` and then ``second``."""
-    both = second[..., :3] @ first
-    both[..., 3] += second[..., 3]
-    return both
+    combined = second[..., :3] @ first
+    combined[..., 3] += second[..., 3]
+    return combined
 
 
 def _polar(linear):
     """Return the polar decomposition: rotation, and stretch with any reflection."""
     u, s, vt = np.linalg.svd(linear)
-    sign = np.where(np.linalg.det(u @ vt) < 0, -1.0, 1.0)
-    u[..., 2] *= sign[..., None]
-    s[..., 2] *= sign
+    mirror_sign = np.where(np.linalg.det(u @ vt) < 0, -1.0, 1.0)
+    u[..., 2] *= mirror_sign[..., None]
+    s[..., 2] *= mirror_sign
     return u @ vt, np.swapaxes(vt, -1, -2) @ (s[..., None] * vt)
 
 
@@ -134,12 +134,9 @@ def _times(matrices, vectors):
     return np.einsum('...ij,...j->...i', matrices, vectors)
 
 
-def _refuse(weights, bad, what):
-    rows = np.flatnonzero(bad)
-    if len(rows):
-        first = ', '.join(str(row) for row in rows[:5])
-        more = ', ...' if len(rows) > 5 else ''
-        raise ValueError(
-            f'weights of {len(rows)} vertices are {what}: rows {first}{more}, '
-            f'the first is {weights[rows[0]].tolist()}.'
-        )
+def _refuse(weights, is_bad, allowed):
+    bad_rows = np.flatnonzero(is_bad)
+    if len(bad_rows):
+        first_row = weights[bad_rows[0]].tolist()
+        more = f' and {len(bad_rows) - 1} more' if len(bad_rows) > 1 else ''
+        raise ValueError(f'weights must be {allowed}, got {first_row} in row {bad_rows[0]}{more}')

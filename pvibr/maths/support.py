@@ -12,7 +12,7 @@ import numpy as np
 from pvibr.maths.hulls import hull_corners
 from pvibr.maths.octahedral import view_directions
 
-SIDE = 33  # grid points along a side of a table: odd, so that it has the six axes
+SIDE = 33  # grid points along a side of a table: odd, to include the six axes
 
 
 def support_table(points, room=0.0):
@@ -34,22 +34,22 @@ def support(table, vectors):
     side, middle = len(table), len(table) // 2
     x, y, z = np.moveaxis(np.asarray(vectors, float), -1, 0)
     column_step, row_step = np.where(x < 0.0, -1, 1), np.where(y < 0.0, -side, side)
-    x, y, below = np.abs(x), np.abs(y), z < 0.0
+    x, y, is_below = np.abs(x), np.abs(y), z < 0.0
     length = x + y + np.abs(z)
     # As octahedral.encode() maps them, by column and row from the middle of the table.
-    x, y = (np.where(below, length - b, a) * (middle / length) for a, b in ((x, y), (y, x)))
-    column, row = (np.minimum(place.astype(int), middle - 1) for place in (x, y))
+    x, y = (np.where(is_below, length - b, a) * (middle / length) for a, b in ((x, y), (y, x)))
+    column, row = (np.minimum(grid_position.astype(int), middle - 1) for grid_position in (x, y))
     x, y = x - column, y - row
-    start = (side + 1) * middle + column_step * column + row_step * row
-    # Halves of a cell lie in one face each.
+    cell = (side + 1) * middle + column_step * column + row_step * row
+    # Each half of a cell lies in one face.
     beyond = x + y > 1.0
     x, y = np.where(beyond, 1.0 - y, x), np.where(beyond, 1.0 - x, y)
     flat = table.ravel()
-    first = flat.take(np.where(beyond, start + column_step + row_step, start))
-    out = flat.take(start + column_step) - first
-    out *= x
-    out += y * (flat.take(start + row_step) - first)
-    return (out + first) * length
+    first = flat.take(np.where(beyond, cell + column_step + row_step, cell))
+    interpolated = flat.take(cell + column_step) - first
+    interpolated *= x
+    interpolated += y * (flat.take(cell + row_step) - first)
+    return (interpolated + first) * length
 
 
 def box_of(table):

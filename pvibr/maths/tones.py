@@ -6,7 +6,7 @@ import numpy as np
 
 #: Linear light that a picture shows in the middle of its greys.
 MIDDLE_GREY = 0.18
-CURVES = ('faithful', 'reinhard', 'aces', 'agx', 'neutral')
+CURVES = 'faithful', 'reinhard', 'aces', 'agx', 'neutral'
 
 
 def to_light(colors):

@@ -28,11 +28,11 @@ def inverses(matrices):
     if np.linalg.det(matrices[..., :3, :3]).all():
         return np.linalg.inv(matrices)
     linear = np.linalg.pinv(matrices[..., :3, :3], rcond=1e-15)
-    out = np.zeros_like(matrices)
-    out[..., :3, :3] = linear
-    out[..., :3, 3] = -np.einsum('...ij,...j->...i', linear, matrices[..., :3, 3])
-    out[..., 3, 3] = 1.0
-    return out
+    inverse_matrices = np.zeros_like(matrices)
+    inverse_matrices[..., :3, :3] = linear
+    inverse_matrices[..., :3, 3] = -np.einsum('...ij,...j->...i', linear, matrices[..., :3, 3])
+    inverse_matrices[..., 3, 3] = 1.0
+    return inverse_matrices
 
 
 def transform_points(matrix, points):
@@ -50,7 +50,7 @@ def transform_normals(matrix, normals):
 
 def signs_of(matrices):
     """Return the signs of the determinants of affine matrices, (..., 3 or 4, 4): -1 mirrors."""
-    if matrices.ndim == 2:  # plain numbers: each of many figures is asked in each frame
+    if matrices.ndim == 2:  # plain numbers: called for each of many figures in each frame
         (a, b, c), (d, e, f), (g, h, i) = matrices[:3, :3].tolist()
     else:
         (a, b, c), (d, e, f), (g, h, i) = (

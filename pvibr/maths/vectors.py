@@ -6,17 +6,17 @@ import numpy as np
 
 from pvibr.maths.arguments import place_of
 
-_LEAST = 1e-280  # square; those of what is shorter, or longer than the inverse, are inexact
+_LEAST = 1e-280  # squared length; shorter vectors, or longer than the inverse, are rescaled first
 
 
 def unit_vectors(vectors):
     """Return vectors (..., d) of length one in float64; zero vectors stay zero."""
     vectors = np.asarray(vectors, dtype=np.float64)
     squares = np.einsum('...i,...i->...', vectors, vectors)[..., None]
-    out = ~((squares > _LEAST) & (squares < 1 / _LEAST))  # or zero, or NaN
-    if out.any():
+    out_of_range = ~((squares > _LEAST) & (squares < 1 / _LEAST))  # or zero, or NaN
+    if out_of_range.any():
         largest = np.abs(vectors).max(-1, keepdims=True, initial=0.0)
-        vectors = vectors / np.where(out & (largest > 0), largest, 1.0)
+        vectors = vectors / np.where(out_of_range & (largest > 0), largest, 1.0)
         squares = np.einsum('...i,...i->...', vectors, vectors)[..., None]
     return np.divide(vectors, np.sqrt(squares), out=np.zeros_like(vectors), where=squares > 0)
 
@@ -32,15 +32,15 @@ def products(matrix, vectors):
 def as_units(name, vectors) -> np.ndarray:
     """Return unit vectors (..., d); an error names the first vector without a direction."""
     try:
-        given = np.asarray(vectors, float)
+        numbers = np.asarray(vectors, float)
     except (TypeError, ValueError) as error:
-        raise TypeError(f'{name} must be numbers, not {vectors!r}') from error
-    # Two steps, so that the squares of very long or short ones stay in range.
-    largest = np.abs(given).max(-1, keepdims=True)
-    good = (largest > 0) & np.isfinite(largest)
-    if not good.all():
-        place = tuple(np.argwhere(~good[..., 0])[0])
-        where = f'{name}[{place_of(place)}]' if place else name
-        raise ValueError(f'{where} is {given[place].tolist()}; it must be finite and not zero.')
-    scaled = given / largest
+        raise TypeError(f'{name} must be numbers, got {vectors!r}') from error
+    # In two steps, so that squares of very long or short ones stay in range.
+    largest = np.abs(numbers).max(-1, keepdims=True)
+    has_direction = (largest > 0) & np.isfinite(largest)
+    if not has_direction.all():
+        bad_index = tuple(np.argwhere(~has_direction[..., 0])[0])
+        where = f'{name}[{place_of(bad_index)}]' if bad_index else name
+        raise ValueError(f'{where} must be finite and not zero, got {numbers[bad_index].tolist()}')
+    scaled = numbers / largest
     return scaled / np.linalg.norm(scaled, axis=-1, keepdims=True)

@@ -13,7 +13,7 @@ from pvibr.maths import octahedral
 TEXTURE_FROM_CLIP = np.array(
     [[0.5, 0, 0, 0.5], [0, 0.5, 0, 0.5], [0, 0, 0.5, 0.5], [0, 0, 0, 1.0]]
 )
-# Which of the six bounds of a box its corners have.
+# Which of the six bounds of a box each corner has.
 _CORNERS = np.array([[2 * k + ((i >> k) & 1) for k in range(3)] for i in range(8)])
 # Along x, y and z, both ways, with an upward direction each.
 _FACES = [(s * np.eye(3)[k], np.eye(3)[(k + 1) % 3]) for k in range(3) for s in (1.0, -1.0)]
@@ -56,34 +56,34 @@ class View:
 
 def look_along(eye, direction, up=None) -> np.ndarray:
     """Return view space from world space, (4, 4); any upward direction by default."""
-    back = -np.asarray(direction, float) / np.linalg.norm(direction)
+    against_view = -np.asarray(direction, float) / np.linalg.norm(direction)
     if up is None:
-        axes = octahedral.frame(back)
+        axes = octahedral.frame(against_view)
     else:
-        right = np.cross(up, back)
+        right = np.cross(up, against_view)
         right /= np.linalg.norm(right)
-        axes = np.stack([right, np.cross(back, right), back])
-    view = np.eye(4)
-    view[:3, :3] = axes
-    view[:3, 3] = -axes @ np.asarray(eye, float)
-    return view
+        axes = np.stack([right, np.cross(against_view, right), against_view])
+    view_from_world = np.eye(4)
+    view_from_world[:3, :3] = axes
+    view_from_world[:3, 3] = -axes @ np.asarray(eye, float)
+    return view_from_world
 
 
 def perspective(eye, direction, tangent, near, far, up=None) -> View:
     """Return a square perspective view; `tangent` is that of half the angle of view."""
-    sides = np.full(2, float(tangent))
-    clip = frustum(-sides, sides, near, far)
-    return View(look_along(eye, direction, up), clip, float(near), float(far), False)
+    half_sides = np.full(2, float(tangent))
+    clip_from_view = frustum(-half_sides, half_sides, near, far)
+    return View(look_along(eye, direction, up), clip_from_view, float(near), float(far), False)
 
 
-def frustum(low, high, near, far, at=1.0) -> np.ndarray:
+def frustum(low, high, near, far, distance=1.0) -> np.ndarray:
     """Return the perspective projection of a rectangle at a distance from the eye, (4, 4)."""
-    clip = np.zeros((4, 4))
-    clip[[0, 1], [0, 1]] = 2 * at / (high - low)
-    clip[[0, 1], [2, 2]] = (high + low) / (high - low)
-    clip[2, 2:] = -(far + near) / (far - near), -2 * far * near / (far - near)
-    clip[3, 2] = -1
-    return clip
+    projection = np.zeros((4, 4))
+    projection[[0, 1], [0, 1]] = 2 * distance / (high - low)
+    projection[[0, 1], [2, 2]] = (high + low) / (high - low)
+    projection[2, 2:] = -(far + near) / (far - near), -2 * far * near / (far - near)
+    projection[3, 2] = -1
+    return projection
 
 
 def around(eye, near, far, tangent=1.0) -> list[View]:
@@ -96,16 +96,16 @@ def around(eye, near, far, tangent=1.0) -> list[View]:
 
 def orthographic(axes, low, high) -> View:
     """Return a parallel view of a box, `low` to `high` along `axes`: rows right, up and back."""
-    low, high, axes = (np.asarray(a, float) for a in (low, high, axes))
-    middle, half = (low + high) / 2, (high - low) / 2
-    depth = 2 * half[2]
-    eye = np.array([middle[0], middle[1], high[2] + depth])
-    view = np.eye(4)
-    view[:3, :3] = axes
-    view[:3, 3] = -eye
-    clip = np.diag([1 / half[0], 1 / half[1], -2 / depth, 1.0])
-    clip[2, 3] = -3.0  # near is depth, far is twice that: -(far + near) / (far - near)
-    return View(view, clip, depth, 2 * depth, True)
+    low, high, axes = (np.asarray(value, float) for value in (low, high, axes))
+    box_center, half_sides = (low + high) / 2, (high - low) / 2
+    depth = 2 * half_sides[2]
+    eye = np.array([box_center[0], box_center[1], high[2] + depth])
+    view_from_world = np.eye(4)
+    view_from_world[:3, :3] = axes
+    view_from_world[:3, 3] = -eye
+    clip_from_view = np.diag([1 / half_sides[0], 1 / half_sides[1], -2 / depth, 1.0])
+    clip_from_view[2, 3] = -3.0  # near is depth, far is twice that: -(far + near) / (far - near)
+    return View(view_from_world, clip_from_view, depth, 2 * depth, True)
 
 
 def corners(bounds) -> np.ndarray:
@@ -115,8 +115,8 @@ def corners(bounds) -> np.ndarray:
 
 def box_distance(point, bounds) -> float:
     """Return the distance of a point to the nearest of boxes (n, 6), 0 inside."""
-    b, p = np.asarray(bounds, float).reshape(-1, 3, 2), np.asarray(point, float)
-    outside = np.maximum(np.maximum(b[..., 0] - p, p - b[..., 1]), 0)
+    ranges, position = np.asarray(bounds, float).reshape(-1, 3, 2), np.asarray(point, float)
+    outside = np.maximum(np.maximum(ranges[..., 0] - position, position - ranges[..., 1]), 0)
     return float(np.linalg.norm(outside, axis=1).min())
 
 
@@ -129,13 +129,14 @@ def may_see(view, bounds) -> np.ndarray:
 def may_see_boxes(view, low, high) -> np.ndarray:
     """Return which boxes may intersect a view, by corners (n, 3), as :func:`may_see` does."""
     clip = view.clip_from_view @ view.view_from_world
-    # Of a box's corners the middle's distance from a plane and its reach along it tell.
+    # A box is outside if its centre is farther from the plane than its extent along the normal.
     planes = (
-        np.stack([s * clip[k] for k, s in ((0, 1), (0, -1), (1, 1), (1, -1), (2, 1))]) - clip[3]
+        np.stack([sign * clip[axis] for axis, sign in ((0, 1), (0, -1), (1, 1), (1, -1), (2, 1))])
+        - clip[3]
     )
     middle, half = (low + high) / 2, (high - low) / 2
-    outside = middle @ planes[:, :3].T + planes[:, 3] > half @ np.abs(planes[:, :3]).T
-    return ~outside.any(1)
+    is_outside = middle @ planes[:, :3].T + planes[:, 3] > half @ np.abs(planes[:, :3]).T
+    return ~is_outside.any(1)
 
 
 def covered(view, bounds, size) -> tuple[int, int, int, int]:
@@ -143,14 +144,17 @@ def covered(view, bounds, size) -> tuple[int, int, int, int]:
 
     The whole picture if a corner is not ahead.
     """
-    points = corners(bounds).reshape(-1, 3)
-    clip = view.clip_from_view @ view.view_from_world
-    x, y, _, w = clip[:, :3] @ points.T + clip[:, 3:]
+    box_corners = corners(bounds).reshape(-1, 3)
+    clip_from_world = view.clip_from_view @ view.view_from_world
+    x, y, _, w = clip_from_world[:, :3] @ box_corners.T + clip_from_world[:, 3:]
     if w.min() <= 0:
         return 0, 0, int(size[0]), int(size[1])
-    left, right, bottom, top = (
-        min(max(whole(round(float(edge) * side / 2, 6)), 0), side)
-        for shares, side in ((x / w + 1, size[0]), (y / w + 1, size[1]))
-        for whole, edge in ((math.floor, shares.min()), (math.ceil, shares.max()))
+    left_edge, right, bottom, top = (
+        min(max(rounding(round(float(extreme) * pixel_count / 2, 6)), 0), pixel_count)
+        for screen_shares, pixel_count in ((x / w + 1, size[0]), (y / w + 1, size[1]))
+        for rounding, extreme in (
+            (math.floor, screen_shares.min()),
+            (math.ceil, screen_shares.max()),
+        )
     )
-    return left, bottom, right, top
+    return left_edge, bottom, right, top

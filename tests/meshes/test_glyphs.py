@@ -126,7 +126,7 @@ BAD = [
     ({'rng': (2.0, 1.0)}, ValueError, r'rng is \(2.0, 1.0\)'),
     ({'tolerance': -1.0}, ValueError, 'tolerance is -1.0'),
     ({'clamping': 'no'}, TypeError, "clamping = 'no'"),
-    ({'factor': np.inf}, ValueError, 'factor is inf'),
+    ({'factor': np.inf}, ValueError, 'factor must be .* got inf'),
     ({'orient': 3}, TypeError, 'orient = 3'),
 ]
 
