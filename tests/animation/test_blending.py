@@ -151,14 +151,14 @@ def test_bad_input_is_named():
     for weights in ([-1, 2], [0, 0], [np.nan, 1]):
         with pytest.raises(ValueError, match='weights must be finite, not negative'):
             mix([a, b], weights)
-    with pytest.raises(ValueError, match=r'weight must be .* got 1\.5'):
+    with pytest.raises(ValueError, match=r'weight is 1\.5'):
         crossfade(a, b, 1.5)
-    with pytest.raises(ValueError, match=r'mask must be .* got nan'):
+    with pytest.raises(ValueError, match='mask is nan'):
         crossfade(a, b, 0.5, [np.nan, 1, 1])
     with pytest.raises(ValueError, match=r'mask has the shape \(2,\); there are 3'):
         added(a, b, 1.0, [1, 1])
     tree = Skeleton([-1], Pose(np.zeros((1, 3))), ['hip'])
     with pytest.raises(ValueError, match="no joint 'nose'; joints: hip"):
         joint_mask(tree, ['nose'])
-    with pytest.raises(ValueError, match=r'feather must be .* got -1'):
+    with pytest.raises(ValueError, match='feather is -1'):
         joint_mask(tree, ['hip'], -1)

@@ -161,7 +161,7 @@ def test_bad_input_is_named():
     fox, rest = figure(), PoseSource(REST)
     with pytest.raises(ValueError, match=r"no clip 'fly'.*'walk'"):
         ClipSource(fox, 'fly')
-    with pytest.raises(ValueError, match=r'weight must be .* got 2\.0'):
+    with pytest.raises(ValueError, match=r'weight is 2\.0'):
         AnimationLayer(rest, 2.0)
     with pytest.raises(ValueError, match=r'values\[0\] must be finite, got nan'):
         AnimationLayer(rest, np.nan)
