@@ -87,10 +87,8 @@ def _from_view(camera, size):
     view_angle = checked_positive('camera.view_angle', camera.view_angle)
     if view_angle >= 180:
         raise ValueError(f'camera.view_angle must be below 180 degrees, got {view_angle}')
-    horizontal = (
-        hasattr(camera, 'GetUseHorizontalViewAngle') and camera.GetUseHorizontalViewAngle()
-    )
-    focal = 0.5 * (width if horizontal else height) / np.tan(np.radians(view_angle) / 2)
+    sideways = hasattr(camera, 'GetUseHorizontalViewAngle') and camera.GetUseHorizontalViewAngle()
+    focal = 0.5 * (width if sideways else height) / np.tan(np.radians(view_angle) / 2)
     principal = 0.5 * np.array(size) * (1 + center * [-1, 1]) - 0.5
     K = np.array([[focal, 0.0, principal[0]], [0.0, focal, principal[1]], [0.0, 0.0, 1.0]])
     R = np.array([right, -up, ahead])

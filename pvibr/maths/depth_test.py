@@ -42,15 +42,13 @@ def uncertain(view, depth, points, normals, edges, touching=0.0):
     uvz = uvz[tested]
     slope = _slope(matrix, clip[tested], normals[tested])
     rise = np.abs(slope).sum(1) / side
-    touch_depth = touching * _steepest(matrix, clip[tested], side)
+    touch = touching * _steepest(matrix, clip[tested], side)
     any_hidden, all_hidden = np.zeros(len(tested), bool), np.ones(len(tested), bool)
     center_texel = np.floor(uvz[:, :2] * side)
     for x in (-1, 0, 1):
         for y in (-1, 0, 1):
             xy = np.clip(center_texel + np.array([x, y]), 0, side - 1)
-            plane = (
-                uvz[:, 2] + (((xy + 0.5) / side - uvz[:, :2]) * slope).sum(1) - 4e-7 - touch_depth
-            )
+            plane = uvz[:, 2] + (((xy + 0.5) / side - uvz[:, :2]) * slope).sum(1) - 4e-7 - touch
             texel = tuple(xy.astype(int).T[::-1])
             any_hidden |= (plane - rise / 128 > depth[texel]) | (plane - rise > edges[texel])
             all_hidden &= plane - rise / 128 > depth[texel]

@@ -27,15 +27,13 @@ def sample(image, uv, filter='linear'):
     check_one_of('filter', filter, ('linear', 'nearest'))
     uv = np.asarray(uv, dtype=np.float64)
     inside = ((uv >= 0) & (uv <= 1)).all(axis=1)
-    height, width, channels = image.shape
-    pixel_x, pixel_y = uv[inside, 0] * width - 0.5, (1 - uv[inside, 1]) * height - 0.5
+    tall, wide, channels = image.shape
+    pixel_x, pixel_y = uv[inside, 0] * wide - 0.5, (1 - uv[inside, 1]) * tall - 0.5
     texels, colors = image.reshape(-1, channels), np.full((len(uv), channels), np.nan)
 
     def texel(column, row):
-        column, row = (
-            np.clip(v, 0, n - 1).astype(int) for v, n in ((column, width), (row, height))
-        )
-        return texels.take(row * width + column, axis=0)
+        column, row = (np.clip(v, 0, n - 1).astype(int) for v, n in ((column, wide), (row, tall)))
+        return texels.take(row * wide + column, axis=0)
 
     if filter == 'nearest':
         colors[inside] = texel(np.floor(pixel_x + 0.5), np.floor(pixel_y + 0.5))
@@ -110,10 +108,8 @@ def exposure_gains(colors, weights=None, limits=(0.0, 255.0), common=False):
     if not low < high:
         raise ValueError(f'limits must increase, got {limits}')
     colors, weights = _views(colors, weights)
-    margin = _CLIPPED * (high - low)
-    usable = (
-        (colors > max(low + margin, 0.0)) & (colors < high - margin) & (weights[..., None] > 0)
-    )
+    edge = _CLIPPED * (high - low)
+    usable = (colors > max(low + edge, 0.0)) & (colors < high - edge) & (weights[..., None] > 0)
     log_colors = np.log(np.where(usable, colors, 1.0))
     channels = [slice(None)] if common else [slice(c, c + 1) for c in range(colors.shape[2])]
     gains = [_log_gains(log_colors[..., c], usable[..., c]) for c in channels]

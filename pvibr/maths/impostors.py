@@ -62,9 +62,8 @@ def dop_corners(points) -> np.ndarray:
     if not len(points):
         raise ValueError('points must have one or more rows, got none')
     centroid = points.mean(0)
-    ends = np.array(
-        [_ends(points[k : k + _BLOCK] - centroid) for k in range(0, len(points), _BLOCK)]
-    )
+    batches = (points[k : k + _BLOCK] - centroid for k in range(0, len(points), _BLOCK))
+    ends = np.array([(along.min(1), along.max(1)) for along in (_NORMALS @ b.T for b in batches)])
     low_ends, high_ends = ends[:, 0].min(0), ends[:, 1].max(0)
     size = max(-low_ends.min(), high_ends.max())
     if size == 0.0:
@@ -74,11 +73,6 @@ def dop_corners(points) -> np.ndarray:
     face_normals = np.concatenate([_NORMALS, -_NORMALS])
     corners = HalfspaceIntersection(np.c_[face_normals, -slab_reach], np.zeros(3)).intersections
     return centroid + size * corners[np.minimum(np.arange(_CORNERS), len(corners) - 1)]
-
-
-def _ends(points):
-    normal_offsets = _NORMALS @ points.T
-    return normal_offsets.min(1), normal_offsets.max(1)
 
 
 def fit_cards(center, corners, radius, eye, up, toward=None) -> Card:

@@ -166,16 +166,14 @@ class LensCamera(PosedCamera):
         powers = (radius_squared / radius_unit)[:, None] ** [1, 2, 3]
         below, (x, y) = np.ones(len(radius_squared)), ideal.T
         for _ in range(12):
-            equations = []
+            rows = []
             for k, twist in enumerate(
                 ([2 * x * y, radius_squared + 2 * x * x], [radius_squared + 2 * y * y, 2 * x * y])
             ):
                 radial = np.c_[ideal[:, k, None] * powers, -target[:, k, None] * powers]
-                equations.append(
-                    np.c_[radial, np.transpose(twist) * below[:, None]] / below[:, None]
-                )
+                rows.append(np.c_[radial, np.transpose(twist) * below[:, None]] / below[:, None])
             right_side = ((target - ideal) / below[:, None]).T.ravel()
-            solution = np.linalg.lstsq(np.concatenate(equations), right_side, rcond=1e-14)[0]
+            solution = np.linalg.lstsq(np.concatenate(rows), right_side, rcond=1e-14)[0]
             below = 1 + powers @ solution[3:6]
             if not (below > 0).all():
                 return None

@@ -168,14 +168,11 @@ class Lens:
         angles, radii = self._profile
         radius = np.hypot(*xy.T)
         with np.errstate(all='ignore'):
-            angles_xy = (
-                xy * (np.interp(radius, radii, angles) / np.where(radius, radius, 1))[:, None]
-            )
+            polar = xy * (np.interp(radius, radii, angles) / np.where(radius, radius, 1))[:, None]
             for _ in range(30):
-                miss = self._azimuthal(angles_xy) - xy
+                miss = self._azimuthal(polar) - xy
                 dx, dy = (
-                    (self._azimuthal(angles_xy + shift) - self._azimuthal(angles_xy - shift))
-                    / (2 * _STEP)
+                    (self._azimuthal(polar + shift) - self._azimuthal(polar - shift)) / (2 * _STEP)
                     for shift in _STEP * np.eye(2)
                 )
                 determinant = dx[:, 0] * dy[:, 1] - dx[:, 1] * dy[:, 0]
@@ -183,12 +180,12 @@ class Lens:
                     dy[:, 1] * miss[:, 0] - dy[:, 0] * miss[:, 1],
                     dx[:, 0] * miss[:, 1] - dx[:, 1] * miss[:, 0],
                 ]
-                angles_xy = angles_xy - np.nan_to_num(step / determinant[:, None])
+                polar = polar - np.nan_to_num(step / determinant[:, None])
                 if not (np.abs(step) > 1e-15).any():
                     break
-            unit_directions = _from_azimuthal(angles_xy)
-            converged = np.abs(self._azimuthal(angles_xy) - xy).max(axis=1) <= 1e-9 * (1 + radius)
-        converged &= np.hypot(*angles_xy.T) <= self.max_angle
+            unit_directions = _from_azimuthal(polar)
+            converged = np.abs(self._azimuthal(polar) - xy).max(axis=1) <= 1e-9 * (1 + radius)
+        converged &= np.hypot(*polar.T) <= self.max_angle
         return np.where(converged[:, None], unit_directions, np.nan)
 
     def _panorama_directions(self, xy):
@@ -204,8 +201,10 @@ class Lens:
 
     def _azimuthal(self, azimuthal):
         """Return the image of points whose distance from 0 is the angle to the axis."""
-        angle = np.hypot(*azimuthal.T)
-        return self._off_axis(azimuthal / np.where(angle > 0, angle, 1.0)[:, None], angle)
+        axis_angle = np.hypot(*azimuthal.T)
+        return self._off_axis(
+            azimuthal / np.where(axis_angle > 0, axis_angle, 1.0)[:, None], axis_angle
+        )
 
     def _radius(self, axis_angle):
         rho = _base_radius(self.kind, self.values, axis_angle)

@@ -78,10 +78,8 @@ def _largest_within(values, lower_left, upper_right):
         at_level, window_side = window_level == level, 1 << level
         start = lower_left[at_level]
         end = np.maximum(lower_left[at_level], upper_right[at_level] + 1 - window_side)
-        corners = [
-            values[y, x] for y in (start[:, 1], end[:, 1]) for x in (start[:, 0], end[:, 0])
-        ]
-        largest_values[at_level] = np.max(corners, 0)
+        maxima = [values[y, x] for y in (start[:, 1], end[:, 1]) for x in (start[:, 0], end[:, 0])]
+        largest_values[at_level] = np.max(maxima, 0)
         for axis in (0, 1):
             values = _with_next(values, window_side, axis)
     return largest_values

@@ -49,12 +49,7 @@ def meet_ellipsoids(starts, directions, centers, axes) -> Meeting:
     foot, foot_offset = _foot(directions, np.subtract(starts, centers))
     start = _to_local(scaled, foot_offset)
     direction = _to_local(scaled, directions)
-    square = _dot(direction, direction)
-    middle = -_dot(start, direction) / square
-    nearest = start + middle[..., None] * direction
-    clearance = 1 - _dot(nearest, nearest)
-    half = np.sqrt(np.maximum(clearance, 0) / square)
-    t = np.stack([middle - half, middle + half])
+    t, clearance = _chord(start, direction, _dot(direction, direction), 1.0)
     local_points = start + t[..., None] * direction
     normals = np.einsum('...ij,...j->...i', scaled, local_points)
     return Meeting(np.stack([clearance > 0] * 2), t + foot, unit_vectors(normals))
@@ -71,11 +66,7 @@ def meet_cylinders(starts, directions, middles, halves, radii, caps='flat') -> M
     start = offset - up[..., None] * units
     direction = directions - rise[..., None] * units
     square = np.maximum(_dot(direction, direction), 1e-30 * _dot(directions, directions))
-    middle = -_dot(start, direction) / square
-    nearest = start + middle[..., None] * direction
-    clearance = radii**2 - _dot(nearest, nearest)
-    half = np.sqrt(np.maximum(clearance, 0) / square)
-    t = np.stack([middle - half, middle + half])
+    t, clearance = _chord(start, direction, square, radii)
     heights = up + t * rise
     walls = unit_vectors(start + t[..., None] * direction)
     in_wall = clearance >= 0
@@ -104,15 +95,20 @@ def _round(t, walls, in_wall, heights, offset, directions, length, units, radii)
     cap_side = np.where(heights < 0, -1.0, 1.0)
     beyond = np.abs(heights) > length
     from_cap = offset - (cap_side * length)[..., None] * units
-    square = _dot(directions, directions)
-    middle = -_dot(from_cap, directions) / square
-    nearest = from_cap + middle[..., None] * directions
-    clearance = radii**2 - _dot(nearest, nearest)
-    half = np.sqrt(np.maximum(clearance, 0) / square)
-    ball = middle + np.stack([-half[0], half[1]])
+    ends, clearance = _chord(from_cap, directions, _dot(directions, directions), radii)
+    ball = np.stack([ends[0, 0], ends[1, 1]])
     normals = unit_vectors(from_cap + ball[..., None] * directions)
     hits = in_wall & (~beyond | (clearance >= 0))
     return Meeting(hits, np.where(beyond, ball, t), np.where(beyond[..., None], normals, walls))
+
+
+def _chord(start, direction, square, radius):
+    """Return where rays enter and leave a sphere about the origin, and their squared clearance."""
+    middle = -_dot(start, direction) / square
+    nearest = start + middle[..., None] * direction
+    clearance = radius**2 - _dot(nearest, nearest)
+    half = np.sqrt(np.maximum(clearance, 0) / square)
+    return np.stack([middle - half, middle + half]), clearance
 
 
 def _foot(directions, offset):

@@ -124,10 +124,8 @@ class Cover:
         stays, gone = pair
         self.normals[stays], self.offsets[stays] = normal, offset
         self.holds[:, stays] = self._held(stays)
-        self.normals, self.offsets = (
-            np.delete(self.normals, gone, 0),
-            np.delete(self.offsets, gone),
-        )
+        self.normals = np.delete(self.normals, gone, 0)
+        self.offsets = np.delete(self.offsets, gone)
         self.holds = np.delete(self.holds, gone, 1)
         self._names[stays] = max(self._names) + 1
         del self._names[gone]
