@@ -137,7 +137,7 @@ class Camera:
 
         Parameters
         ----------
-        uv, one : numpy.ndarray, shape (2, n) and (n,)
+        uv, denominator : numpy.ndarray, shape (2, n) and (n,)
             Rows of the numerators of u and v, and of the common denominator.
         margin : float
             Additional width on each side, as a fraction of the size.

@@ -224,13 +224,13 @@ def _welded(points, triangles):
     # Unused points would move the origin.
     in_use = np.zeros(len(points), bool)
     in_use[triangles] = True
-    used = np.flatnonzero(in_use)
-    invalid_points = used[~np.isfinite(points[used]).all(axis=1)]
+    used_points = np.flatnonzero(in_use)
+    invalid_points = used_points[~np.isfinite(points[used_points]).all(axis=1)]
     if invalid_points.size:
         raise ValueError(
             f'points[{invalid_points[0]}] must be finite, got {points[invalid_points[0]].tolist()}'
         )
-    points = points[used] + 0.0  # no negative zero
+    points = points[used_points] + 0.0  # no negative zero
     order = np.lexsort(points.T)
     is_new = np.ones(len(points), bool)
     is_new[1:] = (points[order[1:]] != points[order[:-1]]).any(axis=1)
@@ -240,8 +240,8 @@ def _welded(points, triangles):
     representatives[order] = first_equal[np.cumsum(is_new) - 1]
     stays = representatives == np.arange(len(points))
     index = np.empty(len(in_use), np.intp)
-    index[used] = (np.cumsum(stays) - 1)[representatives]
-    return (used[stays], used, index[used]), index[triangles]
+    index[used_points] = (np.cumsum(stays) - 1)[representatives]
+    return (used_points[stays], used_points, index[used_points]), index[triangles]
 
 
 def _planes(points, triangles):
