@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import importlib
 import inspect
-import pkgutil
 from pathlib import Path
 
-import pvibr.maths
 from pvibr.accessor import IBRAccessor
 from pvibr.component import IBRComponent
 from pvibr.core.params import params_of
@@ -42,11 +40,7 @@ def members(kind):
 def page(title, module, name, thing):
     """Return the page of a name."""
     lines = [title, '=' * len(title), '', f'.. currentmodule:: {module}', '']
-    if inspect.ismodule(thing):
-        own = (n for n, v in vars(thing).items() if getattr(v, '__module__', '') == title)
-        lines += [f'.. automodule:: {title}']
-        lines += [f'   :members: {", ".join(n for n in own if n[0] != "_")}']
-    elif inspect.isclass(thing):
+    if inspect.isclass(thing):
         lines += [f'.. autoclass:: {name}', '']
         for member, value in sorted(members(thing).items()):
             how = 'autoproperty' if isinstance(value, property) else 'automethod'
@@ -83,12 +77,6 @@ def sections():
             said,
             [(n, titles.setdefault(id(t), f'{package}.{n}'), t) for n, t in found],
         )
-
-    names = (info.name for info in pkgutil.iter_modules(pvibr.maths.__path__))
-    modules = [importlib.import_module(f'pvibr.maths.{n}') for n in names if n[0] != '_']
-    formulas = [(m.__name__.split('.')[-1], m.__name__, m) for m in modules]
-    said = 'Formulas in numpy and float64, against which the shaders are tested.'
-    yield 'pvibr.maths', said, formulas
 
 
 def written():

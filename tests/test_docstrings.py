@@ -1,22 +1,18 @@
-"""Docstrings: numpydoc in full for what users call and for maths, one sentence for all else."""
+"""Docstrings: numpydoc in full for what users call, one sentence for all else."""
 
 from __future__ import annotations
 
 import ast
-import importlib
 import inspect
-import pkgutil
 import pydoc
 import re
 from pathlib import Path
-from types import ModuleType
 
 import pytest
 from numpydoc.validate import validate
 
 import pvibr
 import pvibr.animation
-import pvibr.maths
 import pvibr_widgets
 from pvibr.accessor import IBRAccessor
 from pvibr.animation import Clip, Morphs, Rig, Skin, VertexAnimation
@@ -25,7 +21,7 @@ from pvibr.animation.rig import Step
 from pvibr.component import IBRComponent
 from pvibr.core.effect import Effect
 from pvibr.figures.animated import animated
-from pvibr.maths import arguments
+from pvibr.maths import cameras, facing
 
 # GL08 is left out: it asks for docstrings of setters; ruff's 'D1' asks for all others. PR02 is
 # left out: it takes dataclasses for classes without a constructor. RT01 too: one line is enough
@@ -48,6 +44,8 @@ INTERNAL = {
     Step.bound,
     VertexAnimation.blend,
 }
+#: Functions of ``pvibr.maths`` to which guides and docstrings send users.
+FORMULAS = cameras.as_camera, facing.azimuths, facing.cards, facing.eye_of
 #: Parts of what ``add_*`` say.
 TEMPLATES = animated, IBRComponent._add_thing
 PACKAGES = Path(pvibr.__file__).parent, Path(pvibr_widgets.__file__).parent
@@ -58,15 +56,10 @@ def is_ours(thing):
 
 
 def exported():
-    """What users name: the exports, the component, the accessor, and maths."""
+    """What users name: the exports, the component, the accessor, and a few formulas."""
     for package in (pvibr, pvibr.animation, pvibr_widgets):
         yield from (getattr(package, name) for name in package.__all__)
-    yield from (IBRComponent, IBRAccessor)
-    names = [info.name for info in pkgutil.iter_modules(pvibr.maths.__path__)]
-    for module in (importlib.import_module(f'pvibr.maths.{n}') for n in names if n[0] != '_'):
-        found = [thing for name, thing in vars(module).items() if name[0] != '_']
-        # What checks the arguments of users is not called by them.
-        yield from (t for t in found if getattr(t, '__module__', '') != arguments.__name__)
+    yield from (IBRComponent, IBRAccessor, *FORMULAS)
 
 
 def members(kind):
@@ -105,7 +98,7 @@ def for_users():
     """All that users call, by module and qualified name."""
     found = {}
     for thing in (*exported(), *TEMPLATES):
-        if isinstance(thing, ModuleType) or not callable(thing) or not is_ours(thing):
+        if inspect.ismodule(thing) or not callable(thing) or not is_ours(thing):
             continue
         parts = [thing]
         if inspect.isclass(thing):

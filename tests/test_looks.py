@@ -153,9 +153,9 @@ def test_wrong_arguments_leave_what_is_worn():
     for arguments, error in (
         ({'name': 'studo'}, "did you mean 'studio'"),
         ({'name': 3}, 'name = 3'),
-        ({'name': 'dusk', 'up': (0, 0, 0)}, 'up is'),
-        ({'name': 'dusk', 'up': (0, np.nan, 0)}, r'up\[1\] is nan'),
-        ({'name': 'dusk', 'up': 'z'}, 'up is'),
+        ({'name': 'dusk', 'up': (0, 0, 0)}, 'up must'),
+        ({'name': 'dusk', 'up': (0, np.nan, 0)}, r'up\[1\] must be finite, got nan'),
+        ({'name': 'dusk', 'up': 'z'}, 'up must be'),
     ):
         with pytest.raises(ValueError, match=error):
             pl.ibr.look(**arguments)

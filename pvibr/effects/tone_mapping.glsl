@@ -1,5 +1,8 @@
 // From light to what a display shows: an exposure, then a curve that brings all of it into [0, 1].
-// The curves and where they come from: maths/tones.py, which says the same in numpy.
+// Reinhard, Stark, Shirley and Ferwerda, "Photographic tone reproduction for digital images", 2002,
+// equation 4; Stephen Hill's fit (BakingLab) of ACES' RRT and sRGB ODT; Troy Sobotka's AgX with the
+// polynomial of Benjamin Wrensch, "Minimal AgX implementation", 2023; Khronos PBR Neutral, 2024.
+// tests/effects/tone_curves.py holds the same formulas.
 // Inputs: color, the picture so far (display values, above 1 where light is); stops, the exposure.
 //@light
 float channel_to_light(float c) {

@@ -22,7 +22,9 @@ class ToneMapping(Effect):
     """Exposure, and a tone curve that maps light above 1 to the range of the display.
 
     The default curve leaves colours in [0, 1] unchanged, so that they can still be read as data;
-    the others change every colour. The curves are those of :func:`pvibr.maths.tones.tone_map`.
+    the others change every colour. ``'reinhard'`` is equation 4 of Reinhard et al. (2002) on
+    luminance, ``'aces'`` Stephen Hill's fit, ``'agx'`` Benjamin Wrensch's fit of Troy Sobotka's
+    AgX, and ``'neutral'`` Khronos PBR Neutral.
 
     Automatic exposure brings the log-average luminance of the whole picture, background
     included, to middle grey (0.18); `exposure` is added. If there is a bloom, the picture is

@@ -1,1 +1,1 @@
-"""Numpy only, float64: the formulas that shaders are tested against."""
+"""The formulas behind the shaders in numpy and float64; private, but for the camera classes."""

@@ -1,4 +1,4 @@
-"""Checks of camera arguments: errors name the value and the allowed ones."""
+"""Validation of camera arguments."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ ROTATION_TOLERANCE = 1e-6
 
 
 def points_of(points):
-    """Return points as float64, shape (n, 3)."""
+    """Return points as float64, (n, 3)."""
     points = np.asarray(points, dtype=np.float64)
     if points.ndim != 2 or points.shape[1] != 3:
-        raise ValueError(f'points have the shape {points.shape}; it must be (n, 3).')
+        raise ValueError(f'points must have shape (n, 3), got {points.shape}')
     return points
 
 
@@ -27,11 +27,11 @@ def freeze(camera, **values):
 
 
 def size_of(size):
-    """Return width and height in pixels."""
-    found = as_array('size', size)
-    good = found.shape == (2,) and found.dtype.kind in 'iuf' and np.isfinite(found).all()
-    if not good or not (found > 0).all() or (found != np.floor(found)).any():
+    """Return width and height in pixels as integers."""
+    pixels = as_array('size', size)
+    numeric = pixels.shape == (2,) and pixels.dtype.kind in 'iuf' and np.isfinite(pixels).all()
+    if not numeric or not (pixels > 0).all() or (pixels != np.floor(pixels)).any():
         raise ValueError(
-            f'size is {size!r}; it must be (width, height) in pixels, whole numbers above 0.'
+            f'size must be (width, height), whole numbers of pixels above 0, got {size!r}'
         )
-    return int(found[0]), int(found[1])
+    return int(pixels[0]), int(pixels[1])

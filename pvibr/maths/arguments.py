@@ -1,4 +1,4 @@
-"""Checks of arguments: errors name the argument, its value and what is allowed."""
+"""Validation of arguments: errors name the argument, its value and what is allowed."""
 
 from __future__ import annotations
 
@@ -10,23 +10,23 @@ import numpy as np
 
 _LARGEST = np.finfo(float).max
 _LONGEST = 1e18  # shaders square lengths in single precision
-_WRONG = (TypeError, ValueError, LookupError, AttributeError, ArithmeticError, OSError)
+_WRONG = TypeError, ValueError, LookupError, AttributeError, ArithmeticError, OSError
 
 
 @contextmanager
 def naming(name, value):
-    """Have the error about an argument name it, if the error does not do so itself."""
+    """Prefix errors about an argument with its name and value, unless they state the name."""
     try:
         yield
     except _WRONG as error:
         if re.search(rf'\b{name}\b', str(error)):
             raise
-        kind: type[Exception] = ValueError
+        error_type: type[Exception] = ValueError
         if isinstance(error, (TypeError, AttributeError)):
-            kind = TypeError
+            error_type = TypeError
         elif isinstance(error, OSError):
-            kind = type(error)
-        raise kind(f'{name} = {_in_a_line(value)}: {error}') from error
+            error_type = type(error)
+        raise error_type(f'{name} = {_in_a_line(value)}: {error}') from error
 
 
 def _in_a_line(value) -> str:
@@ -36,7 +36,7 @@ def _in_a_line(value) -> str:
 
 
 def as_array(name, values, dtype=None) -> np.ndarray:
-    """Return values as an array; they are no ragged rows and no complex numbers."""
+    """Return values as an array; reject ragged, complex, masked and record data."""
     with naming(name, values):
         array = np.asarray(values)
         if array.dtype.kind in 'cmMV' or np.ma.is_masked(values):
@@ -48,60 +48,60 @@ def check_finite(name, values: np.ndarray):
     """Raise a ValueError that names the first value that is not finite."""
     finite = np.isfinite(values)
     if not finite.all():
-        bad = np.argwhere(~finite)[0]
-        place = f'[{place_of(bad)}]' if values.ndim else ''
-        raise ValueError(f'{name}{place} is {values[tuple(bad)]}; it must be finite.')
+        first_bad = np.argwhere(~finite)[0]
+        index_text = f'[{place_of(first_bad)}]' if values.ndim else ''
+        raise ValueError(f'{name}{index_text} must be finite, got {values[tuple(first_bad)]}')
 
 
 def place_of(index) -> str:
-    """Return a place in an array as errors write it."""
+    """Return an index as text."""
     return ', '.join(str(int(i)) for i in index)
 
 
 def checked_numbers(name, values, shape) -> np.ndarray:
-    """Return finite float64 numbers of a shape."""
+    """Return a float64 copy of finite numbers in a given shape."""
     try:
-        found = as_array(name, values, np.float64).copy()
+        numbers = as_array(name, values, np.float64).copy()
     except (TypeError, ValueError) as error:
         raise ValueError(
-            f'{name} is {values!r:.200}; it must be numbers of the shape {shape}.'
+            f'{name} must be numbers of shape {shape}, got {values!r:.200}'
         ) from error
     # OpenCV hands vectors out as columns.
-    found = found.reshape(shape) if found.size == np.prod(shape) else found
-    if found.shape != shape:
-        raise ValueError(f'{name} has the shape {found.shape}; it must be {shape}.')
-    check_finite(name, found)
-    return found
+    numbers = numbers.reshape(shape) if numbers.size == np.prod(shape) else numbers
+    if numbers.shape != shape:
+        raise ValueError(f'{name} must have shape {shape}, got {numbers.shape}')
+    check_finite(name, numbers)
+    return numbers
 
 
 def checked_direction(name, vector) -> np.ndarray:
-    """Return a unit vector."""
+    """Return a vector normalized."""
     vector = checked_numbers(name, vector, (3,))
-    largest = np.abs(vector).max()
-    if not largest:
-        raise ValueError(f'{name} is zero; it must have a direction.')
-    vector = vector / largest
+    max_component = np.abs(vector).max()
+    if not max_component:
+        raise ValueError(f'{name} must not be zero, got {vector.tolist()}')
+    vector = vector / max_component
     return vector / np.linalg.norm(vector)
 
 
 def check_one_of(name, value, allowed):
-    """Raise a ValueError unless a value is one of those allowed."""
+    """Raise a ValueError unless a value is one of the choices."""
     allowed = tuple(allowed)
     if np.ndim(value) or value not in allowed:
         raise ValueError(
-            f'{name} is {value!r:.80}; it must be one of {", ".join(map(repr, allowed))}'
+            f'{name} must be one of {", ".join(map(repr, allowed))}, got {value!r:.80}'
         )
 
 
 def checked_number(name, value, low=-np.inf, high=np.inf) -> float:
     """Return a finite number within bounds."""
-    real = isinstance(value, Real) and not isinstance(value, (bool, np.bool_))
-    if not real or not abs(value) <= _LARGEST or not low <= value <= high:
+    is_real = isinstance(value, Real) and not isinstance(value, (bool, np.bool_))
+    if not is_real or not abs(value) <= _LARGEST or not low <= value <= high:
         bounds = '' if low == -np.inf else f' from {low:g} to {high:g}'
         bounds = f' of at least {low:g}' if bounds and high == np.inf else bounds
-        msg = f'{name} is {value!r:.80}; it must be a finite number{bounds}'
-        several = isinstance(value, (list, tuple, np.ndarray))
-        raise (ValueError if real or several else TypeError)(msg)
+        msg = f'{name} must be a finite number{bounds}, got {value!r:.80}'
+        is_sequence = isinstance(value, (list, tuple, np.ndarray))
+        raise (ValueError if is_real or is_sequence else TypeError)(msg)
     return float(value)
 
 
@@ -109,7 +109,7 @@ def checked_positive(name, value) -> float:
     """Return a finite number above 0."""
     number = checked_number(name, value)
     if number <= 0:
-        raise ValueError(f'{name} is {value!r:.80}; it must be above 0 and finite')
+        raise ValueError(f'{name} must be finite and above 0, got {value!r:.80}')
     return number
 
 
@@ -117,32 +117,30 @@ def checked_whole(name, value, low, high) -> int:
     """Return a whole number within bounds."""
     number = checked_number(name, value, low, high)
     if number != int(number):
-        raise ValueError(
-            f'{name} is {value!r:.80}; it must be a whole number from {low} to {high}'
-        )
+        raise ValueError(f'{name} must be a whole number from {low} to {high}, got {value!r:.80}')
     return int(number)
 
 
 def checked_lengths(name, lengths: np.ndarray) -> np.ndarray:
-    """Return lengths, of any shape; shaders can square each of them."""
-    bad = ~((lengths >= 0) & (lengths <= _LONGEST))
-    if bad.any():
+    """Return lengths, of any shape, that shaders can square."""
+    out_of_range = ~((lengths >= 0) & (lengths <= _LONGEST))
+    if out_of_range.any():
         raise ValueError(
-            f'{name} has the value {lengths[bad].flat[0]}; each must be from 0 to {_LONGEST:g}'
+            f'{name} must be from 0 to {_LONGEST:g}, got {lengths[out_of_range].flat[0]}'
         )
     return lengths
 
 
 def checked_each(name, values, is_one, allowed) -> tuple:
-    """Return one or several of a kind as a tuple."""
+    """Return one item, or several, of a kind as a tuple."""
     if is_one(values):
         return (values,)
     if isinstance(values, (str, bytes, dict)) or not hasattr(values, '__iter__'):
-        raise TypeError(f'{name} = {values!r:.80}: must be {allowed}')
+        raise TypeError(f'{name} must be {allowed}, got {values!r:.80}')
     if hasattr(values, 'GetClassName'):
-        raise TypeError(f'{name} = {type(values).__name__}: must be {allowed}')
-    found = tuple(values)
-    for one in found:
-        if not is_one(one):
-            raise TypeError(f'{name} has {one!r:.80}: must be {allowed}')
-    return found
+        raise TypeError(f'{name} must be {allowed}, got {type(values).__name__}')
+    items = tuple(values)
+    for item in items:
+        if not is_one(item):
+            raise TypeError(f'{name} must be {allowed}, got {item!r:.80}')
+    return items

@@ -8,48 +8,32 @@ import numpy as np
 
 #: Instances that are culled, sorted and chosen together.
 BLOCK = 64
-_AT_ONCE = 4096  # points whose numbers stay in the processor's cache
+_AT_ONCE = 4096  # points per batch, which stays in the processor's cache
 _CHILDREN = 64  # blocks that are culled together first
-_FEW = 1024  # blocks up to which this does not pay
+_FEW = 1024  # below so many blocks, parents do not pay off
 
 
 def morton_order(points):
-    """Return the order of points along a Morton (Z-order) curve, of 21 bits per axis.
+    """Return the order of points (n, 3) along a Morton (Z-order) curve of 21 bits per axis.
 
     Bits are interleaved as in Warren, "Hacker's Delight", 2002, section 7-2.
-
-    Parameters
-    ----------
-    points : numpy.ndarray, shape (n, 3)
-        Any units.
-
-    Returns
-    -------
-    numpy.ndarray, shape (n,), intp
-        Indices; neighbours in it are neighbours in space.
-
-    Examples
-    --------
-    >>> from pvibr.maths.blocks import morton_order
-    >>> morton_order(np.array([[9.0, 9, 9], [0, 0, 0], [9, 9, 8]])).tolist()
-    [1, 2, 0]
     """
     points = np.asarray(points, float)
     if not len(points):
         return np.zeros(0, np.intp)
-    low = points.min(0)
-    extent = float((points.max(0) - low).max()) or 1.0
-    code = np.empty(len(points), np.uint64)
+    low_corner = points.min(0)
+    extent = float((points.max(0) - low_corner).max()) or 1.0
+    morton_codes = np.empty(len(points), np.uint64)
     for start in range(0, len(points), _AT_ONCE):
-        part = slice(start, start + _AT_ONCE)
-        cells = ((points[part] - low).T * ((2**21 - 1) / extent)).astype(np.uint64)
+        batch = slice(start, start + _AT_ONCE)
+        cells = ((points[batch] - low_corner).T * ((2**21 - 1) / extent)).astype(np.uint64)
         x, y, z = _spread(cells)
-        code[part] = x | y << np.uint64(1) | z << np.uint64(2)
-    return np.argsort(code)
+        morton_codes[batch] = x | y << np.uint64(1) | z << np.uint64(2)
+    return np.argsort(morton_codes)
 
 
-def _spread(x):
-    """Put two zero bits between the 21 bits of each number."""
+def _spread(numbers):
+    """Insert two zero bits between the 21 bits of each number."""
     for shift, mask in (
         (32, 0x1F00000000FFFF),
         (16, 0x1F0000FF0000FF),
@@ -57,30 +41,14 @@ def _spread(x):
         (4, 0x10C30C30C30C30C3),
         (2, 0x1249249249249249),
     ):
-        x = (x | (x << np.uint64(shift))) & np.uint64(mask)
-    return x
+        numbers = (numbers | (numbers << np.uint64(shift))) & np.uint64(mask)
+    return numbers
 
 
 def frustum_planes(clip_from_view):
-    """Return the six planes of a projection, normalised, pointing inward.
+    """Return the inward planes (left, right, bottom, top, near, far) of a projection, (6, 4).
 
-    Source: Gribb and Hartmann, "Fast Extraction of Viewing Frustum Planes", 2001.
-
-    Parameters
-    ----------
-    clip_from_view : numpy.ndarray, shape (4, 4)
-        Projection, perspective or parallel.
-
-    Returns
-    -------
-    numpy.ndarray, shape (6, 4)
-        Left, right, bottom, top, near, far in view coordinates: ``n . p + d >= 0`` inside.
-
-    Examples
-    --------
-    >>> from pvibr.maths.blocks import frustum_planes
-    >>> frustum_planes(np.eye(4))[0].tolist()
-    [1.0, 0.0, 0.0, 1.0]
+    View space; Gribb and Hartmann, "Fast Extraction of Viewing Frustum Planes", 2001.
     """
     m = np.asarray(clip_from_view, float)
     planes = np.concatenate([m[3] + m[:3], m[3] - m[:3]])[[0, 3, 1, 4, 2, 5]]
@@ -89,76 +57,35 @@ def frustum_planes(clip_from_view):
 
 @dataclass
 class Blocks:
-    """Groups of consecutive instances, with what is needed to cull and to choose levels.
+    """Groups of m consecutive instances, with the bounds that culling and level choice need.
 
-    Attributes
-    ----------
-    centers : numpy.ndarray, shape (m, 3), float64
-        Middle of the instances' centres, world units; also the origin of their poses.
-    half_sides : numpy.ndarray, shape (m, 3), float64
-        Of the smallest boxes around the instances' centres.
-    reach, largest, smallest : numpy.ndarray, shape (m,)
-        Largest distance of an instance's centre from it; largest and smallest radius.
+    Boxes of the instances' centres, world units, and the extremes of their radii.
     """
 
-    centers: np.ndarray
-    half_sides: np.ndarray
-    reach: np.ndarray
-    largest: np.ndarray
+    centers: np.ndarray  # (m, 3), middle of the instances' centres; origin of their poses
+    half_sides: np.ndarray  # (m, 3)
+    reach: np.ndarray  # (m,), largest distance of an instance's centre
+    largest: np.ndarray  # (m,), radius
     smallest: np.ndarray
     _parents: Blocks | None = field(default=None, repr=False)
 
     @classmethod
     def empty(cls, count) -> Blocks:
-        """Return blocks to be filled.
-
-        Parameters
-        ----------
-        count : int
-            Their number.
-
-        Returns
-        -------
-        Blocks
-            The blocks.
-        """
+        """Return `count` uninitialized blocks."""
         return cls(*np.empty((2, count, 3)), *np.empty((3, count)))
 
     @classmethod
     def of(cls, centers, radii, size) -> Blocks:
-        """Group instances that are already in order.
-
-        Parameters
-        ----------
-        centers, radii : numpy.ndarray, shape (n, 3) and (n,), float64
-            Bounding spheres of the instances, at least one, world units.
-        size : int
-            Instances per block; the last may have fewer.
-
-        Returns
-        -------
-        Blocks
-            The groups.
-        """
+        """Group ordered bounding spheres, (n, 3) and (n,), by `size`; the last may be smaller."""
         slots = members(np.arange(-(-len(centers) // size)), size, len(centers))
         blocks = cls.empty(len(slots))
         blocks.fill(slice(None), centers.T.take(slots, 1), radii[slots])
         return blocks
 
     def fill(self, where, centers, radii) -> np.ndarray:
-        """Set the spheres in some blocks.
+        """Set the spheres, (3, k, size) and (k, size), of k blocks.
 
-        Parameters
-        ----------
-        where : slice or array_like of int
-            The k blocks.
-        centers, radii : numpy.ndarray, shape (3, k, size) and (k, size), float64
-            Bounding spheres of their instances, world units.
-
-        Returns
-        -------
-        numpy.ndarray, shape (3, k, size)
-            Centres relative to those of the blocks.
+        Returns the centres relative to those of the blocks, (3, k, size).
         """
         self._parents = None
         if centers.shape[2] == 1:
@@ -168,11 +95,11 @@ class Blocks:
             return np.zeros_like(centers)
         low, high = centers.min(2), centers.max(2)
         middle = (low + high) / 2
-        local = centers - middle[:, :, None]
+        local_centers = centers - middle[:, :, None]
         self.centers[where], self.half_sides[where] = middle.T, (high - low).T / 2
-        self.reach[where] = np.sqrt((local * local).sum(0).max(1))
+        self.reach[where] = np.sqrt((local_centers * local_centers).sum(0).max(1))
         self.largest[where], self.smallest[where] = radii.max(1), radii.min(1)
-        return local
+        return local_centers
 
     @property
     def neighborhoods(self) -> Blocks:
@@ -186,109 +113,67 @@ class Blocks:
         return self._parents
 
     def seen(self, frame):
-        """Return the blocks that a camera may see and the sizes of their instances on screen.
+        """Return the blocks in the frustum, farthest first, and the sizes of their instances.
 
-        Parameters
-        ----------
-        frame : Frame
-            Camera and size.
-
-        Returns
-        -------
-        index, origins : numpy.ndarray, shape (k,) and (k, 3)
-            Blocks in the frustum, the farthest first, and their origins in view space.
-        small, large : numpy.ndarray, shape (k,)
-            Bounds of the on-screen diameter of their instances, pixels.
+        Indices (k,), origins in view space (k, 3), bounds of on-screen diameters in pixels (k,).
         """
-        view = frame.view_from_world
+        view_from_world = frame.view_from_world
         planes = frustum_planes(frame.clip_from_view)
-        planes = planes[:4]  # near and far follow what is drawn: they cull nothing
-        some = self._near(view, planes, frame.parallel)
-        # Coordinates lie in rows, each one piece of memory: that is several times faster.
-        origins = view[:3, :3] @ self.centers[some].T + view[:3, 3:]
-        around = self.reach[some] + self.largest[some]
-        found = np.flatnonzero(_inside(origins, around, planes, frame.parallel))
-        origins = origins.take(found, 1)
+        planes = planes[:4]  # near and far follow the scene, so they cull nothing
+        near_blocks = self._near(view_from_world, planes, frame.parallel)
+        # Rows of coordinates, each contiguous, are several times faster.
+        origins = view_from_world[:3, :3] @ self.centers[near_blocks].T + view_from_world[:3, 3:]
+        outer_radii = self.reach[near_blocks] + self.largest[near_blocks]
+        in_frustum = np.flatnonzero(_inside(origins, outer_radii, planes, frame.parallel))
+        origins = origins.take(in_frustum, 1)
         depths = origins[2] if frame.parallel else -np.sqrt((origins * origins).sum(0))
-        order = np.argsort(depths)
-        origins, depths, found = origins.take(order, 1).T, depths[order], found[order]
-        index = found if isinstance(some, slice) else some[found]
+        far_first = np.argsort(depths)
+        origins = origins.take(far_first, 1).T
+        depths = depths[far_first]
+        in_frustum = in_frustum[far_first]
+        visible = in_frustum if isinstance(near_blocks, slice) else near_blocks[in_frustum]
         scale = 2 * frame.pixel_scale
         if frame.parallel:
             near = far = 1.0
         else:
-            reach, away = self.reach[index], -depths
-            near, far = np.maximum(away - reach, 1e-200), away + reach
-        small, large = self.smallest[index] / far, self.largest[index] / near
-        return index, origins, scale * small, scale * large
+            center_reach, eye_distances = self.reach[visible], -depths
+            near = np.maximum(eye_distances - center_reach, 1e-200)
+            far = eye_distances + center_reach
+        small = self.smallest[visible] / far
+        large = self.largest[visible] / near
+        return visible, origins, scale * small, scale * large
 
-    def _near(self, view, planes, parallel):
-        """Return the blocks whose neighbourhoods are in view; others cost nothing."""
+    def _near(self, view_from_world, planes, parallel):
+        """Return the blocks whose neighbourhoods are in view."""
         count = len(self.centers)
         if count < _FEW:
             return slice(None)
         parents = self.neighborhoods
-        origins = view[:3, :3] @ parents.centers.T + view[:3, 3:]
-        inside = _inside(origins, parents.reach + parents.largest, planes, parallel)
-        if inside.all():
+        origins = view_from_world[:3, :3] @ parents.centers.T + view_from_world[:3, 3:]
+        visible = _inside(origins, parents.reach + parents.largest, planes, parallel)
+        if visible.all():
             return slice(None)
-        some = (np.flatnonzero(inside)[:, None] * _CHILDREN + np.arange(_CHILDREN)).ravel()
-        return some[some < count]
+        children = (np.flatnonzero(visible)[:, None] * _CHILDREN + np.arange(_CHILDREN)).ravel()
+        return children[children < count]
 
 
 def members(blocks, size, count) -> np.ndarray:
-    """Return the members of blocks, the last one instead of those that are missing.
-
-    Parameters
-    ----------
-    blocks : numpy.ndarray of int, shape (k,)
-        Blocks.
-    size, count : int
-        Members of a block, and of all.
-
-    Returns
-    -------
-    numpy.ndarray, shape (k, size), intp
-        Their indices.
-
-    Examples
-    --------
-    >>> from pvibr.maths.blocks import members
-    >>> members(np.array([0, 1]), 2, 3).tolist()
-    [[0, 1], [2, 2]]
-    """
+    """Return the members of blocks, (k, size); the last of all stands in for missing ones."""
     return np.minimum(np.asarray(blocks)[:, None] * size + np.arange(size), count - 1)
 
 
-def _inside(origins, around, planes, parallel):
-    """Return the spheres, in view space, that intersect a frustum."""
-    inside = (planes[:, :3] @ origins + planes[:, 3:]).min(0) > -around
+def _inside(origins, outer_radii, planes, parallel):
+    """Return which spheres, in view space, intersect a frustum."""
+    is_inside = (planes[:, :3] @ origins + planes[:, 3:]).min(0) > -outer_radii
     if not parallel:
-        inside &= origins[2] < around  # no plane stands behind the eye
-    return inside
+        is_inside &= origins[2] < outer_radii  # no plane lies behind the eye
+    return is_inside
 
 
 def ascending(values):
-    """Return the order of values, those alike to a 65 536th of their range as they are.
-
-    Parameters
-    ----------
-    values : numpy.ndarray, shape (n,)
-        Finite numbers.
-
-    Returns
-    -------
-    numpy.ndarray, shape (n,), intp
-        Indices, the least value first; by a radix sort.
-
-    Examples
-    --------
-    >>> from pvibr.maths.blocks import ascending
-    >>> ascending(np.array([3.0, 1.0, 2.0])).tolist()
-    [1, 2, 0]
-    """
+    """Return the ascending order of values by a radix sort, exact to 1/65 536 of their range."""
     if not len(values):
         return np.zeros(0, np.intp)
-    low = values.min()
-    scale = 65535 / max(float(values.max() - low), 1e-30)
-    return np.argsort(((values - low) * scale).astype(np.uint16), kind='stable')
+    lowest = values.min()
+    scale = 65535 / max(float(values.max() - lowest), 1e-30)
+    return np.argsort(((values - lowest) * scale).astype(np.uint16), kind='stable')

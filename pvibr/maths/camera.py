@@ -25,8 +25,8 @@ class Camera:
         if type(self) is not type(other):
             return NotImplemented
         # Arrays in a dataclass cannot be compared by themselves.
-        names = [field.name for field in fields(self)]  # type: ignore[arg-type]
-        return all(np.array_equal(getattr(self, n), getattr(other, n)) for n in names)
+        field_names = [field.name for field in fields(self)]  # type: ignore[arg-type]
+        return all(np.array_equal(getattr(self, n), getattr(other, n)) for n in field_names)
 
     @property
     def view_from_world(self):
@@ -132,12 +132,12 @@ class Camera:
         """
         raise NotImplementedError
 
-    def clip_rows(self, uv, one, margin):
+    def clip_rows(self, uv, denominator, margin):
         """Return the first two rows of a projection matrix, from those that give uv.
 
         Parameters
         ----------
-        uv, one : numpy.ndarray, shape (2, n) and (n,)
+        uv, denominator : numpy.ndarray, shape (2, n) and (n,)
             Rows of the numerators of u and v, and of the common denominator.
         margin : float
             Additional width on each side, as a fraction of the size.
@@ -148,11 +148,11 @@ class Camera:
             Rows that take the bounds to -1 and 1.
         """
         bounds = self.undistorted_bounds()
-        rows = []
-        for row, (low, high) in zip(uv, (bounds[:2], bounds[2:]), strict=True):
-            half = (0.5 + margin) * (high - low)
-            rows.append((row - 0.5 * (low + high) * one) / half)
-        return np.array(rows)
+        clip_rows = []
+        for uv_row, (low, high) in zip(uv, (bounds[:2], bounds[2:]), strict=True):
+            half_size = (0.5 + margin) * (high - low)
+            clip_rows.append((uv_row - 0.5 * (low + high) * denominator) / half_size)
+        return np.array(clip_rows)
 
 
 class PosedCamera(Camera):
@@ -166,16 +166,20 @@ class PosedCamera(Camera):
     @property
     def position(self):
         """The centre of projection, shape (3,), in world units."""
-        # Not R transposed: far from the origin even an R of seven digits must give the same place.
+        # Not by R transposed: far from the origin, an R of seven digits would move the camera.
         return -np.linalg.solve(self.R, self.t)
 
     @property
     def view_from_world(self):
         """The 4x4 matrix into OpenGL's view axes."""
-        matrix = np.eye(4)
-        matrix[:3, :3] = CV_FROM_GL @ self.R
-        matrix[:3, 3] = CV_FROM_GL @ self.t
-        return matrix
+        view_matrix = np.eye(4)
+        view_matrix[:3, :3] = CV_FROM_GL @ self.R
+        view_matrix[:3, 3] = CV_FROM_GL @ self.t
+        return view_matrix
+
+    def toward(self, points):
+        """Return unit vectors from points to the camera."""
+        return unit_or_nan(self.position - _checks.points_of(points))
 
     def resized(self, size):
         """Return the camera of a resized picture.
@@ -203,3 +207,9 @@ class PosedCamera(Camera):
         K[:2] *= (np.array(size) / self.size)[:, None]
         K[:2, 2] -= 0.5
         return replace(self, K=K, size=size)  # type: ignore[type-var]
+
+
+def unit_or_nan(vectors):
+    """Return unit vectors (n, 3), NaN for zero vectors."""
+    with np.errstate(invalid='ignore'):
+        return vectors / np.linalg.norm(vectors, axis=1, keepdims=True)

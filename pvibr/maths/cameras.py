@@ -55,42 +55,42 @@ def as_camera(camera, size):
         return _of_size(camera, size)
     if hasattr(camera, 'focal_point'):
         return _from_view(camera, size)
-    given = _named(camera)
-    if 'size' in given:
-        return _of_size(Pinhole(**given), size)
-    found = Pinhole(size=size, **given)
-    check_principal_point(found.K, size, GUESSED)
-    return found
+    calibration = _named(camera)
+    if 'size' in calibration:
+        return _of_size(Pinhole(**calibration), size)
+    pinhole = Pinhole(size=size, **calibration)
+    check_principal_point(pinhole.K, size, GUESSED)
+    return pinhole
 
 
 def _from_view(camera, size):
     """Return the camera equal to a ``pyvista.Camera``, read by its attributes."""
     position = checked_numbers('camera.position', camera.position, (3,))
-    focal = checked_numbers('camera.focal_point', camera.focal_point, (3,))
-    ahead = checked_direction('camera.focal_point - camera.position', focal - position)
+    focal_point = checked_numbers('camera.focal_point', camera.focal_point, (3,))
+    ahead = checked_direction('camera.focal_point - camera.position', focal_point - position)
     up = checked_direction('camera.up', camera.up)
     right = np.cross(ahead, up)
     if np.linalg.norm(right) < _checks.ROTATION_TOLERANCE:
         raise ValueError(
-            f'camera.up is {up.tolist()}; it must not be along the view {ahead.tolist()}.'
+            f'camera.up must not be along the view {ahead.tolist()}, got {up.tolist()}'
         )
     right /= np.linalg.norm(right)
     up = np.cross(right, ahead)
     _check_plain(camera)
     width, height = size
-    shift = np.array(camera.GetWindowCenter() if hasattr(camera, 'GetWindowCenter') else (0, 0))
+    center = np.array(camera.GetWindowCenter() if hasattr(camera, 'GetWindowCenter') else (0, 0))
     if camera.parallel_projection:
-        scale = checked_positive('camera.parallel_scale', camera.parallel_scale)
-        half = scale * np.array([width / height, 1.0])
-        corner = position + ((shift - 1) * half) @ [right, up]
+        parallel_scale = checked_positive('camera.parallel_scale', camera.parallel_scale)
+        half = parallel_scale * np.array([width / height, 1.0])
+        corner = position + ((center - 1) * half) @ [right, up]
         return Orthographic(corner, right, up, 2 * half[0], 2 * half[1], near=0.0, size=size)
-    angle = checked_positive('camera.view_angle', camera.view_angle)
-    if angle >= 180:
-        raise ValueError(f'camera.view_angle is {angle}; it must be below 180 degrees.')
+    view_angle = checked_positive('camera.view_angle', camera.view_angle)
+    if view_angle >= 180:
+        raise ValueError(f'camera.view_angle must be below 180 degrees, got {view_angle}')
     sideways = hasattr(camera, 'GetUseHorizontalViewAngle') and camera.GetUseHorizontalViewAngle()
-    focus = 0.5 * (width if sideways else height) / np.tan(np.radians(angle) / 2)
-    centre = 0.5 * np.array(size) * (1 + shift * [-1, 1]) - 0.5
-    K = np.array([[focus, 0.0, centre[0]], [0.0, focus, centre[1]], [0.0, 0.0, 1.0]])
+    focal = 0.5 * (width if sideways else height) / np.tan(np.radians(view_angle) / 2)
+    principal = 0.5 * np.array(size) * (1 + center * [-1, 1]) - 0.5
+    K = np.array([[focal, 0.0, principal[0]], [0.0, focal, principal[1]], [0.0, 0.0, 1.0]])
     R = np.array([right, -up, ahead])
     return Pinhole(K, R, -R @ position, size)
 
@@ -98,7 +98,7 @@ def _from_view(camera, size):
 def _check_plain(camera):
     """Raise ValueError if VTK's camera is more than a pinhole: its picture would differ."""
     identity = [float(i == j) for i in range(4) for j in range(4)]
-    plain = {
+    plain_settings = {
         'ModelTransformMatrix': identity,
         'UserTransform': None,
         'UserViewTransform': None,
@@ -106,36 +106,37 @@ def _check_plain(camera):
         'UseOffAxisProjection': 0,
         'ViewShear': (0.0, 0.0, 1.0),
     }
-    for name, expected in plain.items():
-        found = getattr(camera, f'Get{name}', lambda expected=expected: expected)()
-        if hasattr(found, 'GetElement'):
-            found = [found.GetElement(i, j) for i in range(4) for j in range(4)]
-        if found != expected:
-            raise ValueError(f'camera.Get{name}() is {found}; only {expected} can be used.')
+    for name, expected in plain_settings.items():
+        setting = getattr(camera, f'Get{name}', lambda expected=expected: expected)()
+        if hasattr(setting, 'GetElement'):
+            setting = [setting.GetElement(i, j) for i in range(4) for j in range(4)]
+        if setting != expected:
+            raise ValueError(f'camera.Get{name}() must be {expected}, got {setting}')
 
 
 def _named(camera):
     """Return the arguments of a Pinhole from a dict or a tuple."""
-    names = ('K', 'R', 't', 'distortion')
+    parameter_names = 'K', 'R', 't', 'distortion'
     if isinstance(camera, tuple | list) and len(camera) in (3, 4):
-        return dict(zip(names, camera, strict=False))
+        return dict(zip(parameter_names, camera, strict=False))
     if isinstance(camera, dict):
-        if {'K', 'R', 't'} <= set(camera) <= {*names, 'size'}:
+        if {'K', 'R', 't'} <= set(camera) <= {*parameter_names, 'size'}:
             return camera
         raise ValueError(
-            f'camera has the keys {sorted(camera)}; K, R, t, and if known distortion and size.'
+            f'camera must have the keys K, R, t, and optionally distortion and size, got '
+            f'{sorted(camera)}'
         )
     raise ValueError(
-        f'camera is {camera!r:.200}; it must be a pyvista.Camera, a Pinhole, an Orthographic, '
-        '(K, R, t), (K, R, t, distortion), or a dict of these.'
+        'camera must be a pyvista.Camera, a Pinhole, an Orthographic, (K, R, t), '
+        f'(K, R, t, distortion) or a dict of these, got {camera!r:.200}'
     )
 
 
 def _of_size(camera, size):
     if camera.size == size:
         return camera
-    remedy = ' camera.resized(size) is that of the scaled picture.'
+    remedy = '; use camera.resized(size) for a scaled picture'
     raise ValueError(
-        f'camera.size is {camera.size}; the picture has {size[0]} x {size[1]} pixels.'
+        f'camera.size must be {size}, that of the picture, got {camera.size}'
         f'{remedy if isinstance(camera, Pinhole) else ""}'
     )

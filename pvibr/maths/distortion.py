@@ -1,7 +1,7 @@
 """Lens distortion of photographs: from the ideal image plane to the distorted one, and back.
 
 The model is that of Brown, "Decentering Distortion of Lenses", Photogrammetric Engineering
-32(3), 1966, with the rational radial term and the order of coefficients of OpenCV.
+32(3), 1966, with the rational radial term and the coefficient order of OpenCV.
 """
 
 from __future__ import annotations
@@ -11,182 +11,107 @@ from numpy.polynomial import Polynomial
 
 from pvibr.maths.arguments import as_array, check_finite
 
-_TERMS = (0, 4, 5, 8)
+_TERMS = 0, 4, 5, 8
 
 
 def distort(xy, distortion):
-    """Return the distorted positions of points of the ideal image plane.
+    """Return the distorted positions of points (n, 2) of the ideal plane one unit ahead, y down.
 
-    Parameters
-    ----------
-    xy : array_like, shape (n, 2)
-        Points on the plane one unit ahead (x right, y down).
-    distortion : array_like, 0, 4, 5 or 8 numbers
-        k1, k2, p1, p2[, k3[, k4, k5, k6]].
-
-    Returns
-    -------
-    numpy.ndarray, shape (n, 2), float64
-        Points on the same plane; NaN at :func:`valid_radius` and beyond, where the formula folds
-        the plane back into the picture.
-
-    Examples
-    --------
-    >>> from pvibr.maths.distortion import distort
-    >>> distort([[0.5, 0.0], [9.0, 0.0]], [-0.2, 0.0, 0.0, 0.0]).tolist()
-    [[0.475, 0.0], [nan, nan]]
+    NaN at :func:`valid_radius` and beyond, where the formula folds back into the picture.
     """
-    lens = coefficients(distortion)
+    lens_terms = coefficients(distortion)
     xy = np.asarray(xy, dtype=np.float64)
-    if not lens.any():
+    if not lens_terms.any():
         return xy.copy()
-    inside = np.hypot(*xy.T) < valid_radius(lens)
-    moved = np.full_like(xy, np.nan)
-    with np.errstate(over='ignore', invalid='ignore'):  # far out is outside, whatever it is
-        moved[inside] = _distorted(xy[inside], lens)
-    return moved
+    in_range = np.hypot(*xy.T) < valid_radius(lens_terms)
+    distorted = np.full_like(xy, np.nan)
+    with np.errstate(over='ignore', invalid='ignore'):  # any result far out counts as outside
+        distorted[in_range] = _distorted(xy[in_range], lens_terms)
+    return distorted
 
 
 def undistort(xy, distortion):
-    """Return the ideal positions of distorted points.
+    """Return the ideal positions of distorted points, (n, 2); NaN where there is none.
 
-    Newton's method with halved steps. The Jacobian is symmetric and, within the valid radius,
-    positive definite, so each step goes down and the point found is the only one.
-
-    Parameters
-    ----------
-    xy : array_like, shape (n, 2)
-        Points on the plane one unit ahead, as :func:`distort` returns them.
-    distortion : array_like, 0, 4, 5 or 8 numbers
-        k1, k2, p1, p2[, k3[, k4, k5, k6]].
-
-    Returns
-    -------
-    numpy.ndarray, shape (n, 2), float64
-        Points nearer than :func:`valid_radius`; NaN where there is none.
-
-    Examples
-    --------
-    >>> from pvibr.maths.distortion import undistort
-    >>> undistort([[0.475, 0.0], [9.0, 0.0]], [-0.2, 0.0, 0.0, 0.0]).tolist()
-    [[0.5, 0.0], [nan, nan]]
+    Newton's method with halved steps; the Jacobian is positive definite within the valid radius.
     """
-    lens = coefficients(distortion)
-    wanted = np.asarray(xy, dtype=np.float64)
-    if not lens.any():
-        return wanted.copy()
-    limit = valid_radius(lens)
-    radius = np.hypot(*wanted.T)
+    lens_terms = coefficients(distortion)
+    distorted = np.asarray(xy, dtype=np.float64)
+    if not lens_terms.any():
+        return distorted.copy()
+    max_radius = valid_radius(lens_terms)
+    radius = np.hypot(*distorted.T)
     with np.errstate(divide='ignore', over='ignore', invalid='ignore'):
-        found = wanted * np.fmin(1.0, 0.5 * limit / radius)[:, None]
-        miss = wanted - _distorted(found, lens)
-        length, tolerance = np.ones(len(found)), 4 * np.finfo(float).eps * (1 + radius)
+        ideal = distorted * np.fmin(1.0, 0.5 * max_radius / radius)[:, None]
+        miss = distorted - _distorted(ideal, lens_terms)
+        length, tolerance = np.ones(len(ideal)), 4 * np.finfo(float).eps * (1 + radius)
         for _ in range(100):
             todo = np.flatnonzero((np.hypot(*miss.T) > tolerance) & (length > 1e-12))
             if not len(todo):
                 break
-            tried = found[todo] + length[todo, None] * _newton(found[todo], miss[todo], lens)
-            rest = wanted[todo] - _distorted(tried, lens)
-            better = np.hypot(*rest.T) < np.hypot(*miss[todo].T)
-            better &= np.hypot(*tried.T) < limit
-            found[todo[better]], miss[todo[better]] = tried[better], rest[better]
-            length[todo] = np.where(better, np.fmin(1.0, 2 * length[todo]), 0.5 * length[todo])
-    return np.where((np.hypot(*miss.T) <= 1e-9 * (1 + radius))[:, None], found, np.nan)
+            trial = ideal[todo] + length[todo, None] * _newton(ideal[todo], miss[todo], lens_terms)
+            trial_residuals = distorted[todo] - _distorted(trial, lens_terms)
+            is_better = np.hypot(*trial_residuals.T) < np.hypot(*miss[todo].T)
+            is_better &= np.hypot(*trial.T) < max_radius
+            ideal[todo[is_better]] = trial[is_better]
+            miss[todo[is_better]] = trial_residuals[is_better]
+            length[todo] = np.where(is_better, np.fmin(1.0, 2 * length[todo]), 0.5 * length[todo])
+    return np.where((np.hypot(*miss.T) <= 1e-9 * (1 + radius))[:, None], ideal, np.nan)
 
 
 def valid_radius(distortion):
-    """Return the radius on the ideal image plane up to which a lens maps one to one.
-
-    Parameters
-    ----------
-    distortion : array_like, 0, 4, 5 or 8 numbers
-        k1, k2, p1, p2[, k3[, k4, k5, k6]].
-
-    Returns
-    -------
-    float
-        Where the distorted radius stops growing; infinite if it never does.
-
-    Notes
-    -----
-    With g(r) the distorted radius without the tangential terms and q = (p2, p1), the Jacobian at
-    a distance r is, along and across the radius and with c, s the cosine and sine of the angle
-    to q, ``[[g' + 6|q|rc, 2|q|rs], [2|q|rs, g/r + 2|q|rc]]``. It is positive definite for every
-    angle while g' and g/r are above 6|q|r, and first singular where g' meets it. A map whose
-    Jacobian is symmetric and positive definite on a disc takes no value twice there.
-
-    Examples
-    --------
-    >>> from pvibr.maths.distortion import valid_radius
-    >>> round(valid_radius([-1 / 3, 0.0, 0.0, 0.0]), 12), valid_radius([0.1, 0.0, 0.0, 0.0])
-    (1.0, inf)
-    """
+    """Return the radius on the ideal image plane up to which a lens is one-to-one, or infinity."""
     k1, k2, p1, p2, k3, k4, k5, k6 = coefficients(distortion)
     above = Polynomial([1, 0, k1, 0, k2, 0, k3])
     below = Polynomial([1, 0, k4, 0, k5, 0, k6])
     radius = Polynomial([0, 1])
     growth = (radius * above).deriv() * below - radius * above * below.deriv()
     tangential = 6 * np.hypot(p1, p2) * radius
-    ends = below, growth - tangential * below * below, above - tangential * below
-    # All three start with 1, so in 1/r they are monic: tiny last terms do no harm.
-    inverse = np.concatenate([np.roots(end.trim().coef) for end in ends])
-    real = inverse.real[np.abs(inverse.imag) <= 1e-9 * np.abs(inverse)]
+    limits = below, growth - tangential * below * below, above - tangential * below
+    # All three start with 1, so in 1/r they are monic, and tiny last terms are harmless.
+    inverse = np.concatenate([np.roots(polynomial.trim().coef) for polynomial in limits])
+    real_inverses = inverse.real[np.abs(inverse.imag) <= 1e-9 * np.abs(inverse)]
     with np.errstate(divide='ignore', over='ignore'):
-        return float(1 / real.max(initial=0.0))
+        return float(1 / real_inverses.max(initial=0.0))
 
 
 def coefficients(distortion):
-    """Return all coefficients of a lens.
-
-    Parameters
-    ----------
-    distortion : array_like, 0, 4, 5 or 8 numbers
-        k1, k2, p1, p2[, k3[, k4, k5, k6]].
-
-    Returns
-    -------
-    numpy.ndarray, shape (8,), float64
-        The missing ones are 0.
-
-    Raises
-    ------
-    ValueError
-        If there are another number of terms, or one is not finite.
-    """
+    """Return all 8 coefficients k1, k2, p1, p2, k3, k4, k5, k6 of a lens; missing ones are 0."""
     terms = np.ravel(as_array('distortion', distortion, np.float64))
     if len(terms) not in _TERMS:
         raise ValueError(
-            f'distortion has {len(terms)} numbers; it must have 0, 4, 5 or 8: k1, k2, p1, p2, ..'
+            f'distortion must be 0, 4, 5 or 8 numbers (k1, k2, p1, p2, ...), got {len(terms)}'
         )
     terms = np.pad(terms, (0, 8 - len(terms)))
     check_finite('distortion', terms)
     return terms
 
 
-def _distorted(xy, lens):
-    k1, k2, p1, p2, k3, k4, k5, k6 = lens
+def _distorted(xy, lens_terms):
+    k1, k2, p1, p2, k3, k4, k5, k6 = lens_terms
     x, y = xy.T
-    s = x * x + y * y
-    radial = (1 + s * (k1 + s * (k2 + s * k3))) / (1 + s * (k4 + s * (k5 + s * k6)))
+    r2 = x * x + y * y
+    radial = (1 + r2 * (k1 + r2 * (k2 + r2 * k3))) / (1 + r2 * (k4 + r2 * (k5 + r2 * k6)))
     return np.stack(
         [
-            x * radial + 2 * p1 * x * y + p2 * (s + 2 * x * x),
-            y * radial + p1 * (s + 2 * y * y) + 2 * p2 * x * y,
+            x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x * x),
+            y * radial + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y,
         ],
         axis=1,
     )
 
 
-def _newton(xy, miss, lens):
+def _newton(xy, residuals, lens_terms):
     """Return the Newton steps that reduce the residuals."""
-    k1, k2, p1, p2, k3, k4, k5, k6 = lens
+    k1, k2, p1, p2, k3, k4, k5, k6 = lens_terms
     x, y = xy.T
-    s = x * x + y * y
-    above, below = 1 + s * (k1 + s * (k2 + s * k3)), 1 + s * (k4 + s * (k5 + s * k6))
-    slope = (k1 + s * (2 * k2 + 3 * k3 * s)) * below - above * (k4 + s * (2 * k5 + 3 * k6 * s))
+    r2 = x * x + y * y
+    above = 1 + r2 * (k1 + r2 * (k2 + r2 * k3))
+    below = 1 + r2 * (k4 + r2 * (k5 + r2 * k6))
+    slope = (k1 + r2 * (2 * k2 + 3 * k3 * r2)) * below - above * (k4 + r2 * (2 * k5 + 3 * k6 * r2))
     radial, slope = above / below, 2 * slope / (below * below)
     xx = radial + slope * x * x + 2 * p1 * y + 6 * p2 * x
     xy_ = slope * x * y + 2 * p1 * x + 2 * p2 * y
     yy = radial + slope * y * y + 6 * p1 * y + 2 * p2 * x
-    a, b = miss.T
+    a, b = residuals.T
     return np.stack([yy * a - xy_ * b, xx * b - xy_ * a], axis=1) / (xx * yy - xy_ * xy_)[:, None]

@@ -1,4 +1,4 @@
-"""Projection of several pictures on one surface: sampling, weights, blending, exposure.
+"""Projection of several pictures onto one surface: sampling, weights, blending, exposure.
 
 Arrays over views start with the view: v views, n points, c channels.
 """
@@ -9,191 +9,88 @@ import numpy as np
 
 from pvibr.maths.arguments import check_one_of, checked_number
 
-#: Gains are thought to be within this of 1, as a natural logarithm, before any overlap is seen.
+#: Standard deviation of the logarithm of gains before any overlap is observed.
 PRIOR = 0.5
-#: Overlaps are never trusted beyond this: their samples are neighbours, not independent.
+#: Least deviation of an overlap: its samples are neighbours, not independent.
 _TRUST = 1e-3
-_CLIPPED = 0.02  # share of the range at either end where a camera's response is not to be trusted
+_CLIPPED = 0.02  # share of the range at either end where a camera's response is unreliable
 
 
 def sample(image, uv, filter='linear'):
-    """Return the colours of a picture at points.
-
-    Parameters
-    ----------
-    image : array_like, shape (h, w, c) or (h, w)
-        Row 0 at the top, as picture files are read; any type of number.
-    uv : array_like, shape (n, 2)
-        v = 0 at the bottom edge, v = 1 at the top edge of the picture.
-    filter : {'linear', 'nearest'}
-        Interpolation between pixel centres, clamped at the edge.
-
-    Returns
-    -------
-    numpy.ndarray, shape (n, c), float64
-        In the picture's units; NaN outside [0, 1].
-
-    Raises
-    ------
-    ValueError
-        If the picture is empty or of another shape, or the filter is unknown.
-
-    Examples
-    --------
-    >>> from pvibr.maths.draping import sample
-    >>> picture = [[0, 10], [20, 30]]
-    >>> sample(picture, [[0.25, 0.75], [0.5, 0.5], [1.0, 0.0], [1.1, 0.0]]).ravel().tolist()
-    [0.0, 15.0, 30.0, nan]
-    """
+    """Return the colours (n, c) of a picture (h, w[, c]), top row first, at uv; NaN outside."""
     image = np.asarray(image)
     image = image[..., None] if image.ndim == 2 else image
     if image.ndim != 3 or not image.size:
         raise ValueError(
-            f'image has the shape {image.shape}; it must be (h, w) or (h, w, c), not empty.'
+            f'image must have shape (h, w) or (h, w, c) and not be empty, got {image.shape}'
         )
     check_one_of('filter', filter, ('linear', 'nearest'))
     uv = np.asarray(uv, dtype=np.float64)
     inside = ((uv >= 0) & (uv <= 1)).all(axis=1)
-    high, wide, channels = image.shape
-    x, y = uv[inside, 0] * wide - 0.5, (1 - uv[inside, 1]) * high - 0.5
+    tall, wide, channels = image.shape
+    pixel_x, pixel_y = uv[inside, 0] * wide - 0.5, (1 - uv[inside, 1]) * tall - 0.5
     texels, colors = image.reshape(-1, channels), np.full((len(uv), channels), np.nan)
 
     def texel(column, row):
-        column, row = (np.clip(v, 0, n - 1).astype(int) for v, n in ((column, wide), (row, high)))
+        column, row = (np.clip(v, 0, n - 1).astype(int) for v, n in ((column, wide), (row, tall)))
         return texels.take(row * wide + column, axis=0)
 
     if filter == 'nearest':
-        colors[inside] = texel(np.floor(x + 0.5), np.floor(y + 0.5))
+        colors[inside] = texel(np.floor(pixel_x + 0.5), np.floor(pixel_y + 0.5))
         return colors
-    left, top = np.floor(x), np.floor(y)
-    across, down = (x - left)[:, None], (y - top)[:, None]
-    above, below = (
-        (1 - across) * texel(left, row) + across * texel(left + 1, row) for row in (top, top + 1)
+    column_0, row_0 = np.floor(pixel_x), np.floor(pixel_y)
+    across, down = (pixel_x - column_0)[:, None], (pixel_y - row_0)[:, None]
+    upper_colors, lower_colors = (
+        (1 - across) * texel(column_0, row) + across * texel(column_0 + 1, row)
+        for row in (row_0, row_0 + 1)
     )
-    colors[inside] = (1 - down) * above + down * below
+    colors[inside] = (1 - down) * upper_colors + down * lower_colors
     return colors
 
 
 def border(uv, width):
-    """Return weights that fall smoothly to zero at a picture's edges.
-
-    Parameters
-    ----------
-    uv : array_like, shape (..., 2)
-        Positions in the picture.
-    width : float
-        Width of the band along each edge, as a fraction of the picture, 0 to 0.5.
-
-    Returns
-    -------
-    numpy.ndarray, shape (...), float64
-        1 inside the band, 0 outside the picture and at NaN.
-
-    Raises
-    ------
-    ValueError
-        If the width is not in [0, 0.5].
-
-    Examples
-    --------
-    >>> from pvibr.maths.draping import border
-    >>> border([[0.5, 0.5], [0.05, 0.5], [0.0, 0.5], [1.5, 0.5]], 0.1).tolist()
-    [1.0, 0.5, 0.0, 0.0]
-    """
+    """Return weights that fall smoothly to zero within `width` (a fraction) of the edges."""
     checked_number('width', width, 0, 0.5)
     uv = np.asarray(uv, dtype=np.float64)
-    inward = np.minimum(uv, 1 - uv).min(axis=-1)
+    edge_distance = np.minimum(uv, 1 - uv).min(axis=-1)
     if not width:
-        return (inward >= 0).astype(np.float64)
-    s = np.clip(np.nan_to_num(inward) / width, 0.0, 1.0)
-    return s * s * (3 - 2 * s)
+        return (edge_distance >= 0).astype(np.float64)
+    edge_share = np.clip(np.nan_to_num(edge_distance) / width, 0.0, 1.0)
+    return edge_share * edge_share * (3 - 2 * edge_share)
 
 
 def weights(cosines, texels=None, borders=None, masks=None, method='feather', power=1.0):
-    """Return the weight of each view at each point.
+    """Return the weight of each view at each point, (v, n), of sum 1, or 0 where no view shows it.
 
-    Parameters
-    ----------
-    cosines : array_like, shape (v, n)
-        Cosines between the surface's normal and the direction to the camera; not positive where
-        the surface faces away.
-    texels : array_like, shape (v, n), optional
-        Width of a pixel there; weights are proportional to the inverse of its square.
-    borders, masks : array_like, shape (v, n), optional
-        Weights of :func:`border`, and from 0 (hidden or masked) to 1.
-    method : {'feather', 'best'}
-        All views in proportion, or only the one of largest weight (the first of equals).
-    power : float
-        Exponent of the cosine.
-
-    Returns
-    -------
-    numpy.ndarray, shape (v, n), float64
-        The sum over the views is 1, or 0 where no view shows the point. NaN in an input is 0.
-
-    Raises
-    ------
-    ValueError
-        If the shapes differ, or method or power is out of range.
-
-    Examples
-    --------
-    >>> from pvibr.maths.draping import weights
-    >>> weights([[1.0, -1.0], [1.0, -1.0]], texels=[[1.0, 1.0], [2.0, 2.0]]).tolist()
-    [[0.8, 0.0], [0.2, 0.0]]
+    From cosines (of the normal and the view), pixel widths, border and mask weights, all (v, n).
     """
     check_one_of('method', method, ('feather', 'best'))
     checked_number('power', power, 0)
     cosines = np.asarray(cosines, dtype=np.float64)
     if cosines.ndim != 2:
-        raise ValueError(f'cosines have the shape {cosines.shape}; it must be (views, points).')
+        raise ValueError(f'cosines must have shape (views, points), got {cosines.shape}')
     score = np.where(cosines > 0, np.maximum(cosines, 0.0) ** power, 0.0)
     for name, factor in ('borders', borders), ('masks', masks):
         if factor is not None:
             score *= np.clip(np.nan_to_num(_like(cosines, name, factor)), 0.0, 1.0)
     if texels is not None:
         texels = _like(cosines, 'texels', texels)
-        usable = (texels > 0) & (texels < np.inf) & (score > 0)
-        # Relative to the finest, so that no unit of length leaves the range of numbers.
-        finest = np.where(usable, texels, np.inf).min(axis=0, initial=np.inf)
-        ratio = np.divide(finest, texels, out=np.zeros_like(score), where=usable)
+        is_usable = (texels > 0) & (texels < np.inf) & (score > 0)
+        # Relative to the finest, so that no unit of length overflows.
+        finest = np.where(is_usable, texels, np.inf).min(axis=0, initial=np.inf)
+        ratio = np.divide(finest, texels, out=np.zeros_like(score), where=is_usable)
         score *= ratio * ratio
     if method == 'best':
-        first = np.arange(len(score))[:, None] == score.argmax(axis=0) if len(score) else score
-        score = np.where(first & (score > 0), 1.0, 0.0) if len(score) else score
-    total = score.sum(axis=0)
-    return np.divide(score, total, out=np.zeros_like(score), where=total > 0)
+        is_best = np.arange(len(score))[:, None] == score.argmax(axis=0) if len(score) else score
+        score = np.where(is_best & (score > 0), 1.0, 0.0) if len(score) else score
+    score_sums = score.sum(axis=0)
+    return np.divide(score, score_sums, out=np.zeros_like(score), where=score_sums > 0)
 
 
 def blend(colors, weights):
-    """Return the weighted mean colour of each point.
-
-    Parameters
-    ----------
-    colors : array_like, shape (v, n, c)
-        What each view shows at each point; NaN where it shows nothing.
-    weights : array_like, shape (v, n)
-        Not negative, of any sum.
-
-    Returns
-    -------
-    numpy.ndarray, shape (n, c), float64
-        NaN where no view has both a colour and a weight.
-
-    Raises
-    ------
-    ValueError
-        If the shapes do not fit or a weight is negative.
-
-    Examples
-    --------
-    >>> from pvibr.maths.draping import blend
-    >>> nothing = float('nan')
-    >>> blend([[[10.0], [20.0]], [[40.0], [nothing]]], [[2.0, 1.0], [1.0, 1.0]]).tolist()
-    [[20.0], [20.0]]
-    """
+    """Return the weighted mean colour of each point, (n, c); NaN where nothing has a weight."""
     colors, weights = _views(colors, weights)
-    # Relative to the largest, so that no product of small weights is rounded to its last bit.
+    # Relative to the largest, so that products of small weights keep their digits.
     largest = weights.max(axis=0, initial=0.0)
     weights = np.divide(weights, largest, out=np.zeros_like(weights), where=largest > 0)
     mixed = np.einsum('vn,vnc->nc', weights, np.where(weights[..., None] > 0, colors, 0.0))
@@ -202,99 +99,65 @@ def blend(colors, weights):
 
 
 def exposure_gains(colors, weights=None, limits=(0.0, 255.0), common=False):
-    """Return gains that equalize the exposure of overlapping views.
+    """Return gains (v, c), or (v,) if `common`, that equalize the exposure of overlapping views.
 
-    For each two views, the median difference of the logarithms is one observation of the
-    difference of their gains, weighted by the spread of the samples. The gains are the least
-    squares solution of these and of a prior near 1: Brown and Lowe, "Automatic Panoramic Image
-    Stitching using Invariant Features", International Journal of Computer Vision 74(1), 2007,
-    section 6, here in logarithms, where a gain of 2 is as far from 1 as 1/2 and black is no
-    solution. An exposure is a factor of colours encoded with a power, too.
-
-    Parameters
-    ----------
-    colors : array_like, shape (v, n, c)
-        What each view shows at each point; NaN where it shows nothing.
-    weights : array_like, shape (v, n), optional
-        Samples of weight 0 are left out.
-    limits : tuple of 2 float
-        Range of the values; those within 2 % of either end may be clipped and are left out.
-    common : bool
-        One factor for all channels of a view, which keeps its hue.
-
-    Returns
-    -------
-    numpy.ndarray, shape (v, c) or (v,), float64
-        Positive factors, of geometric mean 1 within each group of views that overlap.
-
-    Raises
-    ------
-    ValueError
-        If the shapes do not fit, a weight is negative, or the limits are not in order.
-
-    Examples
-    --------
-    >>> from pvibr.maths.draping import exposure_gains
-    >>> scene = np.linspace(20.0, 100.0, 500)[:, None]
-    >>> exposure_gains([scene, 2.25 * scene]).ravel().round(2).tolist()
-    [1.5, 0.67]
+    Brown and Lowe, "Automatic Panoramic Image Stitching using Invariant Features", International
+    Journal of Computer Vision 74(1), 2007, section 6, here on logarithms.
     """
     low, high = limits
     if not low < high:
-        raise ValueError(f'limits are {limits}; the first must be below the second.')
+        raise ValueError(f'limits must increase, got {limits}')
     colors, weights = _views(colors, weights)
     edge = _CLIPPED * (high - low)
     usable = (colors > max(low + edge, 0.0)) & (colors < high - edge) & (weights[..., None] > 0)
-    logs = np.log(np.where(usable, colors, 1.0))
+    log_colors = np.log(np.where(usable, colors, 1.0))
     channels = [slice(None)] if common else [slice(c, c + 1) for c in range(colors.shape[2])]
-    gains = [_log_gains(logs[..., c], usable[..., c]) for c in channels]
+    gains = [_log_gains(log_colors[..., c], usable[..., c]) for c in channels]
     gains = np.exp(np.array(gains).reshape(len(channels), len(colors)).T)
     return gains[:, 0] if common else gains
 
 
-def _log_gains(logs, usable):
-    count = len(logs)
-    normal = np.eye(count) / PRIOR**2
-    right = np.zeros(count)
-    for i in range(count):
-        for j in range(i + 1, count):
-            both = usable[i] & usable[j]
-            if not both.any():
+def _log_gains(log_colors, is_usable):
+    view_count = len(log_colors)
+    normal_matrix = np.eye(view_count) / PRIOR**2
+    right_side = np.zeros(view_count)
+    for i in range(view_count):
+        for j in range(i + 1, view_count):
+            shared_points = is_usable[i] & is_usable[j]
+            if not shared_points.any():
                 continue
-            difference = logs[j][both] - logs[i][both]
-            middle, certainty = _median(difference)
-            normal[[i, j], [i, j]] += certainty
-            normal[[i, j], [j, i]] -= certainty
-            right[[i, j]] += certainty * middle, -certainty * middle
-    return np.linalg.solve(normal, right)
+            log_differences = log_colors[j][shared_points] - log_colors[i][shared_points]
+            median_difference, certainty = _median(log_differences)
+            normal_matrix[[i, j], [i, j]] += certainty
+            normal_matrix[[i, j], [j, i]] -= certainty
+            right_side[[i, j]] += certainty * median_difference, -certainty * median_difference
+    return np.linalg.solve(normal_matrix, right_side)
 
 
 def _median(values):
     """Return the median and the inverse of its variance."""
-    middle = np.median(values)
-    # 1.48 makes a standard deviation of the median distance, 1.25 that of a median from a mean's.
-    spread = 1.48 * np.median(np.abs(values - middle)) if len(values) > 2 else PRIOR
-    return middle, 1 / ((1.25 * spread) ** 2 / len(values) + _TRUST**2)
+    median = np.median(values)
+    # 1.48 turns the median distance into a standard deviation, 1.25 a mean's into a median's.
+    spread = 1.48 * np.median(np.abs(values - median)) if len(values) > 2 else PRIOR
+    return median, 1 / ((1.25 * spread) ** 2 / len(values) + _TRUST**2)
 
 
 def _views(colors, weights):
-    """Return both as float64; the weight is 0 where a colour is not finite."""
+    """Return colours and weights as float64; the weight is 0 where a colour is not finite."""
     colors = np.asarray(colors, dtype=np.float64)
     if colors.ndim != 3:
-        raise ValueError(
-            f'colors have the shape {colors.shape}; it must be (views, points, channels).'
-        )
-    shown = np.isfinite(colors).all(axis=2)
-    weights = shown if weights is None else _like(shown, 'weights', weights)
+        raise ValueError(f'colors must have shape (views, points, channels), got {colors.shape}')
+    has_color = np.isfinite(colors).all(axis=2)
+    weights = has_color if weights is None else _like(has_color, 'weights', weights)
     if (weights < 0).any():
-        raise ValueError(f'weights have a minimum of {np.nanmin(weights)}; none may be negative.')
-    return colors, np.where(shown & (weights > 0), weights, 0.0)
+        raise ValueError(f'weights must not be negative, got {np.nanmin(weights)}')
+    return colors, np.where(has_color & (weights > 0), weights, 0.0)
 
 
 def _like(shape_of, name, values):
     values = np.asarray(values, dtype=np.float64)
     if values.shape != shape_of.shape:
         raise ValueError(
-            f'{name} have the shape {values.shape}; it must be {shape_of.shape}: views, points.'
+            f'{name} must have shape (views, points) = {shape_of.shape}, got {values.shape}'
         )
     return values

@@ -10,26 +10,17 @@ from pvibr.maths.arguments import check_one_of
 from pvibr.maths.quaternions import to_matrices
 from pvibr.maths.vectors import as_units, unit_vectors
 
-#: Whether a card has a place of its own, turns about an axis, turns about its point, or lies in
-#: the view plane.
-FACINGS = ('world', 'cylindrical', 'spherical', 'screen')
-TOWARDS = ('point', 'plane')
-#: Sine of the angle between axis and view below which the axis says nothing about left and right.
+#: Whether a card is fixed, turns about an axis or its centre, or lies parallel to the screen.
+FACINGS = 'world', 'cylindrical', 'spherical', 'screen'
+TOWARDS = 'point', 'plane'
+#: Sine of the angle between axis and view below which the axis does not determine right.
 ALIGNED = 1e-4
-#: Cosine of the angle between an axis and x from which azimuths count from y.
+#: Cosine of the angle between an axis and x from which azimuth 0 is y.
 CLOSE = 0.9
 
 
 class Eye(NamedTuple):
-    """A camera's position and axes, world space.
-
-    Attributes
-    ----------
-    position : numpy.ndarray, shape (3,)
-        World units.
-    right, up, direction : numpy.ndarray, shape (3,)
-        Unit vectors; `direction` is looked along.
-    """
+    """A camera's position and unit axes in world space, (3,) each; it looks along `direction`."""
 
     position: np.ndarray
     right: np.ndarray
@@ -66,9 +57,7 @@ def eye_of(view_from_world) -> Eye:
     view = np.asarray(view_from_world, float)
     R, t = view[:3, :3], view[:3, 3]
     if not np.allclose(R @ R.T, np.eye(3), rtol=0, atol=1e-6) or np.linalg.det(R) < 0:
-        raise ValueError(
-            f'view_from_world has the upper left part {R.tolist()}; it must be a rotation'
-        )
+        raise ValueError(f'view_from_world must start with a rotation, got {R.tolist()}')
     return Eye(-R.T @ t, R[0], R[1], -R[2])
 
 
@@ -173,61 +162,41 @@ def azimuths(points, view_from_world, axis=(0.0, 0.0, 1.0), *, parallel=False):
 
 
 def turned_azimuths(axes, rotation):
-    """Return the azimuths about turned axes of what had azimuth 0 before the turn.
-
-    Parameters
-    ----------
-    axes : array_like, shape (3,) or (n, 3)
-        Before the turn.
-    rotation : array_like, shape (3, 3)
-        The turn.
-
-    Returns
-    -------
-    numpy.ndarray, shape () or (n,)
-        Radians from -pi to pi.
-
-    Examples
-    --------
-    >>> from pvibr.maths.facing import turned_azimuths
-    >>> quarter = [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]
-    >>> turned_azimuths([0.0, 0.0, 1.0], quarter).round(4).item()
-    1.5708
-    """
+    """Return the azimuths about rotated axes of what had azimuth 0 before, radians."""
     axes, rotation = as_units('axes', axes), np.asarray(rotation, float)
-    rows = axes.reshape(-1, 3)
-    found = _azimuths(_azimuth_zero(rows) @ rotation.T, rows @ rotation.T)
-    return found.reshape(axes.shape[:-1])
+    axis_rows = axes.reshape(-1, 3)
+    azimuth_angles = _azimuths(_azimuth_zero(axis_rows) @ rotation.T, axis_rows @ rotation.T)
+    return azimuth_angles.reshape(axes.shape[:-1])
 
 
 def _azimuth_zero(axis):
-    """Return directions of azimuth 0 about axes, (n, 3)."""
-    side = np.where(np.abs(axis[:, :1]) < CLOSE, (1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
-    return side - axis * (axis * side).sum(1, keepdims=True)
+    """Return the directions of azimuth 0 about axes, (n, 3)."""
+    reference_axis = np.where(np.abs(axis[:, :1]) < CLOSE, (1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
+    return reference_axis - axis * (axis * reference_axis).sum(1, keepdims=True)
 
 
 def _azimuths(toward, axis):
-    first = _azimuth_zero(axis)
-    return np.arctan2((toward * np.cross(axis, first)).sum(1), (toward * first).sum(1))
+    zero = _azimuth_zero(axis)
+    return np.arctan2((toward * np.cross(axis, zero)).sum(1), (toward * zero).sum(1))
 
 
-def _toward(points, eye, plane):
-    """Return unit vectors to the eye."""
-    ahead = np.tile(-eye.direction, (len(points), 1))
-    if plane:
-        return ahead
-    away = unit_vectors(eye.position - points)
-    return np.where(away.any(axis=1, keepdims=True), away, ahead)
+def _toward(points, eye, to_plane):
+    """Return unit vectors from points to the eye, or against its direction."""
+    against_view = np.tile(-eye.direction, (len(points), 1))
+    if to_plane:
+        return against_view
+    to_eye = unit_vectors(eye.position - points)
+    return np.where(to_eye.any(axis=1, keepdims=True), to_eye, against_view)
 
 
 def _upright(toward, axis, camera_right, about_axis):
     """Return axes of cards whose up is closest to an axis, or the axis itself."""
     axis = np.broadcast_to(axis, toward.shape)
     right = np.cross(axis, toward)
-    sine = np.linalg.norm(right, axis=1, keepdims=True)
-    kept = axis if about_axis else toward
-    spare = camera_right - kept * (kept @ camera_right)[:, None]
-    right = np.where(sine > ALIGNED, right, spare)
+    sines = np.linalg.norm(right, axis=1, keepdims=True)
+    fixed_axis = axis if about_axis else toward
+    fallback_right = camera_right - fixed_axis * (fixed_axis @ camera_right)[:, None]
+    right = np.where(sines > ALIGNED, right, fallback_right)
     right = unit_vectors(right)
     up, normal = (axis, np.cross(right, axis)) if about_axis else (np.cross(toward, right), toward)
     return np.stack([right, up, normal], 2)
@@ -235,14 +204,14 @@ def _upright(toward, axis, camera_right, about_axis):
 
 def _turned(orientation, count):
     if orientation is None:
-        orientation = (1.0, 0.0, 0.0, 0.0)
+        orientation = 1.0, 0.0, 0.0, 0.0
     quaternions = as_units('orientation', orientation).reshape(-1, 4)
     return np.broadcast_to(to_matrices(quaternions), (count, 3, 3))
 
 
 def _rolled(axes, rotation):
-    """Return axes turned about their normal."""
-    angle = np.broadcast_to(np.asarray(rotation, float), (len(axes),))[:, None]
+    """Return axes rotated about their normal."""
+    roll_angles = np.broadcast_to(np.asarray(rotation, float), (len(axes),))[:, None]
     right, up, normal = np.moveaxis(axes, 2, 0)
-    c, s = np.cos(angle), np.sin(angle)
-    return np.stack([c * right + s * up, c * up - s * right, normal], 2)
+    cosines, sines = np.cos(roll_angles), np.sin(roll_angles)
+    return np.stack([cosines * right + sines * up, cosines * up - sines * right, normal], 2)

@@ -4,31 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-_MANY = 10_000  # points from which those deep inside are left out first
+_MANY = 10_000  # above so many points, those deep inside are removed first
 _OUTWARD = [(x, y, z) for x in (-1, 0, 1) for y in (-1, 0, 1) for z in (-1, 0, 1) if x or y or z]
-_ROUNDING = 1e-9  # of the size: a point that is less far inside may be a corner
+_ROUNDING = 1e-9  # of the size: points nearer to a face may be corners
 
 
 def hull_corners(points):
-    """Return the points on the convex hull of a shape.
-
-    Parameters
-    ----------
-    points : array_like, shape (n, 3)
-        Any units.
-
-    Returns
-    -------
-    numpy.ndarray, shape (k, 3), float64
-        Corners of the hull; all distinct points if these lie in a plane.
-
-    Examples
-    --------
-    >>> from pvibr.maths.hulls import hull_corners
-    >>> cube = np.stack(np.meshgrid([0, 1, 2], [0, 1, 2], [0, 1, 2]), -1).reshape(-1, 3)
-    >>> len(cube), len(hull_corners(cube))
-    (27, 8)
-    """
+    """Return the corners of the convex hull of points, (k, 3); all distinct points if coplanar."""
     from scipy.spatial import ConvexHull, QhullError
 
     points = np.asarray(points, float)
@@ -36,23 +18,23 @@ def hull_corners(points):
         points = points[_may_be_corners(points)]
     points = np.unique(points, axis=0)
     try:
-        # Relative to the middle: the hull of what is far from the origin loses digits.
+        # Relative to the centre: far from the origin the hull would lose digits.
         return points[ConvexHull(points - points.mean(0)).vertices]
     except (QhullError, ValueError):
         return points
 
 
 def _may_be_corners(points) -> np.ndarray:
-    """Return a mask of the points that are not inside the hull of some extreme ones."""
+    """Return which points lie outside the hull of a few extreme ones."""
     from scipy.spatial import ConvexHull, QhullError
 
-    outside, places = np.zeros(len(points), bool), points - points.mean(0)
-    extreme = np.unique([(places @ direction).argmax() for direction in _OUTWARD])
+    may_be_corner, local_points = np.zeros(len(points), bool), points - points.mean(0)
+    extreme_points = np.unique([(local_points @ direction).argmax() for direction in _OUTWARD])
     try:
-        planes = ConvexHull(places[extreme]).equations
+        planes = ConvexHull(local_points[extreme_points]).equations
     except (QhullError, ValueError):
-        return ~outside
-    slack = _ROUNDING * np.ptp(places, axis=0).max()
+        return ~may_be_corner
+    slack = _ROUNDING * np.ptp(local_points, axis=0).max()
     for *normal, offset in planes.tolist():
-        outside |= places @ normal > -offset - slack
-    return outside
+        may_be_corner |= local_points @ normal > -offset - slack
+    return may_be_corner

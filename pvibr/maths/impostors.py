@@ -10,7 +10,7 @@ from scipy.spatial import HalfspaceIntersection
 from pvibr.maths.vectors import unit_vectors
 from pvibr.maths.views import View, frustum
 
-# The middle of a card and its corners, as shares of its sides.
+# The centre of a card and its corners, as fractions of its sides.
 _SHARES = np.array([[0.5, 0.5], [0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
 
 
@@ -25,259 +25,136 @@ def _icosahedral() -> np.ndarray:
 
 _NORMALS = _icosahedral()
 _CORNERS, _THICKNESS = 80, 1e-3
-_BLOCK = 2**16  # points that are looked at together
+_BLOCK = 2**16  # points per batch
 
 
 class Card(NamedTuple):
-    """The planes through the centres of objects that face the eye, and the covered rectangles.
+    """The planes through n objects' centres that face the eye, and the rectangles they cover.
 
-    Attributes
-    ----------
-    center, eye : numpy.ndarray, shape (n, 3)
-        Middles of the objects, and the eye less `center` (or the unit vector toward it in a
-        parallel view); float64, world units.
-    axes : numpy.ndarray, shape (n, 3, 3)
-        Rows right, up and toward the eye; orthonormal.
-    low, high : numpy.ndarray, shape (n, 2)
-        The rectangle along right and up, from `center`.
-    away, depth : numpy.ndarray, shape (n,)
-        Distance of the eye from the card (1 in a parallel view), and extent of the object to
-        either side of the card.
+    Rows of `axes` are right, up, toward the eye; `low`, `high` and `eye` count from `center`.
     """
 
-    center: np.ndarray
-    eye: np.ndarray
-    axes: np.ndarray
-    low: np.ndarray
+    center: np.ndarray  # (n, 3)
+    eye: np.ndarray  # (n, 3), or the unit vector toward it in a parallel view
+    axes: np.ndarray  # (n, 3, 3)
+    low: np.ndarray  # (n, 2), along right and up
     high: np.ndarray
-    away: np.ndarray
-    depth: np.ndarray
+    away: np.ndarray  # (n,), distance of the eye from the card, 1 in a parallel view
+    depth: np.ndarray  # (n,), extent of the object to either side of the card
 
     def rows(self, index) -> Card:
-        """Return a selection.
-
-        Parameters
-        ----------
-        index : array_like of int or bool
-            Rows.
-        """
+        """Return a selection."""
         return Card(*(field[index] for field in self))
 
 
 def box_corners(half) -> np.ndarray:
-    """Return the corners of oriented boxes, relative to their centres.
-
-    Parameters
-    ----------
-    half : array_like, shape (n, 3, 3)
-        Rows are half the edges, world units.
-
-    Returns
-    -------
-    numpy.ndarray, shape (n, 8, 3)
-        World units.
-    """
+    """Return the corners (n, 8, 3) of boxes from half their edges, relative to their centres."""
     signs = np.array([[(i >> k & 1) * 2.0 - 1.0 for k in range(3)] for i in range(8)])
     return signs @ np.asarray(half, float)
 
 
 def dop_corners(points) -> np.ndarray:
-    """Return the corners of a polytope of 42 faces that holds all points (a k-DOP).
+    """Return the corners, (80, 3), of a polytope of 42 faces that holds all points (a k-DOP).
 
     A rotated box covers about twice the area of its contents, this about a tenth more.
-
-    Parameters
-    ----------
-    points : array_like, shape (n, 3)
-        Any units, finite.
-
-    Returns
-    -------
-    numpy.ndarray, shape (80, 3)
-        In the same units; the last corner is repeated.
-
-    Raises
-    ------
-    ValueError
-        If there is no point.
-
-    Examples
-    --------
-    >>> from pvibr.maths.impostors import dop_corners
-    >>> ball = np.random.default_rng(0).normal(size=(9000, 3))
-    >>> ball /= np.linalg.norm(ball, axis=1)[:, None]
-    >>> corners = dop_corners(ball)
-    >>> corners.shape, bool(np.linalg.norm(corners, axis=1).max() < 1.2)
-    ((80, 3), True)
     """
     points = np.asarray(points, float).reshape(-1, 3)
     if not len(points):
-        raise ValueError('points is empty: there must be one or more')
-    middle = points.mean(0)
-    ends = np.array(
-        [_ends(points[k : k + _BLOCK] - middle) for k in range(0, len(points), _BLOCK)]
-    )
-    low, high = ends[:, 0].min(0), ends[:, 1].max(0)
-    size = max(-low.min(), high.max())
+        raise ValueError('points must have one or more rows, got none')
+    centroid = points.mean(0)
+    batches = (points[k : k + _BLOCK] - centroid for k in range(0, len(points), _BLOCK))
+    ends = np.array([(along.min(1), along.max(1)) for along in (_NORMALS @ b.T for b in batches)])
+    low_ends, high_ends = ends[:, 0].min(0), ends[:, 1].max(0)
+    size = max(-low_ends.min(), high_ends.max())
     if size == 0.0:
-        return np.tile(middle, (_CORNERS, 1))
-    # A little thickness, since flat things have none, and the middle must be within.
-    reach = np.concatenate([high, -low]) / size + _THICKNESS
-    faces = np.concatenate([_NORMALS, -_NORMALS])
-    found = HalfspaceIntersection(np.c_[faces, -reach], np.zeros(3)).intersections
-    return middle + size * found[np.minimum(np.arange(_CORNERS), len(found) - 1)]
-
-
-def _ends(points):
-    along = _NORMALS @ points.T
-    return along.min(1), along.max(1)
+        return np.tile(centroid, (_CORNERS, 1))
+    # Flat shapes need some thickness, since the centroid must be inside.
+    slab_reach = np.concatenate([high_ends, -low_ends]) / size + _THICKNESS
+    face_normals = np.concatenate([_NORMALS, -_NORMALS])
+    corners = HalfspaceIntersection(np.c_[face_normals, -slab_reach], np.zeros(3)).intersections
+    return centroid + size * corners[np.minimum(np.arange(_CORNERS), len(corners) - 1)]
 
 
 def fit_cards(center, corners, radius, eye, up, toward=None) -> Card:
     """Fit cards through the centres of objects, facing the eye (Schaufler 1995).
 
-    Parameters
-    ----------
-    center, corners, radius : numpy.ndarray, shape (n, 3), (n, k, 3) and (n,)
-        Bounding spheres, and corners of bounding polytopes less `center`, world units.
-    eye, up : array_like, shape (3,)
-        The eye in world units, outside of all objects, and the camera's upward direction.
-    toward : array_like, shape (3,), optional
-        In a parallel view, the unit vector toward the eye.
-
-    Returns
-    -------
-    Card
-        Of the smallest rectangles that hold the corners as the eye sees them.
-
-    Examples
-    --------
-    >>> from pvibr.maths.impostors import box_corners, fit_cards
-    >>> box = box_corners(np.eye(3)[None])
-    >>> card = fit_cards(np.zeros((1, 3)), box, np.ones(1), [0, 0, 3], [0, 1, 0])
-    >>> card.high[0].tolist(), float(card.depth[0])
-    ([1.5, 1.5], 1.0)
+    `corners` (n, k, 3) are relative to the centres; `toward` the eye, for a parallel view.
     """
-    out = (
+    to_eye = (
         np.asarray(eye, float) - center
         if toward is None
         else np.broadcast_to(toward, center.shape)
     )
-    away = np.linalg.norm(out, axis=1)
-    back = out / away[:, None]
-    axes = _facing(back, np.asarray(up, float))
+    away = np.linalg.norm(to_eye, axis=1)
+    eye_direction = to_eye / away[:, None]
+    axes = _facing(eye_direction, np.asarray(up, float))
     x, y, z = np.einsum('nij,nkj->ink', axes, corners)
     if toward is None:
-        scale = away[:, None] / (away[:, None] - z)
-        x, y = x * scale, y * scale
+        perspective_scale = away[:, None] / (away[:, None] - z)
+        x, y = x * perspective_scale, y * perspective_scale
     else:
         away = np.ones_like(away)
     sides = np.stack([x, y], -1)
     depth = np.minimum(np.abs(z).max(1), radius)
-    return Card(center, out, axes, sides.min(1), sides.max(1), away, depth)
+    return Card(center, to_eye, axes, sides.min(1), sides.max(1), away, depth)
 
 
-def _facing(back, up):
+def _facing(eye_direction, up):
     """Return right, up and back, (n, 3, 3), as upright as possible."""
-    other = np.eye(3)[np.argmin(np.abs(back), axis=1)]
-    steep = np.abs(back @ up) > 0.999 * np.linalg.norm(up)
-    right = np.cross(np.where(steep[:, None], other, up), back)
+    least_axis = np.eye(3)[np.argmin(np.abs(eye_direction), axis=1)]
+    is_steep = np.abs(eye_direction @ up) > 0.999 * np.linalg.norm(up)
+    right = np.cross(np.where(is_steep[:, None], least_axis, up), eye_direction)
     right /= np.linalg.norm(right, axis=1)[:, None]
-    return np.stack([right, np.cross(back, right), back], axis=1)
+    return np.stack([right, np.cross(eye_direction, right), eye_direction], axis=1)
 
 
-def card_view(card, k, pad, *, parallel=False) -> View:
-    """Return the view in which the image of a card is drawn.
-
-    Parameters
-    ----------
-    card, k : Card and int
-        Cards, and the index of one.
-    pad : array_like, shape (2,)
-        Margins at either side of the rectangle, world units on the card.
-    parallel : bool, optional
-        Whether the card is that of a parallel view.
-
-    Returns
-    -------
-    View
-        Of the rectangle and the object's depth.
-    """
-    axes, low, high = card.axes[k], card.low[k] - pad, card.high[k] + pad
-    reach = 1.001 * card.depth[k]
-    away = 3.0 * reach if parallel else card.away[k]
-    near, far = away - reach, away + reach
-    world = np.eye(4)
-    world[:3, :3] = axes
-    world[:3, 3] = -axes @ (card.center[k] + away * axes[2])
+def card_view(card, card_index, pad, *, parallel=False) -> View:
+    """Return the view in which the image of card `k` is drawn, with a margin in world units."""
+    axes = card.axes[card_index]
+    low = card.low[card_index] - pad
+    high = card.high[card_index] + pad
+    half_depth = 1.001 * card.depth[card_index]
+    eye_distance = 3.0 * half_depth if parallel else card.away[card_index]
+    near, far = eye_distance - half_depth, eye_distance + half_depth
+    view_from_world = np.eye(4)
+    view_from_world[:3, :3] = axes
+    view_from_world[:3, 3] = -axes @ (card.center[card_index] + eye_distance * axes[2])
     if parallel:
-        clip = np.zeros((4, 4))
-        clip[[0, 1], [0, 1]], clip[[0, 1], [3, 3]] = 2 / (high - low), -(high + low) / (high - low)
-        clip[2, 2:] = -2 / (far - near), -(far + near) / (far - near)
-        clip[3, 3] = 1.0
+        clip_from_view = np.zeros((4, 4))
+        clip_from_view[[0, 1], [0, 1]] = 2 / (high - low)
+        clip_from_view[[0, 1], [3, 3]] = -(high + low) / (high - low)
+        clip_from_view[2, 2:] = -2 / (far - near), -(far + near) / (far - near)
+        clip_from_view[3, 3] = 1.0
     else:
-        clip = frustum(low, high, near, far, away)
-    return View(world, clip, float(near), float(far), parallel)
+        clip_from_view = frustum(low, high, near, far, eye_distance)
+    return View(view_from_world, clip_from_view, float(near), float(far), parallel)
 
 
 def displacement(card, eye, toward=None) -> np.ndarray:
-    """Return the maximum angle at the eye between a point of an object and its image on the card.
+    """Return the largest angle between a point and its image on the card, seen from `eye`, (n,).
 
-    Schaufler's errors of moving sideways and nearer at once; largest at the near side, in the
-    middle or at the rim.
-
-    Parameters
-    ----------
-    card : Card
-        Of n objects.
-    eye : array_like, shape (3,)
-        Present position of the eye, world units.
-    toward : array_like, shape (3,), optional
-        In a parallel view, the unit vector toward the eye.
-
-    Returns
-    -------
-    numpy.ndarray, shape (n,)
-        Radians; world units in a parallel view; inf where the eye is within the object's depth.
-
-    Examples
-    --------
-    >>> from pvibr.maths.impostors import box_corners, displacement, fit_cards
-    >>> box = box_corners(np.eye(3)[None])
-    >>> card = fit_cards(np.zeros((1, 3)), box, np.ones(1), [0, 0, 9], [0, 1, 0])
-    >>> displacement(card, [0, 0, 9]).round(6).tolist()
-    [0.0]
+    Radians; world units in a parallel view; inf where the eye is within the object's depth.
     """
-    places = card.low[:, None] + _SHARES * (card.high - card.low)[:, None]
-    on_card = places @ card.axes[:, :2]
+    rect_points = card.low[:, None] + _SHARES * (card.high - card.low)[:, None]
+    card_points = rect_points @ card.axes[:, :2]
     if toward is not None:
-        moved = card.depth[:, None] * card.axes[:, 2]
-        return np.linalg.norm(np.cross(moved, toward), axis=1)
-    ray = (card.eye[:, None] - on_card) / card.away[:, None, None]
-    now = np.asarray(eye, float) - card.center
-    seen = on_card - now[:, None]
-    point = seen + card.depth[:, None, None] * ray
-    across = np.linalg.norm(np.cross(seen, point), axis=2)
-    along = np.einsum('nki,nki->nk', seen, point)
-    ahead = np.einsum('ni,ni->n', now, card.axes[:, 2]) > card.depth
-    return np.where(ahead, np.arctan2(across, along).max(1), np.inf)
+        depth_offsets = card.depth[:, None] * card.axes[:, 2]
+        return np.linalg.norm(np.cross(depth_offsets, toward), axis=1)
+    eye_rays = (card.eye[:, None] - card_points) / card.away[:, None, None]
+    eye_offsets = np.asarray(eye, float) - card.center
+    image_directions = card_points - eye_offsets[:, None]
+    point_directions = image_directions + card.depth[:, None, None] * eye_rays
+    cross_lengths = np.linalg.norm(np.cross(image_directions, point_directions), axis=2)
+    dot_products = np.einsum('nki,nki->nk', image_directions, point_directions)
+    is_ahead = np.einsum('ni,ni->n', eye_offsets, card.axes[:, 2]) > card.depth
+    return np.where(is_ahead, np.arctan2(cross_lengths, dot_products).max(1), np.inf)
 
 
-def stretch_of(middle, radius, tangent) -> np.ndarray:
-    """Return the magnification of small angles on the screen, relative to its centre.
+def stretch_of(view_centers, radius, tangent) -> np.ndarray:
+    """Return the magnification of small angles off the screen's centre, (n,), 1 or more.
 
-    Parameters
-    ----------
-    middle, radius : numpy.ndarray, shape (n, 3) and (n,)
-        Bounding spheres in view space.
-    tangent : float
-        Tangent of the angle between the view's axis and the corners of the screen.
-
-    Returns
-    -------
-    numpy.ndarray, shape (n,)
-        1 or more.
+    `tangent` is that of the angle between the view's axis and a corner of the screen.
     """
-    ahead = np.maximum(-middle[:, 2], 1e-300)
-    slope = (np.linalg.norm(middle[:, :2], axis=1) + radius) / ahead
-    return 1.0 + np.minimum(slope, tangent) ** 2
+    view_depths = np.maximum(-view_centers[:, 2], 1e-300)
+    edge_slopes = (np.linalg.norm(view_centers[:, :2], axis=1) + radius) / view_depths
+    return 1.0 + np.minimum(edge_slopes, tangent) ** 2

@@ -1,4 +1,4 @@
-"""Interpolation weights of key frames: numpy only, float64."""
+"""Interpolation weights of key frames."""
 
 from __future__ import annotations
 
@@ -7,157 +7,61 @@ import numpy as np
 from pvibr.maths.arguments import check_finite, check_one_of
 from pvibr.maths.vectors import unit_vectors
 
+#: Kinds of interpolation, and how many frames each blends.
 SLOTS = {'step': 1, 'linear': 2, 'quadratic': 3, 'cubic': 4}
-"""Kinds of interpolation, and how many frames each shows at a time."""
 
-_SAME = 1e-6  # of the span: a gap from last to first that is only rounding
+_SAME = 1e-6  # of the span: a gap from last to first key that is only rounding
 
 
 def frame_weights(keys, times, interpolation='linear', period=None):
-    """Return the key frames blended at given times, and their weights.
+    """Return the key frames blended at times, and their weights of sum 1, (..., k) for k slots.
 
-    'step' shows the last frame that began; 'linear' is ``(1 - w) A + w B``; 'quadratic' is the
-    parabola through the frame before and the two around the time, continuous but not smooth at
-    frames; 'cubic' is the Catmull-Rom spline for non-uniform keys as a blend of two parabolas
-    (Overhauser, "Analytic definition of curves and surfaces by parabolic blending", 1968): smooth,
-    and exact for motions of degree 2.
-
-    Parameters
-    ----------
-    keys : array_like, shape (f,)
-        Times of the frames in seconds, increasing.
-    times : array_like, any shape
-        Seconds; clamped to the keys unless there is a period.
-    interpolation : str
-        'step', 'linear', 'quadratic' or 'cubic': 1 to 4 frames at a time.
-    period : float, optional
-        Seconds from the first frame until it is shown again, at least those from the first key to
-        the last; if equal, the last frame stands for the first and is left out.
-
-    Returns
-    -------
-    tuple of 2 numpy.ndarray, shape (..., k), int64 and float64
-        Frames and their weights, of sum 1 and, beyond 'linear', of either sign.
-
-    Raises
-    ------
-    ValueError
-        If keys are invalid (see :func:`checked_keys`), times are not finite, the interpolation is
-        unknown or the period is too short.
-
-    Examples
-    --------
-    >>> from pvibr.maths.keyframes import frame_weights
-    >>> frame_weights([0.0, 1.0, 3.0], 3.5, period=4.0)  # between the last and the first
-    (array([2, 0]), array([0.5, 0.5]))
+    'cubic' is Overhauser's blend of two parabolas, "Analytic definition of curves and surfaces by
+    parabolic blending", 1968; a `period` equal to the span drops the last frame.
     """
     keys = checked_keys(keys)
     check_one_of('interpolation', interpolation, SLOTS)
     times = np.asarray(times, dtype=np.float64)
     check_finite('times', times)
-    line = _Line(keys) if period is None else _Ring(keys, period)
-    indices, weights = _WEIGHTS[line.degree(interpolation)](line, line.local(times))
-    # Whoever draws counts on k columns, however few frames there are.
-    missing = SLOTS[interpolation] - weights.shape[-1]
-    ends = [(0, 0)] * times.ndim + [(0, missing)]
-    return line.frames(np.pad(indices, ends, mode='edge')), np.pad(weights, ends)
+    timeline = _Line(keys) if period is None else _Ring(keys, period)
+    indices, weights = _WEIGHTS[timeline.degree(interpolation)](timeline, timeline.local(times))
+    # The renderer expects k columns, however few frames there are.
+    padding = SLOTS[interpolation] - weights.shape[-1]
+    pad_widths = [(0, 0)] * times.ndim + [(0, padding)]
+    return timeline.frames(np.pad(indices, pad_widths, mode='edge')), np.pad(weights, pad_widths)
 
 
 def checked_keys(keys, name='keys'):
-    """Return increasing times of keys as an array.
-
-    Parameters
-    ----------
-    keys : array_like, shape (f,)
-        Times in seconds.
-    name : str
-        Name of the argument in errors.
-
-    Returns
-    -------
-    numpy.ndarray, shape (f,), float64
-        The keys.
-
-    Raises
-    ------
-    ValueError
-        If they are empty, not finite or not increasing.
-
-    Examples
-    --------
-    >>> from pvibr.maths.keyframes import checked_keys
-    >>> checked_keys([0, 1, 4]).tolist()
-    [0.0, 1.0, 4.0]
-    """
+    """Return finite, increasing times of keys as an array, (f,)."""
     keys = np.asarray(keys, dtype=np.float64)
     if keys.ndim != 1 or not keys.size:
-        raise ValueError(
-            f'{name} has the shape {keys.shape}; it must be (f,), with at least one time.'
-        )
+        raise ValueError(f'{name} must have shape (f,) with at least one time, got {keys.shape}')
     check_finite(name, keys)
-    bad = np.flatnonzero(np.diff(keys) <= 0)
-    if bad.size:
-        i = bad[0] + 1
+    not_increasing = np.flatnonzero(np.diff(keys) <= 0)
+    if not_increasing.size:
+        index = not_increasing[0] + 1
         raise ValueError(
-            f'{name}[{i}] is {keys[i]} after {keys[i - 1]}; times of keys must increase.'
+            f'{name} must increase, got {keys[index]} after {keys[index - 1]} at {name}[{index}]'
         )
     return keys
 
 
 def blend(frames, indices, weights):
-    """Return the weighted sum of frames.
-
-    Parameters
-    ----------
-    frames : array_like, shape (f, ...)
-        Values of each frame.
-    indices, weights : array_like, shape (..., k)
-        Frames and their weights.
-
-    Returns
-    -------
-    numpy.ndarray, shape (..., ...), float64
-        One sum for each row of indices.
-
-    Examples
-    --------
-    >>> from pvibr.maths.keyframes import blend
-    >>> blend([[0.0, 8.0], [4.0, 0.0]], [0, 1], [0.75, 0.25]).tolist()
-    [1.0, 6.0]
-    """
+    """Return the weighted sum of frames (f, ...) for each row of indices (..., k)."""
     frames = np.asarray(frames)
     weights = np.asarray(weights, dtype=np.float64)
     indices, weights = np.broadcast_arrays(indices, weights)
     weights = weights.reshape(weights.shape + (1,) * (frames.ndim - 1))
-    lead = indices.ndim - 1
-    # Slot after slot: all at once would hold k times as much.
-    total = np.zeros(indices.shape[:-1] + frames.shape[1:])
+    slot_axis = indices.ndim - 1
+    # Slot by slot: all at once would need k times the memory.
+    weighted_sum = np.zeros(indices.shape[:-1] + frames.shape[1:])
     for slot in range(indices.shape[-1]):
-        total += np.take(weights, slot, axis=lead) * frames[indices[..., slot]]
-    return total
+        weighted_sum += np.take(weights, slot, axis=slot_axis) * frames[indices[..., slot]]
+    return weighted_sum
 
 
 def blend_directions(frames, indices, weights):
-    """Return the weighted sum of the directions of frames, normalised.
-
-    Parameters
-    ----------
-    frames : array_like, shape (f, ..., 3)
-        Normals or other directions of each frame.
-    indices, weights : array_like, shape (..., k)
-        Frames and their weights.
-
-    Returns
-    -------
-    numpy.ndarray, shape (..., ..., 3), float64
-        Unit vectors; zero where the sum vanishes.
-
-    Examples
-    --------
-    >>> from pvibr.maths.keyframes import blend_directions
-    >>> blend_directions([[[4.0, 0.0, 0.0]], [[0.0, 4.0, 0.0]]], [0, 1], [0.5, 0.5]).tolist()
-    [[0.707..., 0.707..., 0.0]]
-    """
+    """Return the normalized weighted sum of directions of frames; zero where it vanishes."""
     return unit_vectors(blend(frames, indices, weights))
 
 
@@ -169,7 +73,7 @@ class _Line:
 
     def degree(self, interpolation):
         """Return the requested degree, limited by the number of keys."""
-        # A cubic is made of parabolas, so that three keys are enough.
+        # A cubic is made of parabolas, so three keys suffice.
         return min(SLOTS[interpolation] - 1, self.last if self.last < 2 else 3)
 
     def local(self, times):
@@ -177,102 +81,102 @@ class _Line:
 
     def segment(self, times):
         """Return the numbers of the keys before times."""
-        before = np.searchsorted(self.keys, times, side='right') - 1
-        return np.clip(before, 0, max(self.last - 1, 0))
+        last_begun = np.searchsorted(self.keys, times, side='right') - 1
+        return np.clip(last_begun, 0, max(self.last - 1, 0))
 
     def began(self, times):
         return np.searchsorted(self.keys, times, side='right') - 1
 
-    def key(self, numbers):
-        return self.keys[numbers]
+    def key(self, key_numbers):
+        return self.keys[key_numbers]
 
-    def around(self, numbers):
-        """Return the first of the three keys of the parabola at a key."""
-        return np.clip(numbers - 1, 0, self.last - 2)
+    def around(self, key_numbers):
+        """Return the first of the three keys of a key's parabola."""
+        return np.clip(key_numbers - 1, 0, self.last - 2)
 
-    def frames(self, numbers):
-        return np.minimum(numbers, self.last)
+    def frames(self, key_numbers):
+        return np.minimum(key_numbers, self.last)
 
 
 class _Ring:
     """Keys of a periodic clip, numbered from minus to plus infinity."""
 
     def __init__(self, keys, period):
-        span = keys[-1] - keys[0]
-        if not span <= period < np.inf or period <= 0:
+        key_span = keys[-1] - keys[0]
+        if not key_span <= period < np.inf or period <= 0:
             raise ValueError(
-                f'period is {period}; it must be positive, at least {span} (first to last key).'
+                f'period must be positive and at least {key_span}, first to last key, got {period}'
             )
-        self.keys = keys[:-1] if period - span <= _SAME * span else keys
+        self.keys = keys[:-1] if period - key_span <= _SAME * key_span else keys
         self.period = period
 
     def degree(self, interpolation):
         return SLOTS[interpolation] - 1
 
     def local(self, times):
-        start = self.keys[0]
-        # The remainder of a tiny negative time rounds up to the period.
-        turned = np.mod(times - start, self.period)
-        return start + np.where(turned < self.period, turned, 0.0)
+        first_key = self.keys[0]
+        # The remainder of a tiny negative time may round up to the period.
+        phases = np.mod(times - first_key, self.period)
+        return first_key + np.where(phases < self.period, phases, 0.0)
 
     def segment(self, times):
         return np.maximum(np.searchsorted(self.keys, times, side='right') - 1, 0)
 
     began = segment
 
-    def key(self, numbers):
-        turns, frames = np.divmod(numbers, len(self.keys))
-        return self.keys[frames] + turns * self.period
+    def key(self, key_numbers):
+        turn_count, frames = np.divmod(key_numbers, len(self.keys))
+        return self.keys[frames] + turn_count * self.period
 
-    def around(self, numbers):
-        return numbers - 1
+    def around(self, key_numbers):
+        return key_numbers - 1
 
-    def frames(self, numbers):
-        return np.mod(numbers, len(self.keys))
-
-
-def _step(line, times):
-    first = line.began(times)
-    return first[..., None], np.ones((*times.shape, 1))
+    def frames(self, key_numbers):
+        return np.mod(key_numbers, len(self.keys))
 
 
-def _linear(line, times):
-    first = line.segment(times)
-    w = _part(line, first, times)
-    return first[..., None] + np.arange(2), np.stack([1 - w, w], axis=-1)
+def _step(timeline, times):
+    last_begun = timeline.began(times)
+    return last_begun[..., None], np.ones((*times.shape, 1))
 
 
-def _quadratic(line, times):
-    start = line.around(line.segment(times))
-    return start[..., None] + np.arange(3), _parabola(line, start, times)
+def _linear(timeline, times):
+    start_key = timeline.segment(times)
+    end_share = _part(timeline, start_key, times)
+    return start_key[..., None] + np.arange(2), np.stack([1 - end_share, end_share], axis=-1)
 
 
-def _cubic(line, times):
-    first = line.segment(times)
-    w = _part(line, first, times)[..., None]
-    start, end = line.around(first), line.around(first + 1)
+def _quadratic(timeline, times):
+    first_key = timeline.around(timeline.segment(times))
+    return first_key[..., None] + np.arange(3), _parabola(timeline, first_key, times)
+
+
+def _cubic(timeline, times):
+    segment_start = timeline.segment(times)
+    end_share = _part(timeline, segment_start, times)[..., None]
+    first_key, second_key = timeline.around(segment_start), timeline.around(segment_start + 1)
     weights = np.zeros((*times.shape, 4))
-    weights[..., :3] = (1 - w) * _parabola(line, start, times)
-    ahead = w * _parabola(line, end, times)
-    # At the ends of a line both parabolas are the same one.
-    same = (end == start)[..., None]
-    weights[..., :3] += np.where(same, ahead, 0.0)
-    weights[..., 1:] += np.where(same, 0.0, ahead)
-    return start[..., None] + np.arange(4), weights
+    weights[..., :3] = (1 - end_share) * _parabola(timeline, first_key, times)
+    end_weights = end_share * _parabola(timeline, second_key, times)
+    # At either end of a line both parabolas are the same.
+    is_same = (second_key == first_key)[..., None]
+    weights[..., :3] += np.where(is_same, end_weights, 0.0)
+    weights[..., 1:] += np.where(is_same, 0.0, end_weights)
+    return first_key[..., None] + np.arange(4), weights
 
 
-_WEIGHTS = (_step, _linear, _quadratic, _cubic)
+_WEIGHTS = _step, _linear, _quadratic, _cubic
 
 
-def _part(line, first, times):
+def _part(timeline, start_key, times):
     """Return the fractions of times between two keys, 0 to 1."""
-    a, b = line.key(first), line.key(first + 1)
-    return (times - a) / (b - a)
+    start_time, end_time = timeline.key(start_key), timeline.key(start_key + 1)
+    return (times - start_time) / (end_time - start_time)
 
 
-def _parabola(line, start, times):
+def _parabola(timeline, first_key, times):
     """Return the weights of three keys in the parabola through them."""
-    a, b, c = (line.key(start + i) for i in range(3))
+    a, b, c = (timeline.key(first_key + i) for i in range(3))
     to_a, to_b, to_c = times - a, times - b, times - c
     weights = [
         to_b * to_c / ((a - b) * (a - c)),

@@ -10,297 +10,140 @@ import numpy as np
 
 from pvibr.maths.views import corners
 
-# Corners that have an edge of a box between them: those whose numbers differ in one bit.
+# Corners joined by an edge of a box: their numbers differ in one bit.
 _EDGES = np.array([(i, i | 1 << k) for i in range(8) for k in range(3) if not i >> k & 1])
 _TINY = 1e-12
 
 
 def to_screen(clip, size) -> tuple[np.ndarray, np.ndarray]:
-    """Return the pixels of points in clip space, and which are in front of the eye.
-
-    Parameters
-    ----------
-    clip : numpy.ndarray, shape (n, 4)
-        Homogeneous points.
-    size : tuple of 2 int
-        Width and height of the screen, pixels.
-
-    Returns
-    -------
-    tuple of 2 numpy.ndarray, shape (n, 2), and (n,) of bool
-        Pixels, and whether the points are beyond the near plane; pixels of others are undefined.
-    """
-    w = clip[:, 3]
-    ahead = (w > _TINY) & (clip[:, 2] >= -w)
-    ndc = clip[:, :2] / np.where(ahead, w, 1.0)[:, None]
-    return (ndc + 1) / 2 * size, ahead
+    """Return the pixels of clip space points (n, 4), and which are beyond the near plane."""
+    clip_w = clip[:, 3]
+    in_front = (clip_w > _TINY) & (clip[:, 2] >= -clip_w)
+    ndc = clip[:, :2] / np.where(in_front, clip_w, 1.0)[:, None]
+    return (ndc + 1) / 2 * size, in_front
 
 
 def extents(clip_from_world, bounds, size) -> np.ndarray:
-    """Return the rectangles of boxes on the screen and beyond it, clipped by the near plane.
+    """Return the pixel rectangles (left, bottom, right, top) of boxes, clipped by the near plane.
 
-    Parameters
-    ----------
-    clip_from_world : numpy.ndarray, shape (4, 4)
-        Of the view.
-    bounds : array_like, shape (n, 6)
-        World units.
-    size : tuple of 2 int
-        Width and height of the screen, pixels.
-
-    Returns
-    -------
-    numpy.ndarray, shape (n, 4)
-        Left, bottom, right and top in pixels; left above right for boxes behind the eye.
-
-    Examples
-    --------
-    >>> from pvibr.maths.layers import extents
-    >>> extents(np.diag([1.0, 1, -1, 1]), [[-0.5, 0.5, -2, 0, 0, 0.5]], (100, 100)).tolist()
-    [[25.0, -50.0, 75.0, 50.0]]
+    Boxes are (n, 6) in world units; left is above right for those behind the eye.
     """
-    points = corners(bounds)
-    clip = points @ clip_from_world[:, :3].T + clip_from_world[:, 3]
-    room = clip[..., 2] + clip[..., 3]  # 0 on the near plane
-    first, second = clip[:, _EDGES[:, 0]], clip[:, _EDGES[:, 1]]
-    a, b = room[:, _EDGES[:, 0]], room[:, _EDGES[:, 1]]
-    crosses = (a > 0) != (b > 0)
-    share = np.where(crosses, a / np.where(crosses, a - b, 1.0), 0.0)[..., None]
-    found = np.concatenate([clip, first + share * (second - first)], 1)
-    use = np.concatenate([room > 0, crosses], 1) & (found[..., 3] > _TINY)
-    at = found[..., :2] / np.where(use, found[..., 3], 1.0)[..., None]
-    at = (at + 1) / 2 * np.asarray(size, float)
-    low = np.where(use[..., None], at, np.inf).min(1)
-    high = np.where(use[..., None], at, -np.inf).max(1)
-    return np.concatenate([low, high], 1)
+    box_corners = corners(bounds)
+    clip_corners = box_corners @ clip_from_world[:, :3].T + clip_from_world[:, 3]
+    near_distance = clip_corners[..., 2] + clip_corners[..., 3]  # 0 on the near plane
+    starts, ends = clip_corners[:, _EDGES[:, 0]], clip_corners[:, _EDGES[:, 1]]
+    room_a, room_b = near_distance[:, _EDGES[:, 0]], near_distance[:, _EDGES[:, 1]]
+    crosses = (room_a > 0) != (room_b > 0)
+    share = np.where(crosses, room_a / np.where(crosses, room_a - room_b, 1.0), 0.0)[..., None]
+    clip_points = np.concatenate([clip_corners, starts + share * (ends - starts)], 1)
+    is_valid = np.concatenate([near_distance > 0, crosses], 1) & (clip_points[..., 3] > _TINY)
+    screen_points = clip_points[..., :2] / np.where(is_valid, clip_points[..., 3], 1.0)[..., None]
+    screen_points = (screen_points + 1) / 2 * np.asarray(size, float)
+    lower_left = np.where(is_valid[..., None], screen_points, np.inf).min(1)
+    upper_right = np.where(is_valid[..., None], screen_points, -np.inf).max(1)
+    return np.concatenate([lower_left, upper_right], 1)
 
 
 def part_of(clip_from_view, size, rect) -> np.ndarray:
-    """Return the projection of a rectangle of the screen, or beyond it.
-
-    Parameters
-    ----------
-    clip_from_view : numpy.ndarray, shape (4, 4)
-        The screen's.
-    size : tuple of 2 int
-        Width and height of the screen, pixels.
-    rect : sequence of 4 float
-        Left, bottom, right and top, pixels.
-
-    Returns
-    -------
-    numpy.ndarray, shape (4, 4)
-        Of the same depth.
-
-    Examples
-    --------
-    >>> from pvibr.maths.layers import part_of
-    >>> (part_of(np.eye(4), (100, 100), (0, 0, 50, 100)) @ [-0.5, 0, 0, 1]).tolist()
-    [0.0, 0.0, 0.0, 1.0]
-    """
-    out = np.array(clip_from_view, float)
-    for k in range(2):
-        span = rect[2 + k] - rect[k]
-        out[k] *= size[k] / span
-        out[k] += ((size[k] - 2 * rect[k]) / span - 1) * np.asarray(clip_from_view)[3]
-    return out
+    """Return the projection of a pixel rectangle of the screen, or beyond it, (4, 4)."""
+    part = np.array(clip_from_view, float)
+    for axis in range(2):
+        span = rect[2 + axis] - rect[axis]
+        part[axis] *= size[axis] / span
+        part[axis] += ((size[axis] - 2 * rect[axis]) / span - 1) * np.asarray(clip_from_view)[3]
+    return part
 
 
 def moved(warp, points) -> np.ndarray:
-    """Return warped points.
-
-    Parameters
-    ----------
-    warp : numpy.ndarray, shape (3, 3)
-        See the module.
-    points : numpy.ndarray, shape (n, 2)
-        Pixels.
-
-    Returns
-    -------
-    numpy.ndarray, shape (n, 2)
-        Pixels; inf on or beyond the horizon.
-    """
-    out = points @ warp[:, :2].T + warp[:, 2]
-    ahead = out[:, 2:] > _TINY
-    return np.where(ahead, out[:, :2] / np.where(ahead, out[:, 2:], 1.0), np.inf)
+    """Return warped points, (n, 2) in pixels; inf on or beyond the horizon."""
+    warped = points @ warp[:, :2].T + warp[:, 2]
+    in_front = warped[:, 2:] > _TINY
+    return np.where(in_front, warped[:, :2] / np.where(in_front, warped[:, 2:], 1.0), np.inf)
 
 
 def fit_affine(source, target) -> np.ndarray:
-    """Return the affine warp between points, by least squares.
-
-    Directions that the points do not determine are kept.
-
-    Parameters
-    ----------
-    source, target : numpy.ndarray, shape (n, 2)
-        Pixels.
-
-    Returns
-    -------
-    numpy.ndarray, shape (3, 3)
-        The warp; the identity without points.
-
-    Examples
-    --------
-    >>> from pvibr.maths.layers import fit_affine
-    >>> square = np.array([[0.0, 0], [9, 0], [9, 9], [0, 9]])
-    >>> fit_affine(square, 2 * square + 3).round(9).tolist()
-    [[2.0, 0.0, 3.0], [0.0, 2.0, 3.0], [0.0, 0.0, 1.0]]
-    """
+    """Return the affine warp between points (n, 2) by least squares; free directions stay."""
     warp = np.eye(3)
     if not len(source):
         return warp
-    middle, there = source.mean(0), target.mean(0)
-    x = source - middle
-    warp[:2, :2] += _solved(x, (target - there) - x).T
-    warp[:2, 2] = there - warp[:2, :2] @ middle
+    source_center, target_center = source.mean(0), target.mean(0)
+    source_offsets = source - source_center
+    warp[:2, :2] += _solved(source_offsets, (target - target_center) - source_offsets).T
+    warp[:2, 2] = target_center - warp[:2, :2] @ source_center
     return warp
 
 
 def _solved(x, y):
     """Return the least squares solution of x @ a = y, zero where x spreads less than a pixel."""
     values, axes = np.linalg.eigh(x.T @ x)
-    good = values > len(x)
-    return (axes[:, good] / values[good]) @ axes[:, good].T @ (x.T @ y)
+    is_determined = values > len(x)
+    return (axes[:, is_determined] / values[is_determined]) @ axes[:, is_determined].T @ (x.T @ y)
 
 
 def fit_plane(pixels, inverse_depth) -> np.ndarray:
-    """Return the plane of points in a picture, by least squares.
+    """Return the plane (3,) of points in a picture, by least squares.
 
-    Parameters
-    ----------
-    pixels, inverse_depth : numpy.ndarray, shape (n, 2) and (n,)
-        Pixels, and inverse distances along the view (distances in a parallel view): on a plane
-        they are linear in pixels.
-
-    Returns
-    -------
-    numpy.ndarray, shape (3,)
-        Its product with a homogeneous pixel is the inverse depth.
+    Its product with a homogeneous pixel is the inverse depth (the depth in a parallel view).
     """
     if not len(pixels):
         return np.zeros(3)
-    middle = pixels.mean(0)
-    x, y = pixels - middle, inverse_depth - inverse_depth.mean()
-    slope = _solved(x, y)
-    return np.array([*slope, inverse_depth.mean() - slope @ middle])
+    pixel_center = pixels.mean(0)
+    pixel_offsets, depth_offsets = pixels - pixel_center, inverse_depth - inverse_depth.mean()
+    depth_slope = _solved(pixel_offsets, depth_offsets)
+    return np.array([*depth_slope, inverse_depth.mean() - depth_slope @ pixel_center])
 
 
 def plane_warp(clip_from_view, view_from_pixel, plane, size, *, parallel) -> np.ndarray:
     """Return the warp of a plane to another view: exact for it, and for all if the eye stays.
 
-    Parameters
-    ----------
-    clip_from_view : numpy.ndarray, shape (4, 4)
-        Present clip space from past view space.
-    view_from_pixel : numpy.ndarray, shape (3, 3)
-        Takes a homogeneous past pixel to the point at distance 1, or its x and y if parallel.
-    plane : numpy.ndarray, shape (3,)
-        See :func:`fit_plane`.
-    size : tuple of 2 int
-        Present width and height of the screen, pixels.
-    parallel : bool
-        Whether the past view was parallel.
-
-    Returns
-    -------
-    numpy.ndarray, shape (3, 3)
-        The warp.
+    `view_from_pixel` gives the past point at distance 1; `plane` is that of :func:`fit_plane`.
     """
-    one = np.array([0.0, 0.0, 1.0])
-    rows = [-plane, one] if parallel else [-one, plane]
-    points = np.concatenate([view_from_pixel[:2], rows])
-    x, y, _, w = np.asarray(clip_from_view) @ points
+    unit_row = np.array([0.0, 0.0, 1.0])
+    depth_rows = [-plane, unit_row] if parallel else [-unit_row, plane]
+    view_from_picture = np.concatenate([view_from_pixel[:2], depth_rows])
+    x, y, _, w = np.asarray(clip_from_view) @ view_from_picture
     return np.stack([(x + w) / 2 * size[0], (y + w) / 2 * size[1], w])
 
 
-def stretch(warp, at) -> tuple[float, float]:
-    """Return the largest and the smallest magnification of a warp around a pixel.
-
-    Parameters
-    ----------
-    warp : numpy.ndarray, shape (3, 3)
-        See the module.
-    at : array_like, shape (2,)
-        A pixel of the picture.
-
-    Returns
-    -------
-    tuple of 2 float
-        1 where nothing changes.
-    """
-    x, y, w = warp @ [*at, 1.0]
+def stretch(warp, pixel) -> tuple[float, float]:
+    """Return the largest and the smallest magnification of a warp at a pixel."""
+    x, y, w = warp @ [*pixel, 1.0]
     if w <= _TINY:
         return np.inf, 0.0
-    slope = (warp[:2, :2] - np.outer([x / w, y / w], warp[2, :2])) / w
-    longest, shortest = np.linalg.svd(slope, compute_uv=False)
+    jacobian = (warp[:2, :2] - np.outer([x / w, y / w], warp[2, :2])) / w
+    longest, shortest = np.linalg.svd(jacobian, compute_uv=False)
     return float(longest), float(shortest)
 
 
 def reaches(warp, rect, open_sides, size) -> bool:
-    """Return True if a picture covers the screen wherever it was cut off.
-
-    Parameters
-    ----------
-    warp : numpy.ndarray, shape (3, 3)
-        From the picture to the screen.
-    rect : sequence of 4 float
-        Left, bottom, right and top of the picture, pixels.
-    open_sides : sequence of 4 bool
-        Sides at which the picture was cut off.
-    size : tuple of 2 int
-        Width and height of the screen, pixels.
-    """
+    """Return whether a picture covers the screen at each side where it was cut off."""
     if not any(open_sides):
         return True
     if abs(np.linalg.det(warp)) < _TINY:
         return False
     (w, h), back = size, np.linalg.inv(warp)
     back = back * np.sign(back[2] @ [w / 2, h / 2, 1.0] or 1.0)
-    screen = moved(back, np.array([[0.0, 0.0], [w, 0.0], [w, h], [0.0, h]]))
-    if not np.isfinite(screen).all():
+    screen_corners = moved(back, np.array([[0.0, 0.0], [w, 0.0], [w, h], [0.0, h]]))
+    if not np.isfinite(screen_corners).all():
         return False
-    low, high = screen.min(0), screen.max(0)
-    within = low[0] >= rect[0], low[1] >= rect[1], high[0] <= rect[2], high[1] <= rect[3]
-    return all(ok or not is_open for ok, is_open in zip(within, open_sides, strict=True))
+    low, high = screen_corners.min(0), screen_corners.max(0)
+    reached = low[0] >= rect[0], low[1] >= rect[1], high[0] <= rect[2], high[1] <= rect[3]
+    return all(ok or not is_open for ok, is_open in zip(reached, open_sides, strict=True))
 
 
 def split_by_depth(nearest, farthest, count, *, ratio=True) -> np.ndarray:
-    """Return the depth layers of boxes.
+    """Return the depth layer of each box, from 0, the nearest; `count` for very long boxes.
 
-    Layers have equal ranges of the logarithm of the distance, so of equal parallax. Boxes longer
-    than two such ranges and twice the median, as the ground, share an additional layer.
-
-    Parameters
-    ----------
-    nearest, farthest : numpy.ndarray, shape (n,)
-        Distances of each, above 0 if logarithmic.
-    count : int
-        Number of layers but the additional one.
-    ratio : bool, optional
-        Ranges of logarithms; for parallel projection, of distances.
-
-    Returns
-    -------
-    numpy.ndarray, shape (n,), int
-        Numbers from 0, the nearest; `count` for the additional layer.
-
-    Examples
-    --------
-    >>> from pvibr.maths.layers import split_by_depth
-    >>> near = np.array([1.0, 9.0, 95.0, 1.0])
-    >>> split_by_depth(near, np.array([1.5, 11.0, 105.0, 100.0]), 3).tolist()
-    [0, 1, 2, 3]
+    Layers have equal ranges of the logarithm of distance (of distance without `ratio`).
     """
     low, high = (np.log(d) if ratio else np.asarray(d, float) for d in (nearest, farthest))
-    middle = (low + high) / 2
-    # What is wide has its middle anywhere: the others say how far apart they are.
-    span = max(np.ptp(middle), _TINY) / count
-    wide = high - low > 2 * max(span, np.median(high - low)) if len(low) > 1 else high < low
-    if not (~wide).any():
+    box_middles = (low + high) / 2
+    # A wide box has its middle anywhere: only the others tell how far they spread.
+    span = max(np.ptp(box_middles), _TINY) / count
+    is_wide = high - low > 2 * max(span, np.median(high - low)) if len(low) > 1 else high < low
+    if not (~is_wide).any():
         return np.full(len(low), count)
-    start = middle[~wide].min()
-    span = max(np.ptp(middle[~wide]), _TINY) / count
-    found = np.clip(((middle - start) / span).astype(int), 0, count - 1)
-    return np.where(wide, count, found)
+    nearest_middle = box_middles[~is_wide].min()
+    span = max(np.ptp(box_middles[~is_wide]), _TINY) / count
+    layer_index = np.clip(((box_middles - nearest_middle) / span).astype(int), 0, count - 1)
+    return np.where(is_wide, count, layer_index)

@@ -73,7 +73,7 @@ class LensCamera(PosedCamera):
     def __post_init__(self):
         lens: object = self.lens
         if not isinstance(lens, Lens):
-            raise TypeError(f'lens = {lens!r:.80}: must be a Lens')
+            raise TypeError(f'lens must be a Lens, got {lens!r:.80}')
         _checks.freeze(
             self,
             size=_checks.size_of(self.size),
@@ -84,24 +84,18 @@ class LensCamera(PosedCamera):
 
     def project(self, points):
         """Project points into the picture; NaN where the lens shows nothing."""
-        moved = products(self.R, _checks.points_of(points)) + self.t
-        pixels = products(self.K[:2, :2], self.lens.image(moved)) + self.K[:2, 2]
+        camera_points = products(self.R, _checks.points_of(points)) + self.t
+        pixels = products(self.K[:2, :2], self.lens.image(camera_points)) + self.K[:2, 2]
         u, v = ((pixels + 0.5) / self.size).T
-        return np.c_[u, 1 - v], moved[:, 2]
+        return np.c_[u, 1 - v], camera_points[:, 2]
 
     def rays(self, uv):
         """Return the rays through points of the picture; NaN where the lens sees nothing."""
         u, v = np.asarray(uv, float).T
         pixels = np.c_[u, 1 - v] * self.size - 0.5
-        found = self.lens.directions((pixels - self.K[:2, 2]) @ np.linalg.inv(self.K[:2, :2]).T)
-        ahead = found @ np.linalg.inv(self.R).T
-        return np.broadcast_to(self.position, ahead.shape).copy(), ahead
-
-    def toward(self, points):
-        """Return unit vectors from points to the camera."""
-        away = self.position - _checks.points_of(points)
-        with np.errstate(invalid='ignore'):
-            return away / np.linalg.norm(away, axis=1, keepdims=True)
+        local = self.lens.directions((pixels - self.K[:2, 2]) @ np.linalg.inv(self.K[:2, :2]).T)
+        directions = local @ np.linalg.inv(self.R).T
+        return np.broadcast_to(self.position, directions.shape).copy(), directions
 
     def texel(self, points):
         """Return the size of a pixel at points, as in the middle of the picture."""
@@ -136,55 +130,57 @@ class LensCamera(PosedCamera):
         >>> bool((abs(100 * (seen - camera.project([[0.3, 0.2, 1.0]])[0])) < 0.01).all())
         True
         """
-        found, worst = self._nearest
-        if not worst <= tolerance:
+        pinhole, max_error = self._nearest
+        if not max_error <= tolerance:
             raise ValueError(
-                f'the lens {self.lens.kind!r} of a picture of {self.size[0]} x {self.size[1]} '
-                f'pixels is too wide for one pinhole camera (off by {worst:.3g} pixels): use '
-                'Photo.slides, as Projector(photo) does'
+                f'lens must fit one pinhole camera within {tolerance:g} px, got {max_error:.3g} '
+                f'for {self.lens.kind!r}; use Photo.slides, as Projector(photo) does'
             )
-        return found
+        return pinhole
 
     @cached_property
     def _nearest(self):
         """The nearest pinhole or None, and by how many pixels it is off."""
-        found = self._fitted()
-        if found is None:
+        pinhole = self._fitted()
+        if pinhole is None:
             return None, np.inf
-        points = (self._seen(41) - self.t) @ self.R  # one unit away
-        off = (found.project(points)[0] - self.project(points)[0]) * self.size
-        return found, float(np.abs(off).max())
+        unit_points = (self._directions(41) - self.t) @ self.R  # one unit away
+        pixel_errors = (pinhole.project(unit_points)[0] - self.project(unit_points)[0]) * self.size
+        return pinhole, float(np.abs(pixel_errors).max())
 
-    def _seen(self, count):
+    def _directions(self, count):
         """Return directions of a grid over the picture in the camera's axes; NaN outside."""
         u, v = np.meshgrid(*[np.linspace(0, 1, count)] * 2)
         return self.rays(np.c_[u.ravel(), v.ravel()])[1] @ self.R.T
 
     def _fitted(self):
         """Return a pinhole by linear least squares, reweighted by the denominator, or None."""
-        ahead = self._seen(32)
-        if self.lens.is_panorama or not (ahead[:, 2] > _WIDEST).all():
+        directions = self._directions(32)
+        if self.lens.is_panorama or not (directions[:, 2] > _WIDEST).all():
             return None
-        focus = self.lens.focus
-        ideal, wanted = ahead[:, :2] / ahead[:, 2:], self.lens.image(ahead) / focus
-        s = (ideal**2).sum(1)
-        unit = s.max()
-        powers = (s / unit)[:, None] ** [1, 2, 3]
-        below, (x, y) = np.ones(len(s)), ideal.T
+        focal_scale = self.lens.focus
+        ideal = directions[:, :2] / directions[:, 2:]
+        target = self.lens.image(directions) / focal_scale
+        radius_squared = (ideal**2).sum(1)
+        radius_unit = radius_squared.max()
+        powers = (radius_squared / radius_unit)[:, None] ** [1, 2, 3]
+        below, (x, y) = np.ones(len(radius_squared)), ideal.T
         for _ in range(12):
             rows = []
-            for k, twist in enumerate(([2 * x * y, s + 2 * x * x], [s + 2 * y * y, 2 * x * y])):
-                own = np.c_[ideal[:, k, None] * powers, -wanted[:, k, None] * powers]
-                rows.append(np.c_[own, np.transpose(twist) * below[:, None]] / below[:, None])
-            right = ((wanted - ideal) / below[:, None]).T.ravel()
-            found = np.linalg.lstsq(np.concatenate(rows), right, rcond=1e-14)[0]
-            below = 1 + powers @ found[3:6]
+            for k, twist in enumerate(
+                ([2 * x * y, radius_squared + 2 * x * x], [radius_squared + 2 * y * y, 2 * x * y])
+            ):
+                radial = np.c_[ideal[:, k, None] * powers, -target[:, k, None] * powers]
+                rows.append(np.c_[radial, np.transpose(twist) * below[:, None]] / below[:, None])
+            right_side = ((target - ideal) / below[:, None]).T.ravel()
+            solution = np.linalg.lstsq(np.concatenate(rows), right_side, rcond=1e-14)[0]
+            below = 1 + powers @ solution[3:6]
             if not (below > 0).all():
                 return None
-        k = found[:6] / np.tile(unit ** np.arange(1, 4), 2)
-        distortion = np.array([k[0], k[1], *found[6:], *k[2:]])
+        terms = solution[:6] / np.tile(radius_unit ** np.arange(1, 4), 2)
+        distortion = np.array([*terms[:2], *solution[6:], *terms[2:]])
         try:
-            K = self.K * [[focus, focus, 1]]
+            K = self.K * [[focal_scale, focal_scale, 1]]
             return Pinhole(K, self.R, self.t, self.size, distortion)
         except ValueError:
             return None
@@ -207,31 +203,32 @@ class LensCamera(PosedCamera):
         >>> [face.size for face in camera.faces()]
         [(132, 132), (132, 132), (132, 132), (132, 132), (132, 132), (132, 132)]
         """
-        focal = np.sqrt(np.linalg.det(self.K)) * self.lens.focus
-        ahead = self._seen(33)
-        if not self.lens.is_panorama and (ahead[:, 2] > 0.5).all():
-            return [self._undistorted(focal, ahead[:, :2] / ahead[:, 2:])]
-        side = int(min(2 * np.ceil(focal) + _OVERLAP, _LARGEST))
-        focal = min(focal, (side - _OVERLAP) / 2)
-        middle = (side - 1) / 2
-        K = np.array([[focal, 0, middle], [0, focal, middle], [0, 0, 1]])
-        found = [Pinhole(K, turn @ self.R, turn @ self.t, (side, side)) for turn in _FACES]
-        return [face for face in found if self._sees(face)]
+        focal_length = np.sqrt(np.linalg.det(self.K)) * self.lens.focus
+        directions = self._directions(33)
+        if not self.lens.is_panorama and (directions[:, 2] > 0.5).all():
+            return [self._undistorted(focal_length, directions[:, :2] / directions[:, 2:])]
+        side = int(min(2 * np.ceil(focal_length) + _OVERLAP, _LARGEST))
+        focal_length = min(focal_length, (side - _OVERLAP) / 2)
+        face_center = (side - 1) / 2
+        K = np.array([[focal_length, 0, face_center], [0, focal_length, face_center], [0, 0, 1]])
+        faces = [Pinhole(K, turn @ self.R, turn @ self.t, (side, side)) for turn in _FACES]
+        return [face for face in faces if self._shows(face)]
 
-    def _undistorted(self, focal, plane):
+    def _undistorted(self, focal_length, plane_points):
         """Return a pinhole camera whose picture holds points of the plane one unit ahead."""
-        low, high = focal * plane.min(axis=0), focal * plane.max(axis=0)
+        low = focal_length * plane_points.min(axis=0)
+        high = focal_length * plane_points.max(axis=0)
         size = np.ceil(high - low).astype(int) + _OVERLAP
-        shrunk = min(1.0, 2 * _LARGEST / size.max())
-        size = np.ceil(size * shrunk).astype(int)
-        K = np.diag([focal * shrunk, focal * shrunk, 1.0])
-        K[:2, 2] = (size - 1) / 2 - shrunk * (low + high) / 2
+        shrink_factor = min(1.0, 2 * _LARGEST / size.max())
+        size = np.ceil(size * shrink_factor).astype(int)
+        K = np.diag([focal_length * shrink_factor, focal_length * shrink_factor, 1.0])
+        K[:2, 2] = (size - 1) / 2 - shrink_factor * (low + high) / 2
         return Pinhole(K, self.R, self.t, tuple(size))
 
-    def _sees(self, face):
-        """Return whether it shows any of a face."""
+    def _shows(self, face):
+        """Return whether the picture covers any of a face."""
         u, v = np.meshgrid(*[np.linspace(0, 1, 33)] * 2)
-        origins, ahead = face.rays(np.c_[u.ravel(), v.ravel()])
+        origins, directions = face.rays(np.c_[u.ravel(), v.ravel()])
         with np.errstate(invalid='ignore'):
-            uv = self.project(origins + ahead)[0]
+            uv = self.project(origins + directions)[0]
             return bool(((uv >= 0) & (uv <= 1)).all(axis=1).any())

@@ -83,15 +83,17 @@ class Lens:
             numbers = as_array(name, getattr(self, name), float)
             if numbers.ndim != 1 or not np.isfinite(numbers).all():
                 raise ValueError(
-                    f'{name} is {numbers.tolist()!r:.80}; it must be a row of finite numbers.'
+                    f'{name} must be a row of finite numbers, got {numbers.tolist()!r:.80}'
                 )
             object.__setattr__(self, name, tuple(numbers.tolist()))
         late: object = self.late
         if not isinstance(late, (bool, np.bool_)):
-            raise TypeError(f'late = {late!r:.80}: must be True or False')
-        wanted = KINDS[self.kind][1]
-        if wanted is not None and len(self.values) != wanted:
-            raise ValueError(f'values is {self.values}; {self.kind!r} takes {wanted}.')
+            raise TypeError(f'late must be True or False, got {late!r:.80}')
+        value_count = KINDS[self.kind][1]
+        if value_count is not None and len(self.values) != value_count:
+            raise ValueError(
+                f'values must have {value_count} numbers for {self.kind!r}, got {self.values}'
+            )
 
     @property
     def is_panorama(self) -> bool:
@@ -104,9 +106,9 @@ class Lens:
         angles = np.linspace(0, KINDS[self.kind][0], _SAMPLES + 1)[:-1]
         with np.errstate(all='ignore'):
             radii = self._radius(angles)
-            grows = np.isfinite(radii[1:]) & (np.diff(radii) > 0)
-        end = _SAMPLES if grows.all() else int(np.argmin(grows)) + 1
-        return angles[:end], radii[:end]
+            is_growing = np.isfinite(radii[1:]) & (np.diff(radii) > 0)
+        valid_count = _SAMPLES if is_growing.all() else int(np.argmin(is_growing)) + 1
+        return angles[:valid_count], radii[:valid_count]
 
     @property
     def focus(self) -> float:
@@ -136,14 +138,14 @@ class Lens:
         with np.errstate(all='ignore'):
             if self.is_panorama:
                 level = np.hypot(x, z)
-                tall = np.arctan2(y, level) if self.kind == 'spherical' else y / level
+                vertical = np.arctan2(y, level) if self.kind == 'spherical' else y / level
                 return np.where(
-                    (level + across > 0)[:, None], np.c_[np.arctan2(x, z), tall], np.nan
+                    (level + across > 0)[:, None], np.c_[np.arctan2(x, z), vertical], np.nan
                 )
-            angle = np.arctan2(across, z)
-            flat = np.c_[x, y] / np.where(across > 0, across, 1.0)[:, None]
-            xy = self._off_axis(flat, angle)
-        return np.where((angle <= self.max_angle)[:, None], xy, np.nan)
+            axis_angle = np.arctan2(across, z)
+            unit_xy = np.c_[x, y] / np.where(across > 0, across, 1.0)[:, None]
+            xy = self._off_axis(unit_xy, axis_angle)
+        return np.where((axis_angle <= self.max_angle)[:, None], xy, np.nan)
 
     def directions(self, xy):
         """Return the directions that a lens shows at points.
@@ -166,81 +168,83 @@ class Lens:
         angles, radii = self._profile
         radius = np.hypot(*xy.T)
         with np.errstate(all='ignore'):
-            turned = xy * (np.interp(radius, radii, angles) / np.where(radius, radius, 1))[:, None]
+            polar = xy * (np.interp(radius, radii, angles) / np.where(radius, radius, 1))[:, None]
             for _ in range(30):
-                miss = self._azimuthal(turned) - xy
+                miss = self._azimuthal(polar) - xy
                 dx, dy = (
-                    (self._azimuthal(turned + h) - self._azimuthal(turned - h)) / (2 * _STEP)
-                    for h in _STEP * np.eye(2)
+                    (self._azimuthal(polar + shift) - self._azimuthal(polar - shift)) / (2 * _STEP)
+                    for shift in _STEP * np.eye(2)
                 )
-                det = dx[:, 0] * dy[:, 1] - dx[:, 1] * dy[:, 0]
+                determinant = dx[:, 0] * dy[:, 1] - dx[:, 1] * dy[:, 0]
                 step = np.c_[
                     dy[:, 1] * miss[:, 0] - dy[:, 0] * miss[:, 1],
                     dx[:, 0] * miss[:, 1] - dx[:, 1] * miss[:, 0],
                 ]
-                turned = turned - np.nan_to_num(step / det[:, None])
+                polar = polar - np.nan_to_num(step / determinant[:, None])
                 if not (np.abs(step) > 1e-15).any():
                     break
-            found = _from_azimuthal(turned)
-            good = np.abs(self._azimuthal(turned) - xy).max(axis=1) <= 1e-9 * (1 + radius)
-        good &= np.hypot(*turned.T) <= self.max_angle
-        return np.where(good[:, None], found, np.nan)
+            unit_directions = _from_azimuthal(polar)
+            converged = np.abs(self._azimuthal(polar) - xy).max(axis=1) <= 1e-9 * (1 + radius)
+        converged &= np.hypot(*polar.T) <= self.max_angle
+        return np.where(converged[:, None], unit_directions, np.nan)
 
     def _panorama_directions(self, xy):
-        around, tall = xy.T
-        inside = np.abs(around) <= np.pi + 1e-9
+        longitude, vertical = xy.T
+        is_inside = np.abs(longitude) <= np.pi + 1e-9
         if self.kind == 'spherical':
-            inside &= np.abs(tall) <= _HALF + 1e-9
-            level, down = np.cos(tall), np.sin(tall)
+            is_inside &= np.abs(vertical) <= _HALF + 1e-9
+            level, down = np.cos(vertical), np.sin(vertical)
         else:
-            level, down = 1 / np.hypot(1, tall), tall / np.hypot(1, tall)
-        found = np.c_[level * np.sin(around), down, level * np.cos(around)]
-        return np.where(inside[:, None], found, np.nan)
+            level, down = 1 / np.hypot(1, vertical), vertical / np.hypot(1, vertical)
+        directions = np.c_[level * np.sin(longitude), down, level * np.cos(longitude)]
+        return np.where(is_inside[:, None], directions, np.nan)
 
-    def _azimuthal(self, turned):
+    def _azimuthal(self, azimuthal):
         """Return the image of points whose distance from 0 is the angle to the axis."""
-        angle = np.hypot(*turned.T)
-        return self._off_axis(turned / np.where(angle > 0, angle, 1.0)[:, None], angle)
+        axis_angle = np.hypot(*azimuthal.T)
+        return self._off_axis(
+            azimuthal / np.where(axis_angle > 0, axis_angle, 1.0)[:, None], axis_angle
+        )
 
-    def _radius(self, angle):
-        rho = _base_radius(self.kind, self.values, angle)
+    def _radius(self, axis_angle):
+        rho = _base_radius(self.kind, self.values, axis_angle)
         return rho * self._factor(rho * rho)
 
-    def _factor(self, s):
-        return sum((k * s ** (i + 1) for i, k in enumerate(self.radial)), np.ones_like(s))
+    def _factor(self, r2):
+        return sum((k * r2 ** (i + 1) for i, k in enumerate(self.radial)), np.ones_like(r2))
 
-    def _off_axis(self, flat, angle):
+    def _off_axis(self, unit_xy, axis_angle):
         """Return the image of unit vectors across the axis at angles to it."""
-        rho = _base_radius(self.kind, self.values, angle)
-        plain = flat * rho[:, None]
-        bent = plain * self._factor(rho * rho)[:, None]
+        rho = _base_radius(self.kind, self.values, axis_angle)
+        undistorted = unit_xy * rho[:, None]
+        distorted = undistorted * self._factor(rho * rho)[:, None]
         if not (self.tangential or self.prism):
-            return bent
-        x, y = (bent if self.late else plain).T
-        s = x * x + y * y
+            return distorted
+        x, y = (distorted if self.late else undistorted).T
+        r2 = x * x + y * y
         p1, p2, p3, p4 = (*self.tangential, 0.0, 0.0, 0.0, 0.0)[:4]
         sx1, sx2, sy1, sy2 = self.prism or (0.0,) * 4
-        more = 1 + s * (p3 + s * p4)
-        dx = (2 * p1 * x * y + p2 * (s + 2 * x * x)) * more + s * (sx1 + s * sx2)
-        dy = (2 * p2 * x * y + p1 * (s + 2 * y * y)) * more + s * (sy1 + s * sy2)
-        return bent + np.c_[dx, dy]
+        scale = 1 + r2 * (p3 + r2 * p4)
+        dx = (2 * p1 * x * y + p2 * (r2 + 2 * x * x)) * scale + r2 * (sx1 + r2 * sx2)
+        dy = (2 * p2 * x * y + p1 * (r2 + 2 * y * y)) * scale + r2 * (sy1 + r2 * sy2)
+        return distorted + np.c_[dx, dy]
 
 
-def _base_radius(kind, values, angle):
+def _base_radius(kind, values, axis_angle):
     """Return the radius before distortion of angles to the axis."""
     if kind in ('perspective', 'dual'):
         share = values[0] if kind == 'dual' else 1.0
-        return share * np.tan(angle) + (1 - share) * angle
+        return share * np.tan(axis_angle) + (1 - share) * axis_angle
     if kind == 'equisolid':
-        return 2 * np.sin(angle / 2)
+        return 2 * np.sin(axis_angle / 2)
     if kind == 'polynomial':
-        return np.polynomial.polynomial.polyval(angle, values)
+        return np.polynomial.polynomial.polyval(axis_angle, values)
     if kind == 'fov':
         half = 2 * np.tan(values[0] / 2)
         if abs(values[0]) < 1e-8:
-            return np.tan(angle)
-        return np.arctan(half * np.tan(angle)) / values[0]
-    sine, cosine = np.sin(angle), np.cos(angle)
+            return np.tan(axis_angle)
+        return np.arctan(half * np.tan(axis_angle)) / values[0]
+    sine, cosine = np.sin(axis_angle), np.cos(axis_angle)
     if kind == 'division':
         return 2 * sine / (cosine + np.sqrt(cosine * cosine - 4 * values[0] * sine * sine))
     if kind == 'unified':
@@ -248,23 +252,23 @@ def _base_radius(kind, values, angle):
         rho = np.sqrt(beta * sine * sine + cosine * cosine)
         return sine / (alpha * rho + (1 - alpha) * cosine)
     if kind == 'inverse':
-        return _inverse_cubic(values[0], np.tan(angle))
-    return angle
+        return _inverse_cubic(values[0], np.tan(axis_angle))
+    return axis_angle
 
 
-def _inverse_cubic(k, wanted):
+def _inverse_cubic(k, undistorted_radius):
     """Return the smallest r >= 0 with r (1 + k r^2) = wanted; NaN if there is none."""
     if k == 0:
-        return wanted
+        return undistorted_radius
     if k > 0:  # sinh and sin solve the cubic without cancellation
         scale = 2 / np.sqrt(3 * k)
-        return scale * np.sinh(np.arcsinh(1.5 * wanted * np.sqrt(3 * k)) / 3)
+        return scale * np.sinh(np.arcsinh(1.5 * undistorted_radius * np.sqrt(3 * k)) / 3)
     scale = 2 / np.sqrt(-3 * k)
-    return scale * np.sin(np.arcsin(1.5 * wanted * np.sqrt(-3 * k)) / 3)
+    return scale * np.sin(np.arcsin(1.5 * undistorted_radius * np.sqrt(-3 * k)) / 3)
 
 
-def _from_azimuthal(turned):
+def _from_azimuthal(azimuthal):
     """Return unit vectors of points whose distance from 0 is the angle to the axis."""
-    angle = np.hypot(*turned.T)
-    flat = turned * np.sinc(angle / np.pi)[:, None]
-    return np.c_[flat, np.cos(angle)]
+    axis_angle = np.hypot(*azimuthal.T)
+    unit_xy = azimuthal * np.sinc(axis_angle / np.pi)[:, None]
+    return np.c_[unit_xy, np.cos(axis_angle)]

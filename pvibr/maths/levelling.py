@@ -14,59 +14,37 @@ import numpy as np
 from scipy import sparse
 from scipy.sparse.linalg import cg
 
-#: How much smoother than alike corrections are.
+#: Weight of smooth corrections over equal colours.
 SMOOTH = 4.0
-_SMALL = 0.02  # weight of a vertex that stays as bright as it is
-_MOST = 64.0  # differences beyond are no matter of light, but of what stands there
+_SMALL = 0.02  # weight of keeping the mean colour of a vertex
+_MOST = 64.0  # larger differences are occluders, not light
 _ROUNDS = 60
 
 
 def levelled(vertices, colors, edges, smooth=SMOOTH):
-    """Return corrections that give the photographs of each vertex one colour.
+    """Return corrections (n, c) that give the photographs of each vertex one colour.
 
-    Parameters
-    ----------
-    vertices : array_like, shape (n,), int
-        The vertex of each colour.
-    colors : array_like, shape (n, c)
-        What one photograph shows at one vertex, 0 to 255.
-    edges : array_like, shape (m, 2), int
-        Rows of neighbouring vertices in one photograph.
-    smooth : float
-        Weight of the differences of neighbours' corrections.
-
-    Returns
-    -------
-    numpy.ndarray, shape (n, c), float64
-        To be added to the colours.
-
-    Examples
-    --------
-    >>> from pvibr.maths.levelling import levelled
-    >>> levelled([0, 0, 1, 1], [[10.0], [20.0], [10.0], [20.0]], [[0, 2], [1, 3]]).round(
-    ...     1
-    ... ).tolist()
-    [[5.0], [-5.0], [5.0], [-5.0]]
+    Row i is the colour of vertex `vertices[i]` in one photograph; `edges` (m, 2) join such rows.
     """
     vertices, colors = np.asarray(vertices), np.asarray(colors, float)
     edges = np.asarray(edges, int).reshape(-1, 2)
-    count = len(vertices)
-    rows = np.arange(count)
-    there = np.bincount(vertices, minlength=1) > 0
-    place = (np.cumsum(there) - 1)[vertices]
-    gather = sparse.csr_array((np.ones(count), (place, rows)))
+    row_count = len(vertices)
+    row_index = np.arange(row_count)
+    has_color = np.bincount(vertices, minlength=1) > 0
+    vertex_row = (np.cumsum(has_color) - 1)[vertices]
+    gather = sparse.csr_array((np.ones(row_count), (vertex_row, row_index)))
     mean = sparse.diags_array(1 / gather.sum(1)) @ gather
-    alike = sparse.eye_array(count, format='csr') - gather.T @ mean
+    deviation = sparse.eye_array(row_count, format='csr') - gather.T @ mean
     ends = np.repeat(np.arange(len(edges)), 2)
     signs = np.tile([1.0, -1.0], len(edges))
-    across = sparse.csr_array((signs, (ends, edges.ravel())), shape=(len(edges), count))
-    normal = (alike + smooth * (across.T @ across) + _SMALL * (gather.T @ mean)).tocsr()
-    wanted = -(alike @ np.clip(alike @ colors, -_MOST, _MOST))
-    near = sparse.diags_array(1 / normal.diagonal())
-    if not wanted.size:
+    steps = sparse.csr_array((signs, (ends, edges.ravel())), shape=(len(edges), row_count))
+    normal = (deviation + smooth * (steps.T @ steps) + _SMALL * (gather.T @ mean)).tocsr()
+    right = -(deviation @ np.clip(deviation @ colors, -_MOST, _MOST))
+    inverse = sparse.diags_array(1 / normal.diagonal())
+    if not right.size:
         return np.zeros_like(colors)
-    normal, near, wanted = (m.astype(np.float32) for m in (normal, near, wanted))
-    with ThreadPoolExecutor(wanted.shape[1]) as pool:  # SciPy's products let others run meanwhile
-        solve = partial(cg, normal, rtol=1e-3, maxiter=_ROUNDS, M=near)
-        found = list(pool.map(solve, wanted.T))
-    return np.stack([values for values, _ in found], 1).astype(float)
+    normal, inverse, right = (m.astype(np.float32) for m in (normal, inverse, right))
+    with ThreadPoolExecutor(right.shape[1]) as pool:  # SciPy's products release the GIL
+        solve = partial(cg, normal, rtol=1e-3, maxiter=_ROUNDS, M=inverse)
+        solutions = list(pool.map(solve, right.T))
+    return np.stack([values for values, _ in solutions], 1).astype(float)

@@ -1,155 +1,93 @@
-"""Occlusion of spheres: an estimate by the number in front, and a proof by depths."""
+"""Occlusion of spheres: an estimate by what is in front, and a proof by depths."""
 
 from __future__ import annotations
 
 import numpy as np
 
-_STEP = 1e-6  # what 32 bits may lose, of window depth and of distances
+_STEP = 1e-6  # rounding of window depth and distances in 32 bits
 
 
 def on_screen(frame, centers, radii):
-    """Return the bounding rectangles of projected spheres.
+    """Return the lower left and upper right pixels of spheres in view space, (n, 2) each.
 
-    Parameters
-    ----------
-    frame : pvibr.core.frame.Frame
-        Camera and size.
-    centers, radii : numpy.ndarray, shape (n, 3) and (n,)
-        Spheres in view space.
-
-    Returns
-    -------
-    tuple of 2 numpy.ndarray, shape (n, 2)
-        Lower left and upper right corners, pixels; undefined for spheres across the eye's plane.
-
-    Examples
-    --------
-    >>> from pvibr.core.frame import Frame
-    >>> from pvibr.maths.occlusion import on_screen
-    >>> from pvibr.maths.views import View
-    >>> view = View(np.eye(4), np.diag([1.0, 1, -1, 1]), near=0.0, far=10.0, parallel=True)
-    >>> frame = Frame(None, None, (8, 8), (0, 0), view)
-    >>> low, high = on_screen(frame, np.array([[0, 0, -3.0]]), np.array([0.5]))
-    >>> low.tolist(), high.tolist()
-    ([[2.0, 2.0]], [[6.0, 6.0]])
+    Undefined for spheres across the eye's plane.
     """
-    m, r = frame.clip_from_view, radii[:, None]
-    low, high, offset = centers[:, :2] - r, centers[:, :2] + r, m[:2, 3]
+    clip_from_view, radius_column = frame.clip_from_view, radii[:, None]
+    low = centers[:, :2] - radius_column
+    high = centers[:, :2] + radius_column
+    offset = clip_from_view[:2, 3]
     if not frame.parallel:
-        away = -centers[:, 2:]
-        ends = np.stack([away - r, away + r])
+        view_depth = -centers[:, 2:]
+        depth_range = np.stack([view_depth - radius_column, view_depth + radius_column])
         with np.errstate(divide='ignore', invalid='ignore'):
-            low, high = (low / ends).min(0), (high / ends).max(0)
-        offset = -m[:2, 2]
-    scale, size = [m[0, 0], m[1, 1]], np.array(frame.size)
-    return tuple(((x * scale + offset) / 2 + 0.5) * size for x in (low, high))
+            low = (low / depth_range).min(0)
+            high = (high / depth_range).max(0)
+        offset = -clip_from_view[:2, 2]
+    scale, size = [clip_from_view[0, 0], clip_from_view[1, 1]], np.array(frame.size)
+    return tuple(((corner * scale + offset) / 2 + 0.5) * size for corner in (low, high))
 
 
 def likely_seen(pixels, areas, layers, tile=32) -> np.ndarray:
-    """Estimate the visible actors: those with little in front of them.
+    """Estimate which actors are visible: those with less than `layers` of cover in front, (n,).
 
-    Parameters
-    ----------
-    pixels, areas : numpy.ndarray, shape (n, 2) and (n,)
-        Their centres on the screen, the nearest first, and covered areas, pixels.
-    layers : float
-        Covered area in front, relative to the screen's, beyond which an actor is hidden.
-    tile : float
-        Side of the squares in which areas are added, pixels.
-
-    Returns
-    -------
-    numpy.ndarray of bool, shape (n,)
-        True if visible.
-
-    Examples
-    --------
-    >>> from pvibr.maths.occlusion import likely_seen
-    >>> likely_seen(np.array([[4, 4], [5, 4], [6, 4.0]]), np.full(3, 1500.0), 2).tolist()
-    [True, True, False]
+    Pixels of their centres, nearest first, and covered areas, summed in squares of `tile` pixels.
     """
     if not len(pixels):
         return np.zeros(0, bool)
-    square = np.clip(pixels // tile, -1e6, 1e6).astype(np.int64)
-    number = square[:, 0] + 2_000_003 * square[:, 1]
-    order = np.argsort(number, kind='stable')
+    screen_tile = np.clip(pixels // tile, -1e6, 1e6).astype(np.int64)
+    tile_number = screen_tile[:, 0] + 2_000_003 * screen_tile[:, 1]
+    order = np.argsort(tile_number, kind='stable')
     covered = np.cumsum(areas[order]) - areas[order]
-    first = np.r_[0, np.flatnonzero(np.diff(number[order])) + 1]
-    counts = np.diff(np.r_[first, len(order)])
-    seen = np.empty(len(order), bool)
-    seen[order] = covered - np.repeat(covered[first], counts) < layers * tile * tile
-    return seen
+    starts = np.r_[0, np.flatnonzero(np.diff(tile_number[order])) + 1]
+    counts = np.diff(np.r_[starts, len(order)])
+    visible = np.empty(len(order), bool)
+    visible[order] = covered - np.repeat(covered[starts], counts) < layers * tile * tile
+    return visible
 
 
 def behind(frame, farthest, tile, centers, radii, margin=2.0) -> np.ndarray:
-    """Return the spheres certainly hidden by a depth buffer.
+    """Return which spheres in view space a depth buffer certainly hides, (n,) bool.
 
-    Parameters
-    ----------
-    frame : pvibr.core.frame.Frame
-        Camera and size.
-    farthest : numpy.ndarray, shape (h, w)
-        Maximum depth, 0 near to 1 far, of each square of the screen, row 0 at the bottom.
-    tile : int
-        Side of the squares, pixels.
-    centers, radii : numpy.ndarray, shape (n, 3) and (n,)
-        Spheres in view space.
-    margin : float
-        Margin around the spheres, pixels.
-
-    Returns
-    -------
-    numpy.ndarray of bool, shape (n,)
-        True if hidden.
-
-    Examples
-    --------
-    >>> from pvibr.core.frame import Frame
-    >>> from pvibr.maths.occlusion import behind
-    >>> from pvibr.maths.views import View
-    >>> view = View(np.eye(4), np.diag([1.0, 1, -0.2, 1]), near=0.0, far=10.0, parallel=True)
-    >>> frame = Frame(None, None, (8, 8), (0, 0), view)
-    >>> centers = np.array([[0, 0, -1.0], [0, 0, -4]])
-    >>> behind(frame, np.full((1, 1), 0.7), 8, centers, np.full(2, 0.5)).tolist()
-    [False, True]
+    `farthest` (h, w) is the largest depth in each square of `tile` pixels, row 0 at the bottom.
     """
     nearest = -centers[:, 2] - radii - _STEP * np.abs(centers[:, 2])
     low, high = on_screen(frame, centers, radii)
     m = frame.clip_from_view
     with np.errstate(divide='ignore', invalid='ignore'):
         depth = (m[2, 3] - m[2, 2] * nearest) / (m[3, 3] - m[3, 2] * nearest) / 2 + 0.5
-    ahead = (nearest > frame.near) & np.isfinite(low).all(1) & np.isfinite(high).all(1)
-    last = np.array(farthest.shape[::-1]) - 1
+    in_front = (nearest > frame.near) & np.isfinite(low).all(1) & np.isfinite(high).all(1)
+    last_tile = np.array(farthest.shape[::-1]) - 1
     low, high = (
-        np.clip(np.where(ahead[:, None], x + d, 0) // tile, 0, last).astype(np.int64)
-        for x, d in ((low, -margin), (high, margin))
+        np.clip(np.where(in_front[:, None], corner + shift, 0) // tile, 0, last_tile).astype(
+            np.int64
+        )
+        for corner, shift in ((low, -margin), (high, margin))
     )
-    return ahead & (depth > _largest_within(farthest, low, high) + _STEP)
+    return in_front & (depth > _largest_within(farthest, low, high) + _STEP)
 
 
-def _largest_within(values, low, high):
+def _largest_within(values, lower_left, upper_right):
     """Return the largest value of rectangles of about equal sides, both corners included.
 
-    Each is four windows of a power of two, which overlap: a sparse table (Bender and
+    Each is four overlapping windows of a power of two: a sparse table (Bender and
     Farach-Colton, "The LCA Problem Revisited", 2000).
     """
-    level = np.floor(np.log2((high - low).max(1, initial=0) + 1)).astype(int)
-    found = np.empty(len(low))
-    for k in range(level.max(initial=0) + 1):
-        some, step = level == k, 1 << k
-        first, second = low[some], np.maximum(low[some], high[some] + 1 - step)
-        corners = [
-            values[y, x] for y in (first[:, 1], second[:, 1]) for x in (first[:, 0], second[:, 0])
-        ]
-        found[some] = np.max(corners, 0)
+    window_level = np.floor(np.log2((upper_right - lower_left).max(1, initial=0) + 1)).astype(int)
+    largest_values = np.empty(len(lower_left))
+    for level in range(window_level.max(initial=0) + 1):
+        at_level, window_side = window_level == level, 1 << level
+        start = lower_left[at_level]
+        end = np.maximum(lower_left[at_level], upper_right[at_level] + 1 - window_side)
+        maxima = [values[y, x] for y in (start[:, 1], end[:, 1]) for x in (start[:, 0], end[:, 0])]
+        largest_values[at_level] = np.max(maxima, 0)
         for axis in (0, 1):
-            values = _with_next(values, step, axis)
-    return found
+            values = _with_next(values, window_side, axis)
+    return largest_values
 
 
-def _with_next(values, step, axis):
+def _with_next(values, offset, axis):
     """Return the maximum of each value and the one at an offset."""
-    out = values.copy()
-    here, there = (np.moveaxis(a, axis, 0) for a in (out, values))
-    np.maximum(here[:-step], there[step:], out=here[:-step])
-    return out
+    pair_maximum = values.copy()
+    here, there = (np.moveaxis(a, axis, 0) for a in (pair_maximum, values))
+    np.maximum(here[:-offset], there[offset:], out=here[:-offset])
+    return pair_maximum

@@ -16,29 +16,10 @@ _POLE = 0.99  # |z| above which the frame's helper axis is y instead of z
 
 
 def encode(directions, half=False):
-    """Map unit vectors to the square.
-
-    Parameters
-    ----------
-    directions : array_like, shape (..., 3)
-        Unit vectors; with ``half``, those below the equator are moved to it.
-    half : bool
-        Use the half-sphere map (z >= 0).
-
-    Returns
-    -------
-    numpy.ndarray, shape (..., 2)
-        Points of [-1, 1]^2.
-
-    Examples
-    --------
-    >>> from pvibr.maths import octahedral
-    >>> octahedral.encode([0.0, 0.0, 1.0]).tolist()
-    [0.0, 0.0]
-    """
+    """Map unit vectors to the square [-1, 1]^2; `half` clamps those below the equator to it."""
     d = np.asarray(directions, float)
     if half:
-        # Straight from below every view of the horizon is as near: take that of x.
+        # Straight from below all views of the horizon are equally close: take that of x.
         d = np.concatenate([d[..., :1] + 1e-15, d[..., 1:2], np.maximum(d[..., 2:], 0.0)], -1)
     p = d[..., :2] / np.abs(d).sum(-1, keepdims=True)
     if half:
@@ -48,26 +29,7 @@ def encode(directions, half=False):
 
 
 def decode(points, half=False):
-    """Map points of the square back to unit vectors.
-
-    Parameters
-    ----------
-    points : array_like, shape (..., 2)
-        Points of [-1, 1]^2.
-    half : bool
-        Use the half-sphere map.
-
-    Returns
-    -------
-    numpy.ndarray, shape (..., 3)
-        Unit vectors.
-
-    Examples
-    --------
-    >>> from pvibr.maths import octahedral
-    >>> octahedral.decode([1.0, 0.0]).tolist()
-    [1.0, 0.0, 0.0]
-    """
+    """Map points (..., 2) of the square [-1, 1]^2 back to unit vectors."""
     p = np.asarray(points, float)
     if half:
         p = 0.5 * np.stack([p[..., 0] + p[..., 1], p[..., 0] - p[..., 1]], -1)
@@ -78,86 +40,29 @@ def decode(points, half=False):
 
 
 def cells(directions, n, half=False):
-    """Return the cells of an n x n division of the square that directions lie in.
+    """Return the cells, numbered row by row, of an n x n division that directions lie in.
 
-    Parameters
-    ----------
-    directions : array_like, shape (..., 3)
-        Unit vectors.
-    n : int
-        Cells along a side.
-    half : bool
-        Use the half-sphere map.
-
-    Returns
-    -------
-    cells : numpy.ndarray, shape (...), intp
-        Numbers of the cells, row by row.
-    inside : numpy.ndarray, shape (...), float
-        How far they are from the next cell, in sides of a cell.
-
-    Examples
-    --------
-    >>> from pvibr.maths import octahedral
-    >>> cells, inside = octahedral.cells([[0.6, 0.48, 0.64]], 4)
-    >>> cells, inside.round(2)
-    (array([10]), array([0.3]))
+    And how far they are inside, from the next cell, in sides of a cell.
     """
-    place = (encode(directions, half) + 1.0) * (n / 2)
-    found = np.clip(place.astype(int), 0, n - 1)
-    if half:  # beyond the outer border there is none
-        place = np.clip(place, 0.5, n - 0.5)
-    inside = 0.5 - np.abs(place - found - 0.5).max(-1)
-    return found[..., 1] * n + found[..., 0], inside
+    grid_position = (encode(directions, half) + 1.0) * (n / 2)
+    cell_index = np.clip(grid_position.astype(int), 0, n - 1)
+    if half:  # there is no cell beyond the border
+        grid_position = np.clip(grid_position, 0.5, n - 0.5)
+    cell_margin = 0.5 - np.abs(grid_position - cell_index - 0.5).max(-1)
+    return cell_index[..., 1] * n + cell_index[..., 0], cell_margin
 
 
 def view_directions(n, half=False):
-    """Return the directions of an n x n grid of views, from the object toward the eye.
-
-    Parameters
-    ----------
-    n : int
-        Views along a side; grid points lie on the border, so the fold is hit exactly.
-    half : bool
-        Views of the upper half only.
-
-    Returns
-    -------
-    numpy.ndarray, shape (n, n, 3)
-        Unit vectors; the first index is the row (second coordinate of the square).
-
-    Examples
-    --------
-    >>> from pvibr.maths import octahedral
-    >>> octahedral.view_directions(3)[1, 1].tolist()
-    [0.0, 0.0, 1.0]
-    """
-    side = np.linspace(-1.0, 1.0, n)
-    x, y = np.meshgrid(side, side)
+    """Return the directions toward the eye of an n x n grid of views, (n, n, 3)."""
+    grid_line = np.linspace(-1.0, 1.0, n)
+    x, y = np.meshgrid(grid_line, grid_line)
     return decode(np.stack([x, y], -1), half)
 
 
 def frame(directions):
-    """Return right, up and toward-eye axes of views: the rows of a rotation.
-
-    Parameters
-    ----------
-    directions : array_like, shape (..., 3)
-        Unit vectors from the object toward the eye.
-
-    Returns
-    -------
-    numpy.ndarray, shape (..., 3, 3)
-        Rows are right, up, direction: ``frame @ p`` is ``p`` in the view's axes.
-
-    Examples
-    --------
-    >>> from pvibr.maths import octahedral
-    >>> octahedral.frame([1.0, 0.0, 0.0]).tolist()
-    [[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]]
-    """
-    d = np.asarray(directions, float)
-    helper = np.where(np.abs(d[..., 2:]) < _POLE, [0.0, 0.0, 1.0], [0.0, 1.0, 0.0])
-    right = np.cross(helper, d)
+    """Return the axes of views as rows right, up, toward the eye, (..., 3, 3)."""
+    toward_eye = np.asarray(directions, float)
+    helper_axis = np.where(np.abs(toward_eye[..., 2:]) < _POLE, [0.0, 0.0, 1.0], [0.0, 1.0, 0.0])
+    right = np.cross(helper_axis, toward_eye)
     right /= np.linalg.norm(right, axis=-1, keepdims=True)
-    return np.stack([right, np.cross(d, right), d], -2)
+    return np.stack([right, np.cross(toward_eye, right), toward_eye], -2)

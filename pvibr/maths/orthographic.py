@@ -55,11 +55,13 @@ class Orthographic(Camera):
     def __post_init__(self):
         right, up = checked_direction('right', self.right), checked_direction('up', self.up)
         if abs(right @ up) > _checks.ROTATION_TOLERANCE:
-            raise ValueError(f'right {right.tolist()} and up {up.tolist()} must be perpendicular.')
+            raise ValueError(
+                f'right and up must be perpendicular, got {right.tolist()}, {up.tolist()}'
+            )
         with naming('near', self.near), naming('far', self.far):
-            rising = bool(float(self.near) < float(self.far))
-        if not rising:
-            raise ValueError(f'near, far are {self.near}, {self.far}; near must be below far.')
+            is_increasing = bool(float(self.near) < float(self.far))
+        if not is_increasing:
+            raise ValueError(f'near must be below far, got {self.near}, {self.far}')
         _checks.freeze(
             self,
             origin=checked_numbers('origin', self.origin, (3,)),
@@ -103,9 +105,7 @@ class Orthographic(Camera):
         """
         for axis, low, high in ('x', xmin, xmax), ('y', ymin, ymax), ('z', zmin, zmax):
             if not low < high:
-                raise ValueError(
-                    f'{axis}min, {axis}max are {low}, {high}; {axis}min must be below.'
-                )
+                raise ValueError(f'{axis}min must be below {axis}max, got {low}, {high}')
         top = zmax if np.isfinite(zmax) else 0.0
         return cls(
             np.array((xmin, ymin, top)),
@@ -132,16 +132,16 @@ class Orthographic(Camera):
 
     def project(self, points):
         """Project points into the picture; NaN before near or beyond far."""
-        moved = products(self._axes, _checks.points_of(points) - self.origin)
-        depth = -moved[:, 2] + 0.0
-        uv = moved[:, :2] / (self.width, self.height)
+        view_points = products(self._axes, _checks.points_of(points) - self.origin)
+        depth = -view_points[:, 2] + 0.0
+        uv = view_points[:, :2] / (self.width, self.height)
         uv[~((depth >= self.near) & (depth <= self.far))] = np.nan
         return uv, depth
 
     def rays(self, uv):
         """Return the rays through points of the picture, from depth 0."""
-        across = np.asarray(uv, float) * (self.width, self.height)
-        origins = self.origin + across @ self._axes[:2]
+        plane_offsets = np.asarray(uv, float) * (self.width, self.height)
+        origins = self.origin + plane_offsets @ self._axes[:2]
         return origins, -self.toward(origins)
 
     def toward(self, points):
@@ -152,19 +152,19 @@ class Orthographic(Camera):
         """Return the size of a pixel at points, the same for all."""
         if self.size is None:
             raise ValueError(
-                'size is None; the width and height in pixels are needed for the size of one.'
+                'size must be (width, height) in pixels for the size of one, got None'
             )
-        side = np.sqrt(self.width / self.size[0] * self.height / self.size[1])
-        return np.full(len(_checks.points_of(points)), side)
+        pixel_size = np.sqrt(self.width / self.size[0] * self.height / self.size[1])
+        return np.full(len(_checks.points_of(points)), pixel_size)
 
     def clip_from_view(self, near, far, margin=0.0):
         """Return the projection matrix."""
         if not (near < far and np.isfinite(far - near)):
-            raise ValueError(f'near, far are {near}, {far}; both must be finite, near below far.')
+            raise ValueError(f'near must be below far, both finite, got {near}, {far}')
         uv_from_view = np.diag([1 / self.width, 1 / self.height, 0.0, 0.0])[:2]
-        one = np.array([0.0, 0.0, 0.0, 1.0])
+        unit_row = np.array([0.0, 0.0, 0.0, 1.0])
         matrix = np.zeros((4, 4))
-        matrix[:2] = self.clip_rows(uv_from_view, one, margin)
+        matrix[:2] = self.clip_rows(uv_from_view, unit_row, margin)
         matrix[2, 2:] = -2 / (far - near), -(far + near) / (far - near)
         matrix[3, 3] = 1.0
         return matrix

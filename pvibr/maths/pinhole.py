@@ -9,12 +9,12 @@ import numpy as np
 
 from pvibr.maths import _checks
 from pvibr.maths.arguments import checked_numbers
-from pvibr.maths.camera import CV_FROM_GL, PosedCamera
+from pvibr.maths.camera import CV_FROM_GL, PosedCamera, unit_or_nan
 from pvibr.maths.distortion import coefficients, distort, undistort, valid_radius
 from pvibr.maths.vectors import products
 
 #: Allowed principal points as fractions of the size, if the size that K is for was stated, and if
-#: it has to be guessed: a picture twice or half as large must be noticed.
+#: it is guessed: a picture twice or half as large must be detected.
 STATED, GUESSED = (-1.0, 2.0), (0.3, 0.7)
 _BORDER = 257  # points on each side of a picture whose rays bound the field of view
 
@@ -55,7 +55,7 @@ class Pinhole(PosedCamera):
     ([[0.5, 0.5], [0.75, 0.25], [nan, nan]], [4.0, 4.0, -4.0])
     """
 
-    # array_like is given; read-only float64 is kept.
+    # Arguments are array_like; fields are read-only float64.
     K: np.ndarray
     R: np.ndarray
     t: np.ndarray
@@ -93,18 +93,18 @@ class Pinhole(PosedCamera):
 
     def project(self, points):
         """Project points into the picture; NaN behind the camera and where the lens folds."""
-        moved = products(self.R, _checks.points_of(points)) + self.t
-        depth = moved[:, 2]
-        ahead = (depth > self._rounding(points))[:, None]
-        plane = np.full((len(moved), 2), np.nan)
+        camera_points = products(self.R, _checks.points_of(points)) + self.t
+        depth = camera_points[:, 2]
+        in_front = (depth > self._rounding(points))[:, None]
+        plane_points = np.full((len(camera_points), 2), np.nan)
         with np.errstate(over='ignore'):
-            np.divide(moved[:, :2], depth[:, None], out=plane, where=ahead)
-        return _affine(self.uv_from_plane, distort(plane, self.distortion)), depth
+            np.divide(camera_points[:, :2], depth[:, None], out=plane_points, where=in_front)
+        return _affine(self.uv_from_plane, distort(plane_points, self.distortion)), depth
 
     def _rounding(self, points):
         """Return the depth that rounding alone may give a point in the plane of the camera."""
-        kind = getattr(points, 'dtype', np.dtype(np.float64))
-        eps = np.finfo(kind if kind.kind == 'f' else np.float64).eps
+        number_type = getattr(points, 'dtype', np.dtype(np.float64))
+        eps = np.finfo(number_type if number_type.kind == 'f' else np.float64).eps
         reach = products(np.abs(self.R[2:]), np.abs(_checks.points_of(points)))[:, 0]
         return 4 * eps * (reach + abs(self.t[2]))
 
@@ -113,12 +113,8 @@ class Pinhole(PosedCamera):
         matrix = self.uv_from_plane
         plane = np.linalg.solve(matrix[:, :2], (np.asarray(uv, float) - matrix[:, 2]).T).T
         plane = undistort(plane, self.distortion)
-        ahead = np.column_stack([plane, np.ones(len(plane))]) @ np.linalg.inv(self.R).T
-        return np.broadcast_to(self.position, ahead.shape).copy(), _unit(ahead)
-
-    def toward(self, points):
-        """Return unit vectors from points to the camera."""
-        return _unit(self.position - _checks.points_of(points))
+        directions = np.column_stack([plane, np.ones(len(plane))]) @ np.linalg.inv(self.R).T
+        return np.broadcast_to(self.position, directions.shape).copy(), unit_or_nan(directions)
 
     def texel(self, points):
         """Return the size of a pixel at points."""
@@ -134,33 +130,33 @@ class Pinhole(PosedCamera):
         if not self.distortion.any():
             return 0.0, 1.0, 0.0, 1.0
         matrix = self.uv_from_plane
-        plane = np.linalg.solve(matrix[:, :2], (_border() - matrix[:, 2]).T).T
-        seen = undistort(plane, self.distortion)
+        plane_points = np.linalg.solve(matrix[:, :2], (_border() - matrix[:, 2]).T).T
+        visible = undistort(plane_points, self.distortion)
         if np.isfinite(self.valid_radius):
-            # Where the lens ends within the picture, the edge of what it sees is this circle.
+            # Where the lens ends within the picture, its field of view ends at this circle.
             angles = np.linspace(0, 2 * np.pi, 4 * _BORDER)
             circle = (1 - 1e-9) * self.valid_radius * np.c_[np.cos(angles), np.sin(angles)]
             uv = _affine(matrix, distort(circle, self.distortion))
-            seen = np.concatenate([seen, circle[((uv >= 0) & (uv <= 1)).all(axis=1)]])
-        seen = _affine(matrix, seen[np.isfinite(seen).all(axis=1)])
-        if not len(seen):
+            visible = np.concatenate([visible, circle[((uv >= 0) & (uv <= 1)).all(axis=1)]])
+        visible = _affine(matrix, visible[np.isfinite(visible).all(axis=1)])
+        if not len(visible):
             raise ValueError(
-                f'distortion is {self.distortion.tolist()}; with K {self.K.tolist()} no ray goes '
-                f'through a picture of {self.size[0]} x {self.size[1]} pixels.'
+                f'distortion must leave rays through a picture of {self.size[0]} x {self.size[1]} '
+                f'pixels with K {self.K.tolist()}, got {self.distortion.tolist()}'
             )
-        low, high = seen.min(axis=0), seen.max(axis=0)
+        low, high = visible.min(axis=0), visible.max(axis=0)
         return float(low[0]), float(high[0]), float(low[1]), float(high[1])
 
     def clip_from_view(self, near, far, margin=0.0):
         """Return the projection matrix of the whole field of view, without lens distortion."""
         if not 0 < near < far:
-            raise ValueError(f'near, far are {near}, {far}; 0 < near < far is needed.')
-        ahead = np.array([0.0, 0.0, 1.0])
-        lines = self.clip_rows(self.uv_from_plane, ahead, margin)
-        ratio = near / far
+            raise ValueError(f'near must be above 0 and below far, got {near}, {far}')
+        depth_row = np.array([0.0, 0.0, 1.0])
+        clip_rows = self.clip_rows(self.uv_from_plane, depth_row, margin)
+        depth_ratio = near / far
         matrix = np.zeros((4, 4))
-        matrix[:2, :3] = lines @ CV_FROM_GL
-        matrix[2, 2:] = -(1 + ratio) / (1 - ratio), -2 * near / (1 - ratio)
+        matrix[:2, :3] = clip_rows @ CV_FROM_GL
+        matrix[2, 2:] = -(1 + depth_ratio) / (1 - depth_ratio), -2 * near / (1 - depth_ratio)
         matrix[3, 2] = -1.0
         return matrix + 0.0
 
@@ -174,94 +170,38 @@ def _border():
 
 
 def check_intrinsics(K):
-    """Return K, scaled so that its last entry is 1.
-
-    Parameters
-    ----------
-    K : array_like, shape (3, 3)
-        Focal lengths, skew and principal point.
-
-    Returns
-    -------
-    numpy.ndarray, shape (3, 3), float64
-        The same.
-
-    Raises
-    ------
-    ValueError
-        If it is singular or not upper triangular.
-    """
+    """Return K scaled so that its last entry is 1; it must be regular and upper triangular."""
     K = checked_numbers('K', K, (3, 3))
     if K[1, 0] or K[2, 0] or K[2, 1]:
-        raise ValueError(
-            f'K is {K.tolist()}; it must be upper triangular: below the diagonal all is 0.'
-        )
+        raise ValueError(f'K must be upper triangular, got {K.tolist()}')
     if not (K.diagonal() > 0).all():
-        raise ValueError(
-            f'K has the diagonal {K.diagonal().tolist()}; focal lengths and 1 must be above 0.'
-        )
+        raise ValueError(f'K must have a diagonal above 0, got {K.diagonal().tolist()}')
     return K / K[2, 2]
 
 
 def check_rotation(R):
-    """Return a rotation matrix.
-
-    Parameters
-    ----------
-    R : array_like, shape (3, 3)
-        From world to camera.
-
-    Returns
-    -------
-    numpy.ndarray, shape (3, 3), float64
-        The same.
-
-    Raises
-    ------
-    ValueError
-        If it is not a rotation.
-    """
+    """Return R as float64 after checking that it is a rotation."""
     R = checked_numbers('R', R, (3, 3))
-    off, det = np.abs(R @ R.T - np.eye(3)).max(), np.linalg.det(R)
-    if off > _checks.ROTATION_TOLERANCE or det < 0:
+    identity_error, determinant = np.abs(R @ R.T - np.eye(3)).max(), np.linalg.det(R)
+    if identity_error > _checks.ROTATION_TOLERANCE or determinant < 0:
         raise ValueError(
-            f'R is {R.tolist()}; it must be a rotation: R @ R.T is off the identity by {off:.2g} '
-            f'(allowed: {_checks.ROTATION_TOLERANCE}), its determinant is {det:.6g} (allowed: +1).'
+            f'R must be a rotation, got {R.tolist()}: R @ R.T is off the identity by '
+            f'{identity_error:.2g} (allowed: {_checks.ROTATION_TOLERANCE}), the determinant is '
+            f'{determinant:.6g} (allowed: +1)'
         )
     return R
 
 
 def check_principal_point(K, size, allowed):
-    """Raise an error if K seems to be for a picture of another size.
-
-    Parameters
-    ----------
-    K : numpy.ndarray, shape (3, 3)
-        Intrinsics in pixels.
-    size : tuple of 2 int
-        Width and height in pixels.
-    allowed : tuple of 2 float
-        Range of the principal point, as fractions of the size.
-
-    Raises
-    ------
-    ValueError
-        If the principal point is out of range.
-    """
-    share = (K[:2, 2] + 0.5) / size
-    if (share < allowed[0]).any() or (share > allowed[1]).any():
+    """Raise a ValueError if K is for a picture of another size, by its principal point."""
+    relative_point = (K[:2, 2] + 0.5) / size
+    if (relative_point < allowed[0]).any() or (relative_point > allowed[1]).any():
         raise ValueError(
-            f'K has its principal point at {K[:2, 2].tolist()}, for a picture of '
-            f'{size[0]} x {size[1]} pixels; between {allowed[0]} and {allowed[1]} of the size is '
-            'allowed. K seems to be for another size: scale it (Pinhole.resized); if the picture '
-            'is a part of a larger one, say the size that K is for (Pinhole(..., size=size)).'
+            f'K must have its principal point between {allowed[0]} and {allowed[1]} of the size, '
+            f'{size[0]} x {size[1]} pixels, got {K[:2, 2].tolist()}; if K is for another size, '
+            'scale it (Pinhole.resized); if the picture is part of a larger one, pass the size '
+            'that K is for (Pinhole(..., size=size))'
         )
-
-
-def _unit(vectors):
-    """Return unit vectors, NaN for zero vectors."""
-    with np.errstate(invalid='ignore'):
-        return vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
 
 
 def _affine(matrix, xy):

@@ -8,33 +8,16 @@ import numpy as np
 
 from pvibr.maths.support import support, table_of
 
-_AT_ONCE = 16_384  # products of rows and corners, which stay in the processor's cache
+_AT_ONCE = 16_384  # products per batch, which stay in the processor's cache
 _MOST = 250_000  # products for one side of the box
-_ROUNDING = 1e-12  # of what turns a pose
-_SIDE = 65  # of the support table: what it adds is below a thousandth of a ball's radius
+_ROUNDING = 1e-12  # of a pose's rotation
+_SIDE = 65  # of the support table: it adds less than a thousandth of a ball's radius
 
 
 class PosedShape:
-    """A shape whose bounds at many poses are asked for again and again.
+    """A convex shape, in model units, whose bounds at many poses are queried repeatedly.
 
-    Bounding spheres and the support function, see :mod:`pvibr.maths.support`, rule out most poses
-    on each side; the corners decide among the rest.
-
-    Parameters
-    ----------
-    corners : array_like, shape (k, 3)
-        Corners of the shape, model units, as :func:`pvibr.maths.hulls.hull_corners` returns.
-    center : array_like, shape (3,)
-        A point of the shape, model units.
-
-    Examples
-    --------
-    >>> from pvibr.maths.posed_bounds import PosedShape
-    >>> shape = PosedShape([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]], [0.5, 0.0, 0.0])
-    >>> turned = np.array([[[0, -1, 0, 0], [1, 0, 0, 0], [0, 0, 1, 2], [0, 0, 0, 1]]], float)
-    >>> spheres = np.array([[0.0], [0.5], [2.0]]), np.array([0.5])
-    >>> shape.bounds(turned, np.array([0]), spheres).tolist()
-    [[0.0, 0.0, 2.0], [0.0, 1.0, 2.0]]
+    Bounding spheres and the support function rule out most poses; the corners decide on the rest.
     """
 
     def __init__(self, corners, center):
@@ -43,80 +26,65 @@ class PosedShape:
         self._corners = np.ascontiguousarray((corners - center).T)
 
     def bounds(self, poses, ids, spheres) -> np.ndarray:
-        """Return the bounds of the shape at some poses.
+        """Return the bounds (2, 3) of the shape at poses `ids`, (n, 3) points or (n, 4, 4).
 
-        They are exact up to rounding, unless very many poses reach almost equally far: then they
-        may be wider, by less than a thousandth of the shape's radius.
-
-        Parameters
-        ----------
-        poses : numpy.ndarray, shape (n, 3) or (n, 4, 4)
-            Points, or matrices from model to world.
-        ids : numpy.ndarray of int, shape (m,)
-            Which of them, at least one.
-        spheres : (numpy.ndarray, numpy.ndarray)
-            Where these place the centre, shape (3, m), and radii of spheres around it that hold
-            the shape, shape (m,), world units; used of matrices only.
-
-        Returns
-        -------
-        numpy.ndarray, shape (2, 3), float64
-            Lowest and highest coordinates, world units.
+        `spheres`, centres (3, m) and radii (m,), hold the posed shape; bounds may exceed by 0.1 %.
         """
         if poses.ndim == 2:
             points, (low, high) = np.ascontiguousarray(poses.take(ids, 0).T), self._ends
             return np.stack([low + points.min(1), high + points.max(1)])
-        places, radii = spheres
-        numbers = poses.ravel()
-        first = np.multiply(ids, 16, dtype=np.intp) + np.arange(3)[:, None]
-        out = np.empty((2, 3))
+        centers, radii = spheres
+        matrix_numbers = poses.ravel()
+        row_starts = np.multiply(ids, 16, dtype=np.intp) + np.arange(3)[:, None]
+        bounds = np.empty((2, 3))
         for axis in range(3):
             for side, sign in enumerate((-1.0, 1.0)):
-                turns = sign, numbers, first + 4 * axis
-                out[side, axis] = sign * self._highest(turns, sign * places[axis], radii)
-        return out
+                rows = sign, matrix_numbers, row_starts + 4 * axis
+                bounds[side, axis] = sign * self._highest(rows, sign * centers[axis], radii)
+        return bounds
 
     @cached_property
     def _support(self) -> np.ndarray:
         return table_of(self._corners.T, _SIDE)
 
-    def _highest(self, turns, along, radii):
+    def _highest(self, source, heights, radii):
         """Return the highest of ``along + row . corner``, where no product is above its radius."""
-        sign, numbers, where = turns  # which numbers of all matrices the rows are
-        bounds = along + radii
+        sign, numbers, row_index = source  # where the rows are among the numbers of all matrices
+        bounds = heights + radii
         farthest = bounds.argmax(keepdims=True)
-        best = self._reach(sign * numbers[where[:, farthest]], along[farthest])
-        left = np.flatnonzero(bounds > best)
-        if not len(left):
+        best = self._reach(sign * numbers[row_index[:, farthest]], heights[farthest])
+        rest = np.flatnonzero(bounds > best)
+        if not len(rest):
             return best
-        rows, along = sign * numbers.take(where.take(left, 1)), along[left]
-        if len(left) * self._corners.shape[1] <= _AT_ONCE:
-            return max(best, self._reach(rows, along))
+        rows = sign * numbers.take(row_index.take(rest, 1))
+        heights = heights[rest]
+        if len(rest) * self._corners.shape[1] <= _AT_ONCE:
+            return max(best, self._reach(rows, heights))
         if np.ptp(rows, axis=1).max() <= _ROUNDING * np.abs(rows[:, 0]).max():
-            # Turned about this axis alone, or all the same.
-            return self._reach(rows[:, :1], along.max(keepdims=True))
-        bounds = along + support(self._support, rows.T)
+            # Rotated about this axis alone, or all equal.
+            return self._reach(rows[:, :1], heights.max(keepdims=True))
+        bounds = heights + support(self._support, rows.T)
         farthest = bounds.argmax(keepdims=True)
-        best = max(best, self._reach(rows[:, farthest], along[farthest]))
-        left = np.flatnonzero(bounds > best)
-        left = left[np.argsort(-bounds[left])]
-        return self._highest_of(rows[:, left], along[left], bounds[left], best)
+        best = max(best, self._reach(rows[:, farthest], heights[farthest]))
+        rest = np.flatnonzero(bounds > best)
+        rest = rest[np.argsort(-bounds[rest])]
+        return self._highest_of(rows[:, rest], heights[rest], bounds[rest], best)
 
-    def _highest_of(self, rows, along, bounds, best):
-        """Return the highest of poses sorted by their upper bounds, or the best if none is."""
-        count = self._corners.shape[1]
-        step = max(1, _AT_ONCE // count)
-        for start in range(0, len(along), step):
+    def _highest_of(self, rows, heights, bounds, best):
+        """Return the highest of poses sorted by upper bounds, or the best if none is higher."""
+        corner_count = self._corners.shape[1]
+        batch_size = max(1, _AT_ONCE // corner_count)
+        for start in range(0, len(heights), batch_size):
             if bounds[start] <= best:
                 break
-            if start * count > _MOST:
+            if start * corner_count > _MOST:
                 return bounds[start]
-            some = slice(start, start + step)
-            best = max(best, self._reach(rows[:, some], along[some]))
+            batch = slice(start, start + batch_size)
+            best = max(best, self._reach(rows[:, batch], heights[batch]))
         return best
 
-    def _reach(self, rows, along):
+    def _reach(self, rows, heights):
         """Return how far the farthest of some poses reaches, by rows of matrices, (3, n)."""
-        # Not by a matrix product: where its threads wait they take all of the processor.
+        # Not by a matrix product: BLAS's threads would spin while they wait.
         products = np.einsum('ji,jk->ik', rows, self._corners)
-        return (along + products.max(1)).max()
+        return (heights + products.max(1)).max()

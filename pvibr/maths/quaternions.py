@@ -1,4 +1,4 @@
-"""Rotations as unit quaternions (w, x, y, z): numpy only, float64, any leading axes.
+"""Rotations as unit quaternions (w, x, y, z) in float64, with any leading axes.
 
 ``multiply(a, b)`` turns by b first and then by a, as matrices on column vectors do. A quaternion
 and its negative are the same rotation.
@@ -14,51 +14,12 @@ _TINY = 1e-100
 
 
 def normalized(quaternions):
-    """Return quaternions of length one.
-
-    Parameters
-    ----------
-    quaternions : array_like, shape (..., 4)
-        Quaternions (w, x, y, z); of any length but zero.
-
-    Returns
-    -------
-    numpy.ndarray, shape (..., 4), float64
-        The same rotations.
-
-    Raises
-    ------
-    ValueError
-        If the last axis is not of four, or a quaternion is zero or not finite.
-
-    Examples
-    --------
-    >>> from pvibr.maths.quaternions import normalized
-    >>> normalized([0.0, 3.0, 0.0, 4.0]).tolist()
-    [0.0, 0.6, 0.0, 0.8]
-    """
+    """Return quaternions of length one; zero ones are an error."""
     return _units('quaternions', quaternions, 4)
 
 
 def multiply(a, b):
-    """Return products of quaternions: rotation b, then a.
-
-    Parameters
-    ----------
-    a, b : array_like, shape (..., 4)
-        Quaternions (w, x, y, z); their leading axes are broadcast.
-
-    Returns
-    -------
-    numpy.ndarray, shape (..., 4), float64
-        The Hamilton products.
-
-    Examples
-    --------
-    >>> from pvibr.maths.quaternions import multiply
-    >>> multiply([0, 1, 0, 0], [0, 0, 1, 0]).tolist()
-    [0.0, 0.0, 0.0, 1.0]
-    """
+    """Return the Hamilton products of quaternions: rotation b, then a."""
     aw, ax, ay, az = np.moveaxis(np.asarray(a, dtype=np.float64), -1, 0)
     bw, bx, by, bz = np.moveaxis(np.asarray(b, dtype=np.float64), -1, 0)
     return np.stack(
@@ -73,48 +34,12 @@ def multiply(a, b):
 
 
 def conjugate(quaternions):
-    """Return the inverses of unit quaternions.
-
-    Parameters
-    ----------
-    quaternions : array_like, shape (..., 4)
-        Unit quaternions (w, x, y, z).
-
-    Returns
-    -------
-    numpy.ndarray, shape (..., 4), float64
-        The rotations back.
-
-    Examples
-    --------
-    >>> from pvibr.maths.quaternions import conjugate
-    >>> conjugate([0.5, 0.5, -0.5, 0.5]).tolist()
-    [0.5, -0.5, 0.5, -0.5]
-    """
+    """Return the inverses of unit quaternions."""
     return np.asarray(quaternions, dtype=np.float64) * [1, -1, -1, -1]
 
 
 def rotate(quaternions, vectors):
-    """Return vectors rotated by unit quaternions.
-
-    Parameters
-    ----------
-    quaternions : array_like, shape (..., 4)
-        Unit quaternions (w, x, y, z).
-    vectors : array_like, shape (..., 3)
-        Vectors; the leading axes of both are broadcast.
-
-    Returns
-    -------
-    numpy.ndarray, shape (..., 3), float64
-        The turned vectors.
-
-    Examples
-    --------
-    >>> from pvibr.maths.quaternions import rotate
-    >>> rotate([0, 0, 0, 1], [1, 2, 3]).tolist()
-    [-1.0, -2.0, 3.0]
-    """
+    """Return vectors rotated by unit quaternions."""
     q = np.asarray(quaternions, dtype=np.float64)
     v = np.asarray(vectors, dtype=np.float64)
     twice = 2 * np.cross(q[..., 1:], v)
@@ -122,53 +47,13 @@ def rotate(quaternions, vectors):
 
 
 def to_matrices(quaternions):
-    """Return the rotation matrices of quaternions.
-
-    Parameters
-    ----------
-    quaternions : array_like, shape (..., 4)
-        Quaternions (w, x, y, z); of any length but zero.
-
-    Returns
-    -------
-    numpy.ndarray, shape (..., 3, 3), float64
-        One rotation matrix per quaternion.
-
-    Raises
-    ------
-    ValueError
-        If a quaternion is zero or not finite.
-
-    Examples
-    --------
-    >>> from pvibr.maths.quaternions import to_matrices
-    >>> to_matrices([0.0, 0.0, 0.0, 2.0]).diagonal().tolist()
-    [-1.0, -1.0, 1.0]
-    """
+    """Return the rotation matrices, (..., 3, 3), of quaternions of any length but zero."""
     return unit_matrices(normalized(quaternions))
 
 
 def unit_matrices(quaternions):
-    """Return the rotation matrices of unit quaternions, which are not checked.
-
-    Parameters
-    ----------
-    quaternions : numpy.ndarray, shape (..., 4), float64
-        Unit quaternions (w, x, y, z).
-
-    Returns
-    -------
-    numpy.ndarray, shape (..., 3, 3), float64
-        One rotation matrix per quaternion.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from pvibr.maths.quaternions import unit_matrices
-    >>> unit_matrices(np.array([0.0, 0.0, 0.0, 1.0])).diagonal().tolist()
-    [-1.0, -1.0, 1.0]
-    """
-    # Number after number: a product of long and narrow matrices would wake BLAS's threads.
+    """Return the rotation matrices, (..., 3, 3), of unit quaternions, which are not checked."""
+    # Element by element: a product of long and narrow matrices would wake BLAS's threads.
     parts = np.ascontiguousarray(np.moveaxis(quaternions, -1, 0))
     (wx, xx, xy, xz), (wy, _, yy, yz), (wz, _, _, zz) = 2 * parts[1:, None] * parts
     first = 1 - yy - zz, xy - wz, xz + wy
@@ -178,37 +63,15 @@ def unit_matrices(quaternions):
 
 
 def from_matrices(matrices):
-    """Return the unit quaternions of rotation matrices.
-
-    Parameters
-    ----------
-    matrices : array_like, shape (..., 3, 3)
-        Rotations: orthonormal, no mirror.
-
-    Returns
-    -------
-    numpy.ndarray, shape (..., 4), float64
-        Quaternions (w, x, y, z), w not negative.
-
-    Raises
-    ------
-    ValueError
-        If the last two axes are not of three, or a matrix is zero or not finite.
-
-    Examples
-    --------
-    >>> from pvibr.maths.quaternions import from_matrices
-    >>> from_matrices(np.diag([-1.0, 1.0, -1.0])).tolist()
-    [0.0, 0.0, 1.0, 0.0]
-    """
+    """Return the unit quaternions, w not negative, of rotation matrices (..., 3, 3)."""
     m = np.asarray(matrices, dtype=np.float64)
     if m.shape[-2:] != (3, 3):
-        raise ValueError(f'matrices is of shape {m.shape}; the last two axes must be (3, 3).')
+        raise ValueError(f'matrices must have shape (..., 3, 3), got {m.shape}')
     x, y, z = m[..., 0, 0], m[..., 1, 1], m[..., 2, 2]
     s01, s02, s12 = (m[..., j, i] + m[..., i, j] for i, j in ((0, 1), (0, 2), (1, 2)))
     d01, d02, d12 = (m[..., j, i] - m[..., i, j] for i, j in ((0, 1), (0, 2), (1, 2)))
-    # Rows of 4 q q^T: each is q but for a factor; the one with the largest diagonal is the safest.
-    outer = np.stack(
+    # Rows of 4 q q^T: each is a multiple of q; the one with the largest diagonal is most exact.
+    outer_products = np.stack(
         [
             *(1 + x + y + z, d12, -d02, d01),
             *(d12, 1 + x - y - z, s01, s02),
@@ -217,191 +80,67 @@ def from_matrices(matrices):
         ],
         axis=-1,
     ).reshape(*m.shape[:-2], 4, 4)
-    best = np.diagonal(outer, axis1=-2, axis2=-1).argmax(-1)
-    q = np.take_along_axis(outer, best[..., None, None], axis=-2)[..., 0, :]
+    largest_row = np.diagonal(outer_products, axis1=-2, axis2=-1).argmax(-1)
+    q = np.take_along_axis(outer_products, largest_row[..., None, None], axis=-2)[..., 0, :]
     return _positive(_units('matrices', q, 4))
 
 
 def from_axis_angle(axes, angles):
-    """Return the quaternions of rotations about axes.
-
-    Parameters
-    ----------
-    axes : array_like, shape (..., 3)
-        Axes of any length but zero.
-    angles : array_like, shape (...)
-        Angles in radians, counter-clockwise seen against the axis; broadcast with the axes.
-
-    Returns
-    -------
-    numpy.ndarray, shape (..., 4), float64
-        Unit quaternions (w, x, y, z).
-
-    Raises
-    ------
-    ValueError
-        If an axis is zero or not finite.
-
-    Examples
-    --------
-    >>> import math
-    >>> from pvibr.maths.quaternions import from_axis_angle
-    >>> from_axis_angle([0, 0, 2], math.pi / 3)
-    array([0.866, 0.   , 0.   , 0.5  ])
-    """
+    """Return the quaternions of rotations about axes of any length, by angles in radians."""
     half = np.asarray(angles, dtype=np.float64)[..., None] / 2
     xyz = np.sin(half) * _units('axes', axes, 3)
     return np.concatenate([np.broadcast_to(np.cos(half), (*xyz.shape[:-1], 1)), xyz], axis=-1)
 
 
 def between(u, v):
-    """Return the shortest rotations from directions u to directions v.
-
-    Parameters
-    ----------
-    u, v : array_like, shape (..., 3)
-        Directions of any length but zero; their leading axes are broadcast.
-
-    Returns
-    -------
-    numpy.ndarray, shape (..., 4), float64
-        Unit quaternions (w, x, y, z); for opposite directions, one of the half turns.
-
-    Raises
-    ------
-    ValueError
-        If a direction is zero or not finite.
-
-    Examples
-    --------
-    >>> from pvibr.maths.quaternions import between
-    >>> between([2, 0, 0], [0, 3, 0])
-    array([0.707, 0.   , 0.   , 0.707])
-    """
+    """Return the shortest rotations from directions u to directions v; a half turn if opposite."""
     u, v = np.broadcast_arrays(_units('u', u, 3), _units('v', v, 3))
-    # (1 + u . v, u x v); the sum's length keeps its digits where the directions are opposite.
+    # (1 + u . v, u x v); the sum's length keeps its digits for opposite directions.
     w = np.square(u + v).sum(-1, keepdims=True) / 2
     q = np.concatenate([w, np.cross(u, v)], axis=-1)
-    opposite = np.abs(q).max(-1, keepdims=True) < 1e-8
-    least = np.eye(3)[np.abs(u).argmin(-1)]
-    turned = np.concatenate([np.zeros_like(w), np.cross(u, least)], axis=-1)
-    return normalized(np.where(opposite, turned, q))
+    is_opposite = np.abs(q).max(-1, keepdims=True) < 1e-8
+    least_axis = np.eye(3)[np.abs(u).argmin(-1)]
+    half_turns = np.concatenate([np.zeros_like(w), np.cross(u, least_axis)], axis=-1)
+    return normalized(np.where(is_opposite, half_turns, q))
 
 
 def slerp(a, b, t):
-    """Interpolate rotations along the shortest arc at constant angular speed.
-
-    Parameters
-    ----------
-    a, b : array_like, shape (..., 4)
-        Unit quaternions (w, x, y, z).
-    t : array_like, shape (...)
-        Parameter: 0 at a, 1 at b, extrapolated outside; leading axes are broadcast.
-
-    Returns
-    -------
-    numpy.ndarray, shape (..., 4), float64
-        Unit quaternions.
-
-    Examples
-    --------
-    >>> from pvibr.maths.quaternions import slerp
-    >>> slerp([1, 0, 0, 0], [0, 0, 0, 1], 0.5)
-    array([0.707, 0.   , 0.   , 0.707])
-    """
+    """Interpolate rotations along the shortest arc, from a at t = 0 to b at 1, or beyond."""
     a, b = np.asarray(a, dtype=np.float64), np.asarray(b, dtype=np.float64)
     t = np.asarray(t, dtype=np.float64)[..., None]
     b = np.where((a * b).sum(-1, keepdims=True) < 0, -b, b)
-    # The half angle between them from both diagonals: no digit is lost for near ones. It is at
-    # most a quarter turn: only zero is special, and a tiny angle serves for it.
-    angle = np.maximum(2 * np.arctan2(_length(a - b), _length(a + b)), _TINY)
-    return (a * np.sin((1 - t) * angle) + b * np.sin(t * angle)) / np.sin(angle)
+    # The half angle from both diagonals loses no digit for close ones. It is at most a quarter
+    # turn: only zero is special, and a tiny angle stands in for it.
+    half_angle = np.maximum(2 * np.arctan2(_length(a - b), _length(a + b)), _TINY)
+    return (a * np.sin((1 - t) * half_angle) + b * np.sin(t * half_angle)) / np.sin(half_angle)
 
 
 def swing_twist(quaternions, axis):
-    """Split rotations into a twist about an axis, and then a swing of that axis.
+    """Split rotations into a swing of an axis and a twist about it; the twist comes first.
 
-    Parameters
-    ----------
-    quaternions : array_like, shape (..., 4)
-        Unit quaternions (w, x, y, z).
-    axis : array_like, shape (..., 3)
-        Axis of the twist, of any length but zero; its leading axes are broadcast.
-
-    Returns
-    -------
-    tuple of 2 numpy.ndarray, shape (..., 4), float64
-        Swing and twist: rotations perpendicular to ``axis`` and about it, whose product is the
-        whole. The twist is the identity if the swing is a half turn.
-
-    Raises
-    ------
-    ValueError
-        If an axis is zero or not finite.
-
-    Examples
-    --------
-    >>> from pvibr.maths.quaternions import swing_twist
-    >>> swing, twist = swing_twist([0.5, 0.5, 0.5, 0.5], [0, 0, 1])
-    >>> twist
-    array([0.707, 0.   , 0.   , 0.707])
+    The twist is the identity where the swing is a half turn.
     """
     q = np.asarray(quaternions, dtype=np.float64)
     axis = _units('axis', axis, 3)
-    along = (q[..., 1:] * axis).sum(-1, keepdims=True)
-    w = np.broadcast_to(q[..., :1], along.shape)
-    twist = np.concatenate([w, along * axis], axis=-1)
+    axis_component = (q[..., 1:] * axis).sum(-1, keepdims=True)
+    w = np.broadcast_to(q[..., :1], axis_component.shape)
+    twist = np.concatenate([w, axis_component * axis], axis=-1)
     length = _length(twist)
     twist = np.where(length > 1e-12, twist / np.maximum(length, 1e-12), [1.0, 0, 0, 0])
     return multiply(q, conjugate(twist)), twist
 
 
 def log(quaternions):
-    """Return the rotation vectors of unit quaternions: axis times angle.
-
-    Parameters
-    ----------
-    quaternions : array_like, shape (..., 4)
-        Unit quaternions (w, x, y, z).
-
-    Returns
-    -------
-    numpy.ndarray, shape (..., 3), float64
-        Axes times angles in radians, the angles at most half a turn.
-
-    Examples
-    --------
-    >>> from pvibr.maths.quaternions import log
-    >>> log([0, 0, 0, 1])
-    array([0.   , 0.   , 3.142])
-    """
+    """Return the rotation vectors (axis times angle up to pi) of unit quaternions."""
     q = _positive(np.asarray(quaternions, dtype=np.float64))
     sine = _length(q[..., 1:])
-    half = np.arctan2(sine, q[..., :1])
-    # sin(half) / half is the safe side of the quotient: it is one where there is no rotation.
-    return 2 * q[..., 1:] / np.sinc(half / np.pi)
+    half_angle = np.arctan2(sine, q[..., :1])
+    # sin(half) / half is the safe side of the quotient: it is 1 without a rotation.
+    return 2 * q[..., 1:] / np.sinc(half_angle / np.pi)
 
 
 def exp(vectors):
-    """Return the unit quaternions of rotation vectors; undoes :func:`log`.
-
-    Parameters
-    ----------
-    vectors : array_like, shape (..., 3)
-        Axes times angles in radians.
-
-    Returns
-    -------
-    numpy.ndarray, shape (..., 4), float64
-        Unit quaternions (w, x, y, z).
-
-    Examples
-    --------
-    >>> import math
-    >>> from pvibr.maths.quaternions import exp
-    >>> exp([0, math.pi / 2, 0])
-    array([0.707, 0.   , 0.707, 0.   ])
-    """
+    """Return the unit quaternions of rotation vectors; undoes :func:`log`."""
     v = np.asarray(vectors, dtype=np.float64) / 2
     half = _length(v)
     return np.concatenate([np.cos(half), v * np.sinc(half / np.pi)], axis=-1)
@@ -417,8 +156,8 @@ def _positive(quaternions):
 
 
 def _units(name, vectors, size):
-    """Return unit vectors of a given number of components."""
+    """Return unit vectors of `size` components."""
     v = np.asarray(vectors, dtype=np.float64)
     if v.shape[-1:] != (size,):
-        raise ValueError(f'{name} is of shape {v.shape}; the last axis must be of {size}.')
+        raise ValueError(f'{name} must have shape (..., {size}), got {v.shape}')
     return as_units(name, v)

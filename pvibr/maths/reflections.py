@@ -6,60 +6,39 @@ import numpy as np
 
 from pvibr.maths.views import View, look_along
 
-_OFFSET = 1e-3  # of the reach of the scene, so that a mirror does not see itself
+_OFFSET = 1e-3  # of the size of the scene, so that a mirror does not reflect itself
 
 
 def through_rectangle(rectangle, sight, bounds) -> View | None:
-    """Return the parallel view that a mirror reflects, from behind, its rectangle filling it.
+    """Return the parallel view from behind a mirror, its rectangle filling it, sides swapped.
 
-    Parameters
-    ----------
-    rectangle : sequence of 3 array_like, shape (3,)
-        Corner, right and up of the mirror as seen from in front, world units; the last two are
-        perpendicular.
-    sight : array_like, shape (3,)
-        Direction in which the camera looks, into the mirror.
-    bounds : numpy.ndarray, shape (n, 6)
-        World bounds of what may be reflected.
-
-    Returns
-    -------
-    View or None
-        None if nothing is in front of the mirror. Right and left change places.
-
-    Examples
-    --------
-    >>> from pvibr.maths.reflections import through_rectangle
-    >>> floor = [0, 0, 0], [4, 0, 0], [0, 2, 0]
-    >>> view = through_rectangle(floor, [0, 1, -1], np.array([[0, 4, 0, 2, 0, 3.0]]))
-    >>> # What is one above the middle is seen where the mirror is one nearer to the camera.
-    >>> (view.clip_from_view @ view.view_from_world @ [2, 1, 1, 1])[:2].round(6).tolist()
-    [0.0, -1.0]
+    `rectangle` is corner, right, up as seen from the front; None if nothing is in front.
     """
-    corner, right, up = (np.asarray(x, float) for x in rectangle)
-    lengths = np.linalg.norm(right), np.linalg.norm(up)
-    normal = np.cross(right / lengths[0], up / lengths[1])
+    corner, right, up = (np.asarray(vector, float) for vector in rectangle)
+    side_lengths = np.linalg.norm(right), np.linalg.norm(up)
+    normal = np.cross(right / side_lengths[0], up / side_lengths[1])
     sight = np.asarray(sight, float) / np.linalg.norm(sight)
-    out = sight - 2 * (sight @ normal) * normal
+    reflected = sight - 2 * (sight @ normal) * normal
     if not len(bounds):
         return None
     low, high = bounds[:, ::2].min(0), bounds[:, 1::2].max(0)
     far = float((np.where(normal > 0, high, low) - corner) @ normal)
-    size = float(np.linalg.norm(high - low) + sum(lengths))
-    near = _OFFSET * size
+    scene_size = float(np.linalg.norm(high - low) + sum(side_lengths))
+    near = _OFFSET * scene_size
     if far <= near:
         return None
-    far *= 1 + _OFFSET  # so that what ends there is seen
-    middle = corner + (right + up) / 2
-    reach = size + float(np.linalg.norm((low + high) / 2 - middle))
-    view = look_along(middle - reach * out, out, up)
-    # Along the sight to the mirror's plane, and there in shares of its sides.
+    far *= 1 + _OFFSET  # so that surfaces exactly there are included
+    mirror_center = corner + (right + up) / 2
+    eye_distance = scene_size + float(np.linalg.norm((low + high) / 2 - mirror_center))
+    view = look_along(mirror_center - eye_distance * reflected, reflected, up)
+    # Along the sight to the mirror's plane, and there in fractions of its sides.
     shares = [
-        (side - normal * (out @ side) / (out @ normal)) / (side @ side) for side in (right, up)
+        (side - normal * (reflected @ side) / (reflected @ normal)) / (side @ side)
+        for side in (right, up)
     ]
-    rows = np.array([-2 * shares[0], 2 * shares[1], 2 * normal / (far - near)])
+    clip_rows = np.array([-2 * shares[0], 2 * shares[1], 2 * normal / (far - near)])
     clip = np.eye(4)
-    clip[:3, :3] = rows @ view[:3, :3].T
-    eye = middle - reach * out - corner
-    clip[:3, 3] = rows @ eye + [1.0, -1.0, -1.0 - 2 * near / (far - near)]
-    return View(view, clip, 1e-3 * reach, 2 * reach, True)
+    clip[:3, :3] = clip_rows @ view[:3, :3].T
+    eye_offset = mirror_center - eye_distance * reflected - corner
+    clip[:3, 3] = clip_rows @ eye_offset + [1.0, -1.0, -1.0 - 2 * near / (far - near)]
+    return View(view, clip, 1e-3 * eye_distance, 2 * eye_distance, True)

@@ -1,4 +1,4 @@
-"""Sequences of points that fill a square evenly, however many of them are taken."""
+"""Sequences of points that fill a square evenly at any length."""
 
 from __future__ import annotations
 
@@ -10,89 +10,37 @@ _MASK = 0xFFFFFFFF
 
 
 def pair(index, name) -> tuple[float, float]:
-    """Return a point of one of many sequences that have nothing to do with each other.
+    """Return point `index` in [0, 1)^2 of the independent Sobol sequence of a name.
 
-    Each is Sobol's of two dimensions: of its first 4**k points one lies in each of 4**k squares.
-    Digits and order are scrambled by the name: Burley, "Practical hash-based Owen scrambling",
-    Journal of Computer Graphics Techniques 9, 2020.
-
-    Parameters
-    ----------
-    index : int
-        Number of the point, from 0.
-    name : str
-        Name of the sequence.
-
-    Returns
-    -------
-    tuple of 2 float
-        In [0, 1).
-
-    Examples
-    --------
-    >>> from pvibr.maths.sequences import pair
-    >>> sorted(int(4 * pair(k, 'pixel')[0]) for k in range(4))
-    [0, 1, 2, 3]
+    Digits and order are scrambled: Burley, "Practical hash-based Owen scrambling", Journal of
+    Computer Graphics Techniques 9, 2020.
     """
-    order, first, second = _seeds(name)
-    k = _scrambled(index, order)
-    x, y = _scrambled(_reversed(k), first), _scrambled(_second(k), second)
+    order_seed, x_seed, y_seed = _seeds(name)
+    shuffled = _scrambled(index, order_seed)
+    x, y = _scrambled(_reversed(shuffled), x_seed), _scrambled(_second(shuffled), y_seed)
     return x / 2**32, y / 2**32
 
 
 def disk(x, y) -> tuple[float, float]:
-    """Return the point of the unit disk that a point of the unit square is mapped to.
+    """Map the unit square to the unit disk, preserving areas.
 
-    Areas keep their shares: Shirley and Chiu, "A low distortion map between disk and square",
-    Journal of Graphics Tools 2, 1997.
-
-    Parameters
-    ----------
-    x, y : float
-        In [0, 1].
-
-    Returns
-    -------
-    tuple of 2 float
-        Within the unit circle.
-
-    Examples
-    --------
-    >>> from pvibr.maths.sequences import disk
-    >>> disk(0.5, 0.5), disk(1.0, 0.5)
-    ((0.0, 0.0), (1.0, 0.0))
+    Shirley and Chiu, "A low distortion map between disk and square", Journal of Graphics Tools 2,
+    1997.
     """
     a, b = 2.0 * x - 1.0, 2.0 * y - 1.0
     if a == b == 0:
         return 0.0, 0.0
     if abs(a) > abs(b):
-        r, angle = a, pi / 4 * b / a
+        radius, angle = a, pi / 4 * b / a
     else:
-        r, angle = b, pi / 2 - pi / 4 * a / b
-    return r * cos(angle), r * sin(angle)
+        radius, angle = b, pi / 2 - pi / 4 * a / b
+    return radius * cos(angle), radius * sin(angle)
 
 
 def ball(x, y, z) -> tuple[float, float, float]:
-    """Return a point of the unit ball that looks evenly spread over a disk from everywhere.
+    """Map the unit cube to the unit ball, so that every projection fills a disk evenly.
 
-    It is of the unit sphere in four dimensions without its last coordinate: Shoemake, "Uniform
-    random rotations", Graphics Gems III, 1992.
-
-    Parameters
-    ----------
-    x, y, z : float
-        In [0, 1].
-
-    Returns
-    -------
-    tuple of 3 float
-        Within the unit sphere.
-
-    Examples
-    --------
-    >>> from pvibr.maths.sequences import ball
-    >>> ball(0.0, 0.0, 0.0)
-    (0.0, 1.0, 0.0)
+    By the 4D unit sphere: Shoemake, "Uniform random rotations", Graphics Gems III, 1992.
     """
     r, s = sqrt(1.0 - x), sqrt(x)
     return r * sin(2 * pi * y), r * cos(2 * pi * y), s * sin(2 * pi * z)
@@ -100,13 +48,13 @@ def ball(x, y, z) -> tuple[float, float, float]:
 
 def _second(k) -> int:
     """Return the second coordinate of Sobol's k-th point, 32 bits."""
-    found, column = 0, 1 << 31
+    bits, direction_bits = 0, 1 << 31
     while k:
         if k & 1:
-            found ^= column
+            bits ^= direction_bits
         k >>= 1
-        column ^= column >> 1
-    return found
+        direction_bits ^= direction_bits >> 1
+    return bits
 
 
 def _reversed(k) -> int:

@@ -22,36 +22,19 @@ from scipy.sparse.csgraph import connected_components
 
 @dataclass(frozen=True, eq=False)
 class Edges:
-    """A mesh prepared for the silhouettes of any light; made by `edge_table`.
+    """A mesh prepared for the silhouettes of any light; made by `edge_table`."""
 
-    Attributes
-    ----------
-    origin, half_box : numpy.ndarray, shape (3,), float64
-        Centre and half size of the bounding box, world units.
-    points : numpy.ndarray, shape (n, 3), float64
-        The distinct points that triangles use, relative to `origin`.
-    triangles, sources : numpy.ndarray, shape (m, 3) and (m,), int
-        Triangles of three distinct points, and their indices in the given mesh.
-    planes : numpy.ndarray, shape (m, 4), float64
-        Their planes, positive on the counterclockwise side; in units of `unit`.
-    unit : float
-        A power of two near the half size of the mesh, world units.
-    groups : tuple of (numpy.ndarray, shape (e, 2), numpy.ndarray, shape (k, e)), int
-        For each number k of triangles at an edge: the ends of these edges, and their triangles,
-        plus m for a triangle that runs from the second end to the first.
-    welded : tuple of numpy.ndarray
-        Indices of `points` in the given points, shape (n,); the given points that triangles use,
-        and their indices in `points`, both of shape (u,).
-    """
-
-    origin: np.ndarray
-    half_box: np.ndarray
-    points: np.ndarray
-    triangles: np.ndarray
-    sources: np.ndarray
-    planes: np.ndarray
-    unit: float
+    origin: np.ndarray  # (3,), centre of the bounding box, world units
+    half_box: np.ndarray  # (3,)
+    points: np.ndarray  # (n, 3), the distinct points that triangles use, relative to `origin`
+    triangles: np.ndarray  # (m, 3), of distinct points
+    sources: np.ndarray  # (m,), their indices in the mesh
+    planes: np.ndarray  # (m, 4), positive on the counterclockwise side, in units of `unit`
+    unit: float  # a power of two near the half size of the mesh, world units
+    # Per number k of triangles at an edge: ends (e, 2), and triangles (k, e), plus m for one that
+    # runs from the second end to the first.
     groups: tuple[tuple[np.ndarray, np.ndarray], ...]
+    # Sources (n,) of `points`; the source points that triangles use, and their indices, (u,) each.
     welded: tuple[np.ndarray, np.ndarray, np.ndarray]
 
     @cached_property
@@ -66,43 +49,21 @@ class Edges:
         if ((halves < m).sum(axis=0) != 1).any():
             return False
         neighbours = halves % m
-        links = coo_array((np.ones(neighbours.shape[1], bool), tuple(neighbours)), shape=(m, m))
+        graph = coo_array((np.ones(neighbours.shape[1], bool), tuple(neighbours)), shape=(m, m))
         corners = self.points[self.triangles] / self.unit
         volumes = np.einsum('ij,ij->i', corners[:, 0], np.cross(corners[:, 1], corners[:, 2]))
-        return bool((np.bincount(connected_components(links)[1], volumes) > 0).all())
+        return bool((np.bincount(connected_components(graph)[1], volumes) > 0).all())
 
 
 def edge_table(points, triangles):
-    """Prepare a mesh: weld it, compute its planes and group its edges.
+    """Prepare a mesh, (n, 3) and (m, 3): weld it, compute its planes and group its edges.
 
-    Parameters
-    ----------
-    points : array_like, shape (n, 3)
-        World units; points of equal coordinates become one.
-    triangles : array_like, shape (m, 3), int
-        Indices in any winding; degenerate triangles are left out.
-
-    Returns
-    -------
-    Edges
-        The table, for any light.
-
-    Raises
-    ------
-    ValueError
-        If a shape is wrong, an index is out of range, or a corner is not finite.
-
-    Examples
-    --------
-    >>> from pvibr.maths.silhouettes import edge_table
-    >>> square = edge_table([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], [[0, 1, 2], [0, 2, 3]])
-    >>> [len(ends) for ends, _ in square.groups]
-    [4, 1]
+    Points of equal coordinates become one; degenerate triangles are omitted.
     """
     points, triangles = _checked(points, triangles)
     welded, triangles = _welded(points, triangles)
-    a, b, c = triangles.T
-    sources = np.flatnonzero((a != b) & (b != c) & (c != a))
+    first, second, third = triangles.T
+    sources = np.flatnonzero((first != second) & (second != third) & (third != first))
     triangles = triangles[sources]
     groups = _groups(triangles, len(welded[0]))
     placed = _placed(points, triangles, welded)
@@ -110,42 +71,23 @@ def edge_table(points, triangles):
 
 
 def moved_table(edges, points):
-    """Return the table of a mesh whose points have moved.
-
-    Parameters
-    ----------
-    edges : Edges
-        The table of the mesh before.
-    points : array_like, shape (n, 3)
-        Its moved points, world units.
-
-    Returns
-    -------
-    Edges or None
-        Of the same topology; None if welded points are apart, or a corner is not finite.
-
-    Examples
-    --------
-    >>> from pvibr.maths.silhouettes import edge_table, moved_table
-    >>> square = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0.0]])
-    >>> table = moved_table(edge_table(square, [[0, 1, 2], [0, 2, 3]]), 2 * square)
-    >>> table.half_box.tolist()
-    [1.0, 1.0, 0.0]
-    """
+    """Return the table of a mesh after its points moved; None if welded points separate."""
     points = np.asarray(points, np.float64)
-    rows, used, which = edges.welded
-    if used.size and used.max() >= len(points):
+    point_sources, used_points, welded_index = edges.welded
+    if used_points.size and used_points.max() >= len(points):
         return None
-    if (points[used] != points[rows][which]).any():  # numbers that are none among them
+    if (
+        points[used_points] != points[point_sources][welded_index]
+    ).any():  # NaN differs from itself
         return None
-    placed = _placed(points, edges.triangles, edges.welded)
-    if not np.isfinite(placed['half_box']).all():
+    placed_fields = _placed(points, edges.triangles, edges.welded)
+    if not np.isfinite(placed_fields['half_box']).all():
         return None
-    return replace(edges, **placed)
+    return replace(edges, **placed_fields)
 
 
 def _placed(points, triangles, welded):
-    """Return what of a table depends on where its points are."""
+    """Return the fields of a table that depend on the positions of its points."""
     points = points[welded[0]] + 0.0  # no negative zero
     low, high = (points.min(axis=0), points.max(axis=0)) if len(points) else np.zeros((2, 3))
     origin = low + 0.5 * (high - low)
@@ -161,36 +103,16 @@ def _placed(points, triangles, welded):
 class LitMesh:
     """The front faces, the silhouette and the shadow volume of a mesh and a light.
 
-    Parameters
-    ----------
-    edges : Edges
-        Table of the mesh, with n points and m triangles.
-    light : array_like, shape (4,)
-        Position (x, y, z, 1) or direction toward the light (x, y, z, 0), in world space.
-
-    Raises
-    ------
-    ValueError
-        If the light is not finite, has a negative last number or is zero.
-
-    Examples
-    --------
-    >>> from pvibr.maths.silhouettes import LitMesh, edge_table
-    >>> sheet = edge_table([[0, 0, 0], [2, 0, 0], [0, 2, 0]], [[0, 1, 2]])
-    >>> lit = LitMesh(sheet, (0, 0, 1, 0))
-    >>> lit.facing.tolist(), lit.silhouette[1].tolist()
-    ([True], [1, 1, 1])
-    >>> lit.volume_triangles().tolist()
-    [[1, 0, 3], [0, 2, 3], [2, 1, 3], [0, 1, 2]]
+    The light is a position (x, y, z, 1) or a direction toward it (x, y, z, 0), world space.
     """
 
     def __init__(self, edges, light):
         light = np.asarray(light, np.float64)
-        good = light.shape == (4,) and np.isfinite(light).all() and light[3] >= 0 and light.any()
-        if not good:
+        valid = light.shape == (4,) and np.isfinite(light).all() and light[3] >= 0 and light.any()
+        if not valid:
             raise ValueError(
-                f'light is {light.tolist()}; it must be a finite (x, y, z, 1) for a position or '
-                '(x, y, z, 0) for a direction that is not zero.'
+                'light must be a finite position (x, y, z, 1) or nonzero direction (x, y, z, 0), '
+                f'got {light.tolist()}'
             )
         self._edges = edges
         self._light = np.append(light[:3] - light[3] * edges.origin, light[3])
@@ -204,66 +126,49 @@ class LitMesh:
     def weights(self):
         """Signs of the triangles' prisms, (m,) int8: 1 as wound, -1 reversed, 0 omitted.
 
-        Omitted are back faces of closed bodies lit from outside, and triangles with the light at
-        a corner.
+        Omitted are back faces of closed bodies lit from outside, and triangles touching the light.
         """
         edges, light = self._edges, self._light
-        front = self.facing.view(np.int8)
-        outside = (np.abs(light[:3]) > light[3] * edges.half_box).any()
-        if outside:
-            return front if edges.closed else 2 * front - 1
-        turns = 2 * front - 1
-        # A triangle with the light at a corner hides nothing; its corner has no way to infinity.
-        corners = np.flatnonzero(light[3] * edges.points[:, 0] == light[0])
-        corners = corners[(light[3] * edges.points[corners] == light[:3]).all(axis=1)]
-        if len(corners):
-            turns[np.isin(edges.triangles, corners).any(axis=1)] = 0
-        return turns
+        front_facing = self.facing.view(np.int8)
+        is_outside = (np.abs(light[:3]) > light[3] * edges.half_box).any()
+        if is_outside:
+            return front_facing if edges.closed else 2 * front_facing - 1
+        prism_signs = 2 * front_facing - 1
+        # A triangle with the light at a corner hides nothing: the corner has no way to infinity.
+        at_light = np.flatnonzero(light[3] * edges.points[:, 0] == light[0])
+        at_light = at_light[(light[3] * edges.points[at_light] == light[:3]).all(axis=1)]
+        if len(at_light):
+            prism_signs[np.isin(edges.triangles, at_light).any(axis=1)] = 0
+        return prism_signs
 
     @cached_property
     def silhouette(self):
-        """The edges that bound the shadow.
+        """The edges (k, 2) that bound the shadow, and their multiplicities (k,), positive.
 
-        Returns
-        -------
-        ends : numpy.ndarray, shape (k, 2), int
-            Indices of points; the side (first, second, second at infinity, first at infinity) is
-            counterclockwise seen from outside the shadow.
-        multiplicities : numpy.ndarray, shape (k,), int
-            Positive.
+        First, second, second at infinity run counterclockwise as seen from outside the shadow.
         """
         # Reversed, a triangle runs along its edges the other way: look up m + i for that.
-        table = np.concatenate([self.weights, -self.weights])
+        signs_by_half = np.concatenate([self.weights, -self.weights])
         ends, multiplicities = [np.zeros((0, 2), np.intp)], [np.zeros(0, np.intp)]
         for pairs, halves in self._edges.groups:
-            small = np.int8 if len(halves) < 128 else np.intp
-            total = table.take(halves[0]).astype(small, copy=False)
+            sum_type = np.int8 if len(halves) < 128 else np.intp
+            edge_sums = signs_by_half.take(halves[0]).astype(sum_type, copy=False)
             for half in halves[1:]:
-                total += table.take(half)
-            found = np.flatnonzero(total != 0)
-            total = total[found].astype(np.intp)
-            pairs = pairs[found]
+                edge_sums += signs_by_half.take(half)
+            is_silhouette = np.flatnonzero(edge_sums != 0)
+            edge_sums = edge_sums[is_silhouette].astype(np.intp)
+            pairs = pairs[is_silhouette]
             # A prism's side runs along its edge against its triangle.
-            ends.append(np.where(total[:, None] > 0, pairs[:, ::-1], pairs))
-            multiplicities.append(np.abs(total))
+            ends.append(np.where(edge_sums[:, None] > 0, pairs[:, ::-1], pairs))
+            multiplicities.append(np.abs(edge_sums))
         return np.concatenate(ends), np.concatenate(multiplicities)
 
     def volume_triangles(self, caps=True):
-        """Return the shadow volume as indices alone, for points that stay on the GPU.
+        """Return the shadow volume as indices (q, 3), counterclockwise from outside.
 
-        Parameters
-        ----------
-        caps : bool
-            Close the volume at the mesh and at infinity (there only for a position).
-
-        Returns
-        -------
-        numpy.ndarray, shape (q, 3), int
-            Counterclockwise seen from outside. Index i < n is point i, n + i is point i moved to
-            infinity away from the light, and n that of all points for a direction. A side of
-            multiplicity k occurs k times.
+        n + i is point i at infinity, n that of all for a direction; multiplicity k repeats a side.
         """
-        triangles, prisms = self._edges.triangles, self.weights
+        triangles, prism_signs = self._edges.triangles, self.weights
         ends, multiplicities = self.silhouette
         first, second = np.repeat(ends, multiplicities, axis=0).T
         n, positional = len(self._edges.points), self._light[3] > 0
@@ -273,79 +178,70 @@ class LitMesh:
             sides = [[first, second, np.full_like(first, n)]]
         parts = [np.transpose(side) for side in sides]
         if caps:
-            near = triangles[prisms > 0], triangles[prisms < 0, ::-1]
+            near = triangles[prism_signs > 0], triangles[prism_signs < 0, ::-1]
             parts += [*near, *(n + cap[:, ::-1] for cap in near if positional)]
         return np.concatenate(parts)
 
     def volume(self, caps=True):
-        """Return the surface of the shadow volume.
+        """Return homogeneous vertices (v, 4), relative to `Edges.origin`, and triangles.
 
-        A point is in shadow if the path from a lit point to it enters the surface more often than
-        it leaves.
-
-        Parameters
-        ----------
-        caps : bool
-            Close the volume at the mesh and at infinity (there only for a position).
-
-        Returns
-        -------
-        tuple of 2 numpy.ndarray, shape (v, 4) and (q, 3)
-            Homogeneous points relative to `Edges.origin`, world units, or (unit vector, 0) at
-            infinity; triangles of :meth:`volume_triangles`, indices of these vertices.
+        A point is in shadow if a path from the light enters the surface more often than it leaves.
         """
         triangles = self.volume_triangles(caps)
         points, light = self._edges.points, self._light
-        n = len(points)
-        used = np.zeros(2 * n + 1, bool)
-        used[triangles] = True
-        near, far = np.flatnonzero(used[:n]), np.flatnonzero(used[n:])
-        # For a direction the only far vertex is no point: its weight is zero.
-        away = light[3] * points[far % max(n, 1)] - light[:3]
+        point_count = len(points)
+        is_used = np.zeros(2 * point_count + 1, bool)
+        is_used[triangles] = True
+        near_points = np.flatnonzero(is_used[:point_count])
+        far_points = np.flatnonzero(is_used[point_count:])
+        # For a direction, the only far vertex is not a point: its weight is zero.
+        away = light[3] * points[far_points % max(point_count, 1)] - light[:3]
         away /= np.abs(away).max(axis=1, keepdims=True)  # squares stay in range
-        length = np.linalg.norm(away, axis=1, keepdims=True)
-        vertices = np.zeros((len(near) + len(far), 4))
-        vertices[: len(near), :3] = points[near]
-        vertices[: len(near), 3] = 1
-        vertices[len(near) :, :3] = away / length
-        return vertices, (np.cumsum(used) - 1)[triangles]
+        lengths = np.linalg.norm(away, axis=1, keepdims=True)
+        vertices = np.zeros((len(near_points) + len(far_points), 4))
+        vertices[: len(near_points), :3] = points[near_points]
+        vertices[: len(near_points), 3] = 1
+        vertices[len(near_points) :, :3] = away / lengths
+        return vertices, (np.cumsum(is_used) - 1)[triangles]
 
 
 def _checked(points, triangles):
     points, triangles = np.asarray(points, np.float64), np.asarray(triangles)
     for name, array in (('points', points), ('triangles', triangles)):
         if array.ndim != 2 or array.shape[1] != 3:
-            raise ValueError(f'{name} has the shape {array.shape}; it must be (n, 3).')
+            raise ValueError(f'{name} must have shape (n, 3), got {array.shape}')
     triangles = triangles.astype(np.intp, copy=False)
     if triangles.size and (triangles.min() < 0 or triangles.max() >= len(points)):
         raise ValueError(
-            f'triangles has indices from {triangles.min()} to {triangles.max()}; '
-            f'they must be from 0 to {len(points) - 1}.'
+            f'triangles must have indices from 0 to {len(points) - 1}, '
+            f'got {triangles.min()} to {triangles.max()}'
         )
     return points, triangles
 
 
 def _welded(points, triangles):
-    """Return which points stand for which (see `Edges.welded`), and the triangles between them."""
-    # Points that no triangle uses would move the origin.
-    used = np.zeros(len(points), bool)
-    used[triangles] = True
-    kept = np.flatnonzero(used)
-    bad = kept[~np.isfinite(points[kept]).all(axis=1)]
-    if bad.size:
-        raise ValueError(f'points[{bad[0]}] is {points[bad[0]].tolist()}; it must be finite.')
-    points = points[kept] + 0.0  # no negative zero
+    """Return `Edges.welded`, and the triangles of welded points."""
+    # Unused points would move the origin.
+    in_use = np.zeros(len(points), bool)
+    in_use[triangles] = True
+    used_points = np.flatnonzero(in_use)
+    invalid_points = used_points[~np.isfinite(points[used_points]).all(axis=1)]
+    if invalid_points.size:
+        raise ValueError(
+            f'points[{invalid_points[0]}] must be finite, got {points[invalid_points[0]].tolist()}'
+        )
+    points = points[used_points] + 0.0  # no negative zero
     order = np.lexsort(points.T)
-    new = np.ones(len(points), bool)
-    new[1:] = (points[order[1:]] != points[order[:-1]]).any(axis=1)
-    # The first of equal points stands for all, and the order stays: neighbours stay near.
-    first = np.minimum.reduceat(order, np.flatnonzero(new)) if len(points) else order
-    stands = np.empty(len(points), np.intp)
-    stands[order] = first[np.cumsum(new) - 1]
-    alone = stands == np.arange(len(points))
-    index = np.empty(len(used), np.intp)
-    index[kept] = (np.cumsum(alone) - 1)[stands]
-    return (kept[alone], kept, index[kept]), index[triangles]
+    is_new = np.ones(len(points), bool)
+    is_new[1:] = (points[order[1:]] != points[order[:-1]]).any(axis=1)
+    # The first of equal points represents all, in order: neighbours stay close in memory.
+    first_equal = np.minimum.reduceat(order, np.flatnonzero(is_new)) if len(points) else order
+    representatives = np.empty(len(points), np.intp)
+    representatives[order] = first_equal[np.cumsum(is_new) - 1]
+    stays = representatives == np.arange(len(points))
+    index = np.empty(len(in_use), np.intp)
+    index[used_points] = (np.cumsum(stays) - 1)[representatives]
+    return (used_points[stays], used_points, index[used_points]), index[triangles]
 
 
 def _planes(points, triangles):
@@ -355,20 +251,20 @@ def _planes(points, triangles):
 
 
 def _groups(triangles, n):
-    m = len(triangles)
-    start, end = triangles.T.ravel(), np.roll(triangles, -1, axis=1).T.ravel()
-    low, backward = np.minimum(start, end), start > end
-    keys = low * n + np.where(backward, start, end)
-    order = np.argsort(keys, kind='stable')
-    keys = keys[order]
-    firsts = np.flatnonzero(np.diff(keys, prepend=-1))
-    counts = np.diff(firsts, append=len(keys))
+    triangle_count = len(triangles)
+    start_points, end_points = triangles.T.ravel(), np.roll(triangles, -1, axis=1).T.ravel()
+    low_ends, is_backward = np.minimum(start_points, end_points), start_points > end_points
+    keys = low_ends * n + np.where(is_backward, start_points, end_points)
+    key_order = np.argsort(keys, kind='stable')
+    keys = keys[key_order]
+    edge_starts = np.flatnonzero(np.diff(keys, prepend=-1))
+    counts = np.diff(edge_starts, append=len(keys))
     groups = []
-    for k in np.unique(counts):
-        chosen = firsts[counts == k]
-        halves = order[chosen + np.arange(k)[:, None]]
-        by_triangle = np.argsort(halves[0] % m)  # gathers are faster in order
+    for half_count in np.unique(counts):
+        chosen = edge_starts[counts == half_count]
+        halves = key_order[chosen + np.arange(half_count)[:, None]]
+        by_triangle = np.argsort(halves[0] % triangle_count)  # gathers are faster in order
         halves = halves[:, by_triangle]
-        ends = np.stack([low[halves[0]], keys[chosen[by_triangle]] % n], axis=1)
-        groups.append((ends, halves % m + m * backward[halves]))
+        ends = np.stack([low_ends[halves[0]], keys[chosen[by_triangle]] % n], axis=1)
+        groups.append((ends, halves % triangle_count + triangle_count * is_backward[halves]))
     return tuple(groups)

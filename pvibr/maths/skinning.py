@@ -1,4 +1,4 @@
-"""Linear blend and dual quaternion skinning; numpy only, float64.
+"""Linear blend and dual quaternion skinning.
 
 Both give one affine matrix per vertex, which moves the vertex and, by its cofactors, the normal.
 Dual quaternions: Kavan, Collins, Zara and O'Sullivan, "Geometric Skinning with Approximate Dual
@@ -20,262 +20,113 @@ _HALF_TURN = 1e-6  # cosine between quaternions, as in posing.glsl
 
 
 def normalized_weights(weights):
-    """Return skin weights that sum to one per vertex.
-
-    Parameters
-    ----------
-    weights : array_like, shape (v, k)
-        Weights of up to eight joints per vertex.
-
-    Returns
-    -------
-    numpy.ndarray, shape (v, k), float64
-        Weights of sum 1.
-
-    Raises
-    ------
-    ValueError
-        If a weight is negative or not finite, or all weights of a vertex are zero.
-
-    Examples
-    --------
-    >>> from pvibr.maths.skinning import normalized_weights
-    >>> normalized_weights([[1.0, 3.0]]).tolist()
-    [[0.25, 0.75]]
-    """
+    """Return skin weights (v, k) that sum to one per vertex."""
     weights = np.asarray(weights, dtype=np.float64)
     if weights.ndim != 2 or not 1 <= weights.shape[1] <= MAX_INFLUENCES:
         raise ValueError(
-            f'weights must be (v, k) with k from 1 to {MAX_INFLUENCES}, not {weights.shape}.'
+            f'weights must have shape (v, 1 to {MAX_INFLUENCES}), got {weights.shape}'
         )
-    _refuse(weights, ~np.isfinite(weights).all(1), 'not finite')
-    _refuse(weights, (weights < 0).any(1), 'negative')
-    # Two steps, so that the sum of very large or small weights stays in range.
+    _refuse(weights, ~np.isfinite(weights).all(1), 'finite')
+    _refuse(weights, (weights < 0).any(1), '0 or more')
+    # In two steps, so that the sum of very large or small weights stays in range.
     largest = weights.max(1, keepdims=True)
-    _refuse(weights, largest[:, 0] == 0, 'all zero')
+    _refuse(weights, largest[:, 0] == 0, 'above 0 for a joint of each vertex')
     weights = weights / largest
     return weights / weights.sum(1, keepdims=True)
 
 
 def linear_blend(matrices, joints, weights):
-    """Return one matrix per vertex: the weighted mean of its joints' matrices.
-
-    Parameters
-    ----------
-    matrices : array_like, shape (m, 4, 4)
-        ``figure_from_rest`` of each joint.
-    joints, weights : array_like, shape (v, k)
-        Joints of each vertex and their weights, of sum 1.
-
-    Returns
-    -------
-    numpy.ndarray, shape (v, 3, 4), float64
-        Affine matrices.
-
-    Examples
-    --------
-    >>> from pvibr.maths import skinning
-    >>> two = np.stack([np.eye(4), np.diag([3.0, 3.0, 3.0, 1.0])])
-    >>> skinning.linear_blend(two, [[0, 1]], [[0.5, 0.5]])[0, 0].tolist()
-    [2.0, 0.0, 0.0, 0.0]
-    """
-    rows = np.asarray(matrices, dtype=np.float64)[:, :3, :]
-    return _weighted(rows, joints, weights)
+    """Return one matrix per vertex, (v, 3, 4): the weighted mean of its joints' matrices."""
+    affine_rows = np.asarray(matrices, dtype=np.float64)[:, :3, :]
+    return _weighted(affine_rows, joints, weights)
 
 
 def dual_blend(matrices, joints, weights, centers=None, bulge=1.0):
-    """Return one matrix per vertex: its joints' rigid motions blended by dual quaternions.
+    """Return one matrix per vertex, (v, 3, 4): its joints' motions blended as dual quaternions.
 
-    Parameters
-    ----------
-    matrices : array_like, shape (m, 4, 4)
-        ``figure_from_rest`` of each joint.
-    joints, weights : array_like, shape (v, k)
-        Joints of each vertex and their weights, of sum 1.
-    centers : array_like, shape (m, 3), optional
-        Joints at rest, about which scale and shear act; the origin by default.
-    bulge : float
-        From 0, the linear blend, to 1, which keeps the cross-section of a twist and lets the
-        outside of a bend bulge.
-
-    Returns
-    -------
-    numpy.ndarray, shape (v, 3, 4), float64
-        Affine matrices; rigid if the joints are and ``bulge`` is 1.
-
-    Raises
-    ------
-    ValueError
-        If ``bulge`` is out of range.
-
-    Examples
-    --------
-    A point between a joint at rest and one turned by 180 degrees keeps its distance.
-
-    >>> from pvibr.maths import skinning
-    >>> two = np.stack([np.eye(4), np.diag([-1.0, -1.0, 1.0, 1.0])])
-    >>> matrix = skinning.dual_blend(two, [[0, 1]], [[0.5, 0.5]])[0]
-    >>> np.abs(matrix @ [1, 0, 0, 1]).round(12).tolist()
-    [0.0, 1.0, 0.0]
+    Joints scale about `centers`; `bulge` goes from the linear blend, 0, to the dual one, 1.
     """
     real, dual, stretch = dual_parts(matrices, centers)
     joints = np.asarray(joints)
     weights = np.asarray(weights, dtype=np.float64)
     heaviest = joints[np.arange(len(joints)), weights.argmax(1)]
-    # q and -q are one rotation: take those on the side of the heaviest joint's, the short way.
-    # Half a turn has two; rounding must not choose, which differs from that of 32 bits.
-    aligned = np.einsum('vkq,vq->vk', real[joints], real[heaviest])
-    signed = np.where(aligned < -_HALF_TURN, -weights, weights)
+    # q and -q are one rotation: take that on the side of the heaviest joint's, the short way.
+    # Half a turn has two; rounding, which differs in 32 bits, must not decide.
+    alignment = np.einsum('vkq,vq->vk', real[joints], real[heaviest])
+    signed = np.where(alignment < -_HALF_TURN, -weights, weights)
     blended = rigid(_weighted(real, joints, signed), _weighted(dual, joints, signed))
-    round_about = _after(blended, _weighted(stretch, joints, weights))
+    rigid_blend = _after(blended, _weighted(stretch, joints, weights))
     if bulge == 1.0:
-        return round_about
+        return rigid_blend
     checked_number('bulge', bulge, 0, 1)
-    straight = linear_blend(matrices, joints, weights)
-    return straight + bulge * (round_about - straight)
+    linear = linear_blend(matrices, joints, weights)
+    return linear + bulge * (rigid_blend - linear)
 
 
 def dual_parts(matrices, centers=None):
-    """Decompose joints into unit dual quaternions and the stretch before them.
+    """Decompose joints into unit dual quaternions (..., m, 4) and the stretch before them.
 
-    Parameters
-    ----------
-    matrices : array_like, shape (..., m, 4, 4)
-        ``figure_from_rest`` of each joint.
-    centers : array_like, shape (m, 3), optional
-        Joints at rest, about which they stretch; the origin by default.
-
-    Returns
-    -------
-    real, dual : numpy.ndarray, shape (..., m, 4), float64
-        Rotation (w, x, y, z), and its product with half the translation as a pure quaternion.
-    stretch : numpy.ndarray, shape (..., m, 3, 4), float64
-        Affine matrices of scale, shear and mirror, the first phase.
-
-    Examples
-    --------
-    >>> from pvibr.maths import skinning
-    >>> real, dual, stretch = skinning.dual_parts([np.diag([2.0, 2.0, 2.0, 1.0])], [[1.0, 0, 0]])
-    >>> stretch[0, 0].tolist(), (2 * dual[0]).tolist()
-    ([2.0, 0.0, 0.0, -1.0], [0.0, 1.0, 0.0, 0.0])
+    The stretch is the affine matrix of scale, shear and mirror about `centers`, (..., m, 3, 4).
     """
     matrices = np.asarray(matrices, dtype=np.float64)
     centers = np.zeros(3) if centers is None else np.asarray(centers, dtype=np.float64)
     rotation, linear = _polar(matrices[..., :3, :3])
     real = quaternions.from_matrices(rotation)
-    fixed = centers - _times(linear, centers)
-    moved = _times(matrices[..., :3, :3], centers) + matrices[..., :3, 3]
-    shift = moved - _times(rotation, centers)
-    pure = np.concatenate([np.zeros_like(shift[..., :1]), 0.5 * shift], -1)
-    stretch = np.concatenate([linear, fixed[..., None]], -1)
-    return real, quaternions.multiply(pure, real), stretch
+    stretch_shift = centers - _times(linear, centers)
+    posed_centers = _times(matrices[..., :3, :3], centers) + matrices[..., :3, 3]
+    translation = posed_centers - _times(rotation, centers)
+    half_translation = np.concatenate([np.zeros_like(translation[..., :1]), 0.5 * translation], -1)
+    stretch = np.concatenate([linear, stretch_shift[..., None]], -1)
+    return real, quaternions.multiply(half_translation, real), stretch
 
 
 def rigid(real, dual):
-    """Return the matrices of dual quaternions.
-
-    Parameters
-    ----------
-    real : array_like, shape (..., 4)
-        Rotations (w, x, y, z) of any length but zero.
-    dual : array_like, shape (..., 4)
-        Half the translation times ``real``. A component along ``real`` has no effect.
-
-    Returns
-    -------
-    numpy.ndarray, shape (..., 3, 4), float64
-        Rigid motions.
-
-    Examples
-    --------
-    >>> from pvibr.maths import skinning
-    >>> skinning.rigid([2.0, 0, 0, 0], [0, 3.0, 0, 0])[:, 3].tolist()
-    [3.0, 0.0, 0.0]
-    """
+    """Return the matrices (..., 3, 4) of dual quaternions of any length but zero."""
     real = np.asarray(real, dtype=np.float64)
-    square = (real**2).sum(-1, keepdims=True)
-    shift = 2 * quaternions.multiply(dual, quaternions.conjugate(real))[..., 1:] / square
+    length_squared = (real**2).sum(-1, keepdims=True)
+    shift = 2 * quaternions.multiply(dual, quaternions.conjugate(real))[..., 1:] / length_squared
     return np.concatenate([quaternions.to_matrices(real), shift[..., None]], -1)
 
 
 def moved_points(matrices, points):
-    """Return points, each transformed by its own matrix.
-
-    Parameters
-    ----------
-    matrices : array_like, shape (v, 3, 4)
-        Affine matrices.
-    points : array_like, shape (v, 3)
-        Points.
-
-    Returns
-    -------
-    numpy.ndarray, shape (v, 3), float64
-        Moved points.
-
-    Examples
-    --------
-    >>> from pvibr.maths import skinning
-    >>> skinning.moved_points([np.eye(4)[:3] * 2], [[1.0, 2.0, 3.0]]).tolist()
-    [[2.0, 4.0, 6.0]]
-    """
+    """Return points (v, 3), each transformed by its own matrix (v, 3, 4)."""
     matrices = np.asarray(matrices, dtype=np.float64)
     return _times(matrices[..., :3], np.asarray(points, float)) + matrices[..., 3]
 
 
 def moved_normals(matrices, normals):
-    """Return unit normals of points, each transformed by its own matrix.
-
-    Parameters
-    ----------
-    matrices : array_like, shape (v, 3, 4)
-        Affine matrices.
-    normals : array_like, shape (v, 3)
-        Normals; a zero normal stays zero.
-
-    Returns
-    -------
-    numpy.ndarray, shape (v, 3), float64
-        Normals by the inverse transpose. A mirroring matrix keeps outward normals outward.
-
-    Examples
-    --------
-    >>> from pvibr.maths import skinning
-    >>> flat = np.diag([1.0, 1.0, -5.0, 1.0])[:3]
-    >>> skinning.moved_normals([flat], [[0.0, 0.0, 1.0]]).tolist()
-    [[0.0, 0.0, -1.0]]
-    """
+    """Return unit normals, each transformed by its own matrix; outward ones stay outward."""
     a, b, c = np.moveaxis(np.asarray(matrices, dtype=np.float64)[..., :3], -1, 0)
     # The cofactors are the inverse transpose times the determinant, and exist without one.
     cofactors = np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)], -1)
-    sign = np.where((cofactors[..., 0] * a).sum(-1) < 0, -1.0, 1.0)
-    moved = _times(cofactors, np.asarray(normals, float)) * sign[..., None]
-    return unit_vectors(moved) + 0.0
+    mirror_sign = np.where((cofactors[..., 0] * a).sum(-1) < 0, -1.0, 1.0)
+    turned_normals = _times(cofactors, np.asarray(normals, float)) * mirror_sign[..., None]
+    return unit_vectors(turned_normals) + 0.0
 
 
 def _weighted(values, joints, weights):
-    """Return the sum over the joints of each vertex, a column of joints at a time."""
+    """Return the sum over the joints of each vertex, one column of joints at a time."""
     joints = np.asarray(joints)
     weights = np.asarray(weights, dtype=np.float64)
-    total = np.zeros((len(joints), *values.shape[1:]))
+    weighted_sum = np.zeros((len(joints), *values.shape[1:]))
     for joint, weight in zip(joints.T, weights.T, strict=True):
-        total += values[joint] * weight.reshape(-1, *[1] * (values.ndim - 1))
-    return total
+        weighted_sum += values[joint] * weight.reshape(-1, *[1] * (values.ndim - 1))
+    return weighted_sum
 
 
 def _after(second, first):
     """Return the affine matrices of ``first`` and then ``second``."""
-    both = second[..., :3] @ first
-    both[..., 3] += second[..., 3]
-    return both
+    combined = second[..., :3] @ first
+    combined[..., 3] += second[..., 3]
+    return combined
 
 
 def _polar(linear):
     """Return the polar decomposition: rotation, and stretch with any reflection."""
     u, s, vt = np.linalg.svd(linear)
-    sign = np.where(np.linalg.det(u @ vt) < 0, -1.0, 1.0)
-    u[..., 2] *= sign[..., None]
-    s[..., 2] *= sign
+    mirror_sign = np.where(np.linalg.det(u @ vt) < 0, -1.0, 1.0)
+    u[..., 2] *= mirror_sign[..., None]
+    s[..., 2] *= mirror_sign
     return u @ vt, np.swapaxes(vt, -1, -2) @ (s[..., None] * vt)
 
 
@@ -283,12 +134,9 @@ def _times(matrices, vectors):
     return np.einsum('...ij,...j->...i', matrices, vectors)
 
 
-def _refuse(weights, bad, what):
-    rows = np.flatnonzero(bad)
-    if len(rows):
-        first = ', '.join(str(row) for row in rows[:5])
-        more = ', ...' if len(rows) > 5 else ''
-        raise ValueError(
-            f'weights of {len(rows)} vertices are {what}: rows {first}{more}, '
-            f'the first is {weights[rows[0]].tolist()}.'
-        )
+def _refuse(weights, is_bad, allowed):
+    bad_rows = np.flatnonzero(is_bad)
+    if len(bad_rows):
+        first_row = weights[bad_rows[0]].tolist()
+        more = f' and {len(bad_rows) - 1} more' if len(bad_rows) > 1 else ''
+        raise ValueError(f'weights must be {allowed}, got {first_row} in row {bad_rows[0]}{more}')

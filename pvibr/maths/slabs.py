@@ -8,24 +8,13 @@ import numpy as np
 
 from pvibr.maths.vectors import unit_vectors
 
-_STEP, _ROUNDS = 0.3, 5  # radians that a slab is turned by at first, and how often that is halved
-_SPREAD = 0.15  # radians between directions in which points lie farthest
-_HOPELESS = 3.0  # times too thick is a slab that turning will not mend
+_STEP, _ROUNDS = 0.3, 5  # first tilt of a slab in radians, and how often it is halved
+_SPREAD = 0.15  # radians between directions in which extreme points are sought
+_HOPELESS = 3.0  # times too thick: tilting will not help such a slab
 
 
 def hemisphere(step) -> np.ndarray:
-    """Return unit vectors of a hemisphere, about an angle apart.
-
-    Parameters
-    ----------
-    step : float
-        Radians.
-
-    Returns
-    -------
-    numpy.ndarray, shape (n, 3)
-        Fibonacci's spiral.
-    """
+    """Return unit vectors over a hemisphere, about `step` radians apart: Fibonacci's spiral."""
     count = int(np.ceil(2 * np.pi / step**2))
     z = (np.arange(count) + 0.5) / count
     angle = np.pi * (3 - np.sqrt(5)) * np.arange(count)
@@ -34,95 +23,48 @@ def hemisphere(step) -> np.ndarray:
 
 
 def turned(normal, step) -> np.ndarray:
-    """Return a normal and others around it.
-
-    Parameters
-    ----------
-    normal : numpy.ndarray, shape (3,)
-        Unit vector.
-    step : float
-        Maximum angle along either axis, radians.
-
-    Returns
-    -------
-    numpy.ndarray, shape (25, 3)
-        Unit vectors.
-    """
+    """Return 25 unit vectors around a normal, up to `step` radians along either axis."""
     u = np.cross(normal, np.eye(3)[np.abs(normal).argmin()])
     u /= np.linalg.norm(u)
     v = np.cross(normal, u)
-    turns = step / 2 * np.arange(-2, 3)
-    a, b = np.meshgrid(turns, turns)
-    found = normal + a.reshape(-1, 1) * u + b.reshape(-1, 1) * v
-    return unit_vectors(found)
+    tilts = step / 2 * np.arange(-2, 3)
+    tilt_u, tilt_v = np.meshgrid(tilts, tilts)
+    tilted_normals = normal + tilt_u.reshape(-1, 1) * u + tilt_v.reshape(-1, 1) * v
+    return unit_vectors(tilted_normals)
 
 
 def thinnest(points, starts, enough):
-    """Return the thinnest slab that contains points, near some directions.
+    """Return the normal, middle offset and thickness of a thin slab that contains points.
 
-    Parameters
-    ----------
-    points : numpy.ndarray, shape (n, 3)
-        Any units.
-    starts : sequence of numpy.ndarray, shape (3,)
-        Initial unit vectors, besides that of least spread.
-    enough : float
-        Sufficient thickness; much thicker slabs are not refined.
-
-    Returns
-    -------
-    normal : numpy.ndarray, shape (3,)
-        Unit vector.
-    offset, thickness : float
-        Offset of the slab's middle along it, and thickness, in units of the points.
-
-    Examples
-    --------
-    >>> from pvibr.maths.slabs import thinnest
-    >>> corners = np.array([[0, 0, 0], [4, 0, 0.1], [0, 4, 0], [4, 4, 0.1]])
-    >>> normal, offset, thickness = thinnest(corners, [np.array([0, 0, 1.0])], 0.01)
-    >>> bool(thickness < 0.02), bool(abs(offset) < 0.02)
-    (True, True)
+    Searched near `starts` and the direction of least spread, until it is thin `enough`.
     """
-    middle = points - points.mean(0)
-    least = np.linalg.eigh(middle.T @ middle)[1][:, 0]
-    best, width = least, float(np.ptp(points @ least))
-    for start in () if width > _HOPELESS * enough else (least, *starts):
+    local_points = points - points.mean(0)
+    flattest_normal = np.linalg.eigh(local_points.T @ local_points)[1][:, 0]
+    best, width = flattest_normal, float(np.ptp(points @ flattest_normal))
+    for start in () if width > _HOPELESS * enough else (flattest_normal, *starts):
         best, width = _turned_thinner(points, start, _STEP, best, width)
-    before = np.inf
-    while enough < width < min(before, _HOPELESS * enough):  # by steps that start finer
-        before = width
+    last_thickness = np.inf
+    while enough < width < min(last_thickness, _HOPELESS * enough):  # with a finer first step
+        last_thickness = width
         best, width = _turned_thinner(points, best, _STEP / 4, best, width)
-    along = points @ best
-    return best, float(along.min() + along.max()) / 2, width
+    offsets = points @ best
+    return best, float(offsets.min() + offsets.max()) / 2, width
 
 
-def _turned_thinner(points, normal, step, best, width):
+def _turned_thinner(points, normal, step, best_normal, thickness):
     """Return the best normal and its width after turning one by ever smaller steps."""
     for _ in range(_ROUNDS):
-        around = turned(normal, step)
-        widths = np.ptp(points @ around.T, axis=0)
-        normal = around[widths.argmin()]
-        if widths.min() < width:
-            best, width = normal, float(widths.min())
+        tilted_normals = turned(normal, step)
+        thicknesses = np.ptp(points @ tilted_normals.T, axis=0)
+        normal = tilted_normals[thicknesses.argmin()]
+        if thicknesses.min() < thickness:
+            best_normal, thickness = normal, float(thicknesses.min())
         step /= 2
-    return best, width
+    return best_normal, thickness
 
 
 class Cover:
-    """Triangles, and slabs of one thickness that contain all of them.
-
-    Parameters
-    ----------
-    points : numpy.ndarray, shape (n, 3)
-        Any units.
-    faces, areas : numpy.ndarray, shape (m, 3) and (m,)
-        Triangles and their areas.
-    normals, offsets : numpy.ndarray, shape (k, 3) and (k,)
-        Unit vectors and offsets of the slabs' middles.
-    bound : float
-        Half the thickness.
-    """
+    """Triangles, and slabs of half thickness `bound` that together contain them."""
 
     def __init__(self, points, faces, areas, normals, offsets, bound):
         self.points, self.faces, self.areas, self.bound = points, faces, areas, bound
@@ -131,9 +73,9 @@ class Cover:
         self._names = list(range(len(offsets)))
         self._failed: set = set()  # pairs of names
 
-    def _held(self, k):
-        away = np.abs(self.points @ self.normals[k] - self.offsets[k])
-        return away[self.faces].max(1) <= self.bound
+    def _held(self, slab):
+        distances = np.abs(self.points @ self.normals[slab] - self.offsets[slab])
+        return distances[self.faces].max(1) <= self.bound
 
     def merged(self):
         """Return the normals and offsets of fewer slabs, each pair merged if one slab suffices."""
@@ -143,18 +85,18 @@ class Cover:
 
     def _merge(self) -> bool:
         """Merge the first possible pair, the least needed first; remember failed pairs."""
-        times = self.holds.sum(1)
-        alone = self.holds & (times == 1)[:, None]
-        cores = [self._extremes(alone[:, k]) for k in range(len(self.offsets))]
-        for pair in combinations(np.argsort(self.areas @ alone).tolist(), 2):
-            key = frozenset(self._names[k] for k in pair)
-            if key in self._failed:
+        hold_counts = self.holds.sum(1)
+        held_once = self.holds & (hold_counts == 1)[:, None]
+        cores = [self._extremes(held_once[:, k]) for k in range(len(self.offsets))]
+        for pair in combinations(np.argsort(self.areas @ held_once).tolist(), 2):
+            pair_key = frozenset(self._names[k] for k in pair)
+            if pair_key in self._failed:
                 continue
-            found = self._of_two(pair, np.concatenate([cores[k] for k in pair]), times)
-            if found is not None:
-                self._replace(pair, *found)
+            merged_slab = self._of_two(pair, np.concatenate([cores[k] for k in pair]), hold_counts)
+            if merged_slab is not None:
+                self._replace(pair, *merged_slab)
                 return True
-            self._failed.add(key)
+            self._failed.add(pair_key)
         return False
 
     def _extremes(self, chosen):
@@ -163,29 +105,27 @@ class Cover:
         directions = hemisphere(_SPREAD)
         if len(points) <= len(directions):
             return points
-        along = points @ directions.T
-        return points[np.unique(np.concatenate([along.argmin(0), along.argmax(0)]))]
+        offsets = points @ directions.T
+        return points[np.unique(np.concatenate([offsets.argmin(0), offsets.argmax(0)]))]
 
-    def _of_two(self, pair, core, times):
+    def _of_two(self, pair, core, hold_counts):
         """Return a slab that contains what only two slabs contain, or None."""
-        thick = 2 * self.bound
-        if len(core) and thinnest(core, self.normals[list(pair)], thick)[2] > thick:
+        thickness = 2 * self.bound
+        if len(core) and thinnest(core, self.normals[list(pair)], thickness)[2] > thickness:
             return None
-        alone = times == self.holds[:, pair].sum(1)
+        alone = hold_counts == self.holds[:, pair].sum(1)
         if not alone.any():
             return None
-        normal, offset, _ = thinnest(self._extremes(alone), self.normals[list(pair)], thick)
-        away = np.abs(self.points[np.unique(self.faces[alone])] @ normal - offset)
-        return (normal, offset) if away.max() <= self.bound else None
+        normal, offset, _ = thinnest(self._extremes(alone), self.normals[list(pair)], thickness)
+        distances = np.abs(self.points[np.unique(self.faces[alone])] @ normal - offset)
+        return (normal, offset) if distances.max() <= self.bound else None
 
     def _replace(self, pair, normal, offset):
-        kept, gone = pair
-        self.normals[kept], self.offsets[kept] = normal, offset
-        self.holds[:, kept] = self._held(kept)
-        self.normals, self.offsets = (
-            np.delete(self.normals, gone, 0),
-            np.delete(self.offsets, gone),
-        )
+        stays, gone = pair
+        self.normals[stays], self.offsets[stays] = normal, offset
+        self.holds[:, stays] = self._held(stays)
+        self.normals = np.delete(self.normals, gone, 0)
+        self.offsets = np.delete(self.offsets, gone)
         self.holds = np.delete(self.holds, gone, 1)
-        self._names[kept] = max(self._names) + 1
+        self._names[stays] = max(self._names) + 1
         del self._names[gone]

@@ -2,7 +2,7 @@
 
 The support function is ``h(u) = max over points p of p . u``, see Rockafellar, "Convex Analysis",
 1970, section 13. It is convex and of degree one, so linear interpolation within a face of the
-octahedron overestimates it: what it bounds stays within. ``cards.glsl`` holds the same formulas.
+octahedron overestimates it: bounds stay bounds. ``cards.glsl`` holds the same formulas.
 """
 
 from __future__ import annotations
@@ -12,121 +12,48 @@ import numpy as np
 from pvibr.maths.hulls import hull_corners
 from pvibr.maths.octahedral import view_directions
 
-SIDE = 33  # grid points along a side of a table: odd, so that it has the six axes
+SIDE = 33  # grid points along a side of a table: odd, to include the six axes
 
 
 def support_table(points, room=0.0):
-    """Return the support function at points of the octahedron whose corners are the unit axes.
+    """Return the support function, enlarged by `room`, at points of the octahedron, (33, 33).
 
-    Parameters
-    ----------
-    points : array_like, shape (n, 3)
-        Those of the shape.
-    room : float
-        Distance by which the shape may reach farther, same unit.
-
-    Returns
-    -------
-    numpy.ndarray, shape (33, 33), float64
-        Distances from the origin times the lengths of the grid points, which lie as those of
-        :func:`pvibr.maths.octahedral.view_directions`.
-
-    Examples
-    --------
-    >>> from pvibr.maths.support import support_table
-    >>> support_table([[0.0, 0.0, 2.0], [1.0, 0.0, 0.0]])[16, [16, 32]].tolist()
-    [2.0, 1.0]
+    Its corners are the unit axes; points lie as in :func:`pvibr.maths.octahedral.view_directions`.
     """
     return table_of(hull_corners(points)) + room * np.linalg.norm(_grid(SIDE), axis=-1)
 
 
 def table_of(corners, side=SIDE):
-    """Return the support function of corners of a hull, as :func:`support_table` does.
-
-    Parameters
-    ----------
-    corners : numpy.ndarray, shape (k, 3)
-        Corners; points inside the hull take time and change nothing.
-    side : int
-        Grid points along a side of the table: odd.
-
-    Returns
-    -------
-    numpy.ndarray, shape (side, side), float64
-        Distances from the origin times the lengths of the grid points.
-
-    Examples
-    --------
-    >>> from pvibr.maths.support import table_of
-    >>> table_of(np.array([[0.0, 0.0, 2.0]]), 5)[2].tolist()
-    [0.0, 1.0, 2.0, 1.0, 0.0]
-    """
+    """Return the support function of a hull's corners (k, 3), as :func:`support_table` does."""
     return np.stack([(row @ corners.T).max(-1) for row in _grid(side)])
 
 
 def support(table, vectors):
-    """Return the support function in directions, or hardly more.
-
-    Parameters
-    ----------
-    table : array_like, shape (side, side)
-        Of :func:`support_table` or :func:`table_of`.
-    vectors : array_like, shape (..., 3)
-        Directions of any length but 0, by which distances are multiplied.
-
-    Returns
-    -------
-    numpy.ndarray, shape (...), float64
-        Distances: exact in the directions of the grid, never less in others.
-
-    Examples
-    --------
-    >>> from pvibr.maths.support import support, support_table
-    >>> table = support_table([[0.0, 0.0, 2.0], [1.0, 0.0, 0.0]])
-    >>> support(table, [[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0]]).tolist()
-    [2.0, 0.0]
-    """
+    """Return the support function of a table at vectors: exact on its grid, never less."""
     table = np.asarray(table, float)
     side, middle = len(table), len(table) // 2
     x, y, z = np.moveaxis(np.asarray(vectors, float), -1, 0)
     column_step, row_step = np.where(x < 0.0, -1, 1), np.where(y < 0.0, -side, side)
-    x, y, below = np.abs(x), np.abs(y), z < 0.0
+    x, y, is_below = np.abs(x), np.abs(y), z < 0.0
     length = x + y + np.abs(z)
     # As octahedral.encode() maps them, by column and row from the middle of the table.
-    x, y = (np.where(below, length - b, a) * (middle / length) for a, b in ((x, y), (y, x)))
-    column, row = (np.minimum(place.astype(int), middle - 1) for place in (x, y))
+    x, y = (np.where(is_below, length - b, a) * (middle / length) for a, b in ((x, y), (y, x)))
+    column, row = (np.minimum(grid_position.astype(int), middle - 1) for grid_position in (x, y))
     x, y = x - column, y - row
-    start = (side + 1) * middle + column_step * column + row_step * row
-    # Halves of a cell lie in one face each.
+    cell = (side + 1) * middle + column_step * column + row_step * row
+    # Each half of a cell lies in one face.
     beyond = x + y > 1.0
     x, y = np.where(beyond, 1.0 - y, x), np.where(beyond, 1.0 - x, y)
     flat = table.ravel()
-    first = flat.take(np.where(beyond, start + column_step + row_step, start))
-    out = flat.take(start + column_step) - first
-    out *= x
-    out += y * (flat.take(start + row_step) - first)
-    return (out + first) * length
+    first = flat.take(np.where(beyond, cell + column_step + row_step, cell))
+    interpolated = flat.take(cell + column_step) - first
+    interpolated *= x
+    interpolated += y * (flat.take(cell + row_step) - first)
+    return (interpolated + first) * length
 
 
 def box_of(table):
-    """Return the bounding box of the shape of a table.
-
-    Parameters
-    ----------
-    table : array_like, shape (33, 33)
-        Of :func:`support_table`.
-
-    Returns
-    -------
-    numpy.ndarray, shape (2, 3), float64
-        Lowest and highest coordinates.
-
-    Examples
-    --------
-    >>> from pvibr.maths.support import box_of, support_table
-    >>> box_of(support_table([[0.0, 0.0, 2.0], [1.0, 0.0, 0.0]])).tolist()
-    [[0.0, 0.0, 0.0], [1.0, 0.0, 2.0]]
-    """
+    """Return the bounding box of the shape of a table, (2, 3)."""
     return np.stack([-support(table, -np.eye(3)), support(table, np.eye(3))])
 
 

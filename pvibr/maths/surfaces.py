@@ -6,51 +6,30 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-_THIN = 1e-6  # thickness, of the whole size, below which a piece's sides are not told apart
-_LINES = 128  # along each edge of the bounds, from which a surface is looked at
-_FEW = 1e-3  # share of lines that may meet what is wound the other way first: folds of scans
-_MOST = 1 << 21  # pairs of lines and triangles that are tried for one axis
+_THIN = 1e-6  # relative thickness below which the two sides of a piece are indistinguishable
+_LINES = 128  # lines of sight along each edge of the bounds
+_FEW = 1e-3  # share of lines that may meet a back side first: folds of scans
+_MOST = 1 << 21  # pairs of lines and triangles tested per axis
 
 
 def winding(points, faces) -> int:
-    """Return the side from which triangles that are closed run counter-clockwise.
+    """Return 1 if closed triangles run counter-clockwise seen from outside, -1 if from inside.
 
-    Parameters
-    ----------
-    points : array_like, shape (n, 3)
-        Any units; points of equal coordinates are one.
-    faces : array_like of int, shape (m, 3)
-        Indices of points.
-
-    Returns
-    -------
-    int
-        1 seen from outside, -1 seen from inside. 0 if some edge is not used as often in one
-        direction as in the other, if it is not the same for all connected components, or if
-        more than 0.1 % of what is seen along an axis is wound the other way, as one of the loops
-        of an eight is.
-
-    Examples
-    --------
-    >>> from pvibr.maths.surfaces import winding
-    >>> corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
-    >>> sides = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
-    >>> winding(corners, sides), winding(corners, sides[1:]), winding(corners, sides[:, ::-1])
-    (1, 0, -1)
+    0 if they are not closed, or if components or more than 0.1 % of the visible surface disagree.
     """
     faces = np.asarray(faces)
     if not len(faces):
         return 0
-    points, same = np.unique(np.asarray(points), axis=0, return_inverse=True)
-    faces = same.reshape(-1)[faces]
+    points, point_index = np.unique(np.asarray(points), axis=0, return_inverse=True)
+    faces = point_index.reshape(-1)[faces]
     count = len(points)
     begin, end = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
     if not np.array_equal(np.sort(begin * count + end), np.sort(end * count + begin)):
         return 0
-    local = (points - points.mean(0)).astype(float)
-    local /= np.ptp(local, axis=0).max() or 1.0
-    side = _side_by_volume(local, faces)
-    return side if side and _is_seen_from(side, local[faces]) else 0
+    unit_points = (points - points.mean(0)).astype(float)
+    unit_points /= np.ptp(unit_points, axis=0).max() or 1.0
+    side = _side_by_volume(unit_points, faces)
+    return side if side and _is_seen_from(side, unit_points[faces]) else 0
 
 
 def _side_by_volume(points, faces) -> int:
@@ -60,50 +39,52 @@ def _side_by_volume(points, faces) -> int:
     graph = coo_array((np.ones(len(begin), np.int8), (begin, end)), shape=(count, count))
     _, pieces = connected_components(graph, directed=False)
     a, b, c = points[faces.T]
-    piece = pieces[faces[:, 0]]
-    volumes = np.bincount(piece, (a * np.cross(b, c)).sum(1) / 6)
-    areas = np.bincount(piece, np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2)
-    if (volumes > _THIN * areas)[piece].all():
+    face_piece = pieces[faces[:, 0]]
+    volumes = np.bincount(face_piece, (a * np.cross(b, c)).sum(1) / 6)
+    areas = np.bincount(face_piece, np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2)
+    if (volumes > _THIN * areas)[face_piece].all():
         return 1
-    return -1 if (volumes < -_THIN * areas)[piece].all() else 0
+    return -1 if (volumes < -_THIN * areas)[face_piece].all() else 0
 
 
 def _is_seen_from(side, corners) -> bool:
-    """Return True if nearly all that is met first along the axes is met from one side."""
+    """Return whether nearly all that is met first along the axes is met from one side."""
     for axis in range(3):
         line, depth, toward = _crossings(np.roll(corners, 2 - axis, axis=2))
         for sign in (1, -1):
-            behind = toward * sign * side < 0
-            away = -sign * depth + _THIN * behind  # of two in one place, that which is seen
-            order = np.lexsort((away, line))
-            first = np.diff(line[order], prepend=-1) > 0
-            if behind[order[first]].sum() > _FEW * first.sum():
+            is_back = toward * sign * side < 0
+            distance = (
+                -sign * depth + _THIN * is_back
+            )  # of two coincident faces, take that which faces the viewer
+            sorted_order = np.lexsort((distance, line))
+            is_first = np.diff(line[sorted_order], prepend=-1) > 0
+            if is_back[sorted_order[is_first]].sum() > _FEW * is_first.sum():
                 return False
     return True
 
 
 def _crossings(corners):
     """Return where lines along z meet triangles: numbers of lines, depths, signs of normals."""
-    flat = corners[..., :2].reshape(-1, 2)
-    low, high = (np.array([pick(flat[:, k]) for k in (0, 1)]) for pick in (np.min, np.max))
-    flat = ((flat - low) / (high - low + 1e-300)).reshape(-1, 3, 2)
-    lines = _LINES
+    flat_corners = corners[..., :2].reshape(-1, 2)
+    low, high = (np.array([pick(flat_corners[:, k]) for k in (0, 1)]) for pick in (np.min, np.max))
+    flat_corners = ((flat_corners - low) / (high - low + 1e-300)).reshape(-1, 3, 2)
+    line_count = _LINES
     while True:
-        # A part of a step off the middle: symmetric meshes have edges there.
-        at = flat * lines - 0.4637
-        a, b, c = at.swapaxes(0, 1)  # numpy takes long to reduce an axis of three
+        # Off the middle of a step, where symmetric meshes have edges.
+        grid_corners = flat_corners * line_count - 0.4637
+        a, b, c = grid_corners.swapaxes(0, 1)  # numpy reduces short axes slowly
         low = np.ceil(np.minimum(np.minimum(a, b), c)).astype(int)
         high = np.floor(np.maximum(np.maximum(a, b), c)).astype(int)
-        sizes = np.maximum(high - low + 1, 0)
-        counts = sizes[:, 0] * sizes[:, 1]
+        line_spans = np.maximum(high - low + 1, 0)
+        counts = line_spans[:, 0] * line_spans[:, 1]
         if counts.sum() <= _MOST:
             break
-        lines //= 2
-    face = np.repeat(np.arange(len(at)), counts)
-    place = np.arange(len(face)) - np.repeat(np.cumsum(counts) - counts, counts)
-    row, column = np.divmod(place, np.maximum(sizes[face, 0], 1))
+        line_count //= 2
+    face = np.repeat(np.arange(len(grid_corners)), counts)
+    index = np.arange(len(face)) - np.repeat(np.cumsum(counts) - counts, counts)
+    row, column = np.divmod(index, np.maximum(line_spans[face, 0], 1))
     x, y = low[face, 0] + column, low[face, 1] + row
-    (ax, ay), (bx, by), (cx, cy) = np.moveaxis(at[face], 0, -1)
+    (ax, ay), (bx, by), (cx, cy) = np.moveaxis(grid_corners[face], 0, -1)
     shares = np.stack(
         [
             (bx - x) * (cy - y) - (cx - x) * (by - y),
@@ -111,7 +92,7 @@ def _crossings(corners):
             (ax - x) * (by - y) - (bx - x) * (ay - y),
         ]
     )
-    area = shares.sum(0)
-    met = np.flatnonzero((shares * np.sign(area) >= 0).all(0) & (area != 0))
-    depth = (shares[:, met] * corners[face[met], :, 2].T).sum(0) / area[met]
-    return (y * lines + x)[met], depth, np.sign(area[met])
+    double_areas = shares.sum(0)
+    is_met = np.flatnonzero((shares * np.sign(double_areas) >= 0).all(0) & (double_areas != 0))
+    depth = (shares[:, is_met] * corners[face[is_met], :, 2].T).sum(0) / double_areas[is_met]
+    return (y * line_count + x)[is_met], depth, np.sign(double_areas[is_met])

@@ -6,104 +6,41 @@ import numpy as np
 
 from pvibr.maths.arguments import place_of
 
-_LEAST = 1e-280  # square; those of what is shorter, or longer than the inverse, are inexact
+_LEAST = 1e-280  # squared length; shorter vectors, or longer than the inverse, are rescaled first
 
 
 def unit_vectors(vectors):
-    """Return vectors scaled to length one; zero vectors stay zero.
-
-    Parameters
-    ----------
-    vectors : array_like, shape (..., d)
-        Vectors of any length; float32 is squared in float64, where it stays in range.
-
-    Returns
-    -------
-    numpy.ndarray, shape (..., d), float64
-        Unit or zero vectors.
-
-    Examples
-    --------
-    >>> from pvibr.maths.vectors import unit_vectors
-    >>> unit_vectors([[3.0, 4.0], [0.0, 0.0]]).tolist()
-    [[0.6, 0.8], [0.0, 0.0]]
-    """
+    """Return vectors (..., d) of length one in float64; zero vectors stay zero."""
     vectors = np.asarray(vectors, dtype=np.float64)
     squares = np.einsum('...i,...i->...', vectors, vectors)[..., None]
-    out = ~((squares > _LEAST) & (squares < 1 / _LEAST))  # or zero, or NaN
-    if out.any():
+    out_of_range = ~((squares > _LEAST) & (squares < 1 / _LEAST))  # or zero, or NaN
+    if out_of_range.any():
         largest = np.abs(vectors).max(-1, keepdims=True, initial=0.0)
-        vectors = vectors / np.where(out & (largest > 0), largest, 1.0)
+        vectors = vectors / np.where(out_of_range & (largest > 0), largest, 1.0)
         squares = np.einsum('...i,...i->...', vectors, vectors)[..., None]
     return np.divide(vectors, np.sqrt(squares), out=np.zeros_like(vectors), where=squares > 0)
 
 
 def products(matrix, vectors):
-    """Return the products of a small matrix and each of many vectors.
+    """Return the products (n, m) of a small matrix (m, d) and each of many vectors (n, d).
 
-    Unlike ``vectors @ matrix.T`` it leaves out BLAS, whose threads wait for each other: called
-    from several threads it took ten times the processor time.
-
-    Parameters
-    ----------
-    matrix : numpy.ndarray, shape (m, d)
-        Any matrix.
-    vectors : numpy.ndarray, shape (n, d)
-        Any vectors.
-
-    Returns
-    -------
-    numpy.ndarray, shape (n, m)
-        The products.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from pvibr.maths.vectors import products
-    >>> products(np.array([[0.0, 2.0]]), np.array([[1.0, 3.0], [4.0, 5.0]])).tolist()
-    [[6.0], [10.0]]
+    Without BLAS, whose waiting threads took ten times the processor time.
     """
     return np.einsum('md,nd->nm', matrix, vectors)
 
 
 def as_units(name, vectors) -> np.ndarray:
-    """Return unit vectors; an error names the first vector without a direction.
-
-    Parameters
-    ----------
-    name : str
-        Name of the argument in errors.
-    vectors : array_like, shape (..., d)
-        Vectors of any length but 0.
-
-    Returns
-    -------
-    numpy.ndarray, shape (..., d), float64
-        Unit vectors.
-
-    Raises
-    ------
-    TypeError
-        If these are not numbers.
-    ValueError
-        If a vector is zero or not finite.
-
-    Examples
-    --------
-    >>> from pvibr.maths.vectors import as_units
-    >>> as_units('axis', [0, 0, 1e-200]).tolist()
-    [0.0, 0.0, 1.0]
-    """
+    """Return unit vectors (..., d); an error names the first vector without a direction."""
     try:
-        given = np.asarray(vectors, float)
+        numbers = np.asarray(vectors, float)
     except (TypeError, ValueError) as error:
-        raise TypeError(f'{name} must be numbers, not {vectors!r}') from error
-    # Two steps, so that the squares of very long or short ones stay in range.
-    largest = np.abs(given).max(-1, keepdims=True)
-    good = (largest > 0) & np.isfinite(largest)
-    if not good.all():
-        place = tuple(np.argwhere(~good[..., 0])[0])
-        where = f'{name}[{place_of(place)}]' if place else name
-        raise ValueError(f'{where} is {given[place].tolist()}; it must be finite and not zero.')
-    scaled = given / largest
+        raise TypeError(f'{name} must be numbers, got {vectors!r}') from error
+    # In two steps, so that squares of very long or short ones stay in range.
+    largest = np.abs(numbers).max(-1, keepdims=True)
+    has_direction = (largest > 0) & np.isfinite(largest)
+    if not has_direction.all():
+        bad_index = tuple(np.argwhere(~has_direction[..., 0])[0])
+        where = f'{name}[{place_of(bad_index)}]' if bad_index else name
+        raise ValueError(f'{where} must be finite and not zero, got {numbers[bad_index].tolist()}')
+    scaled = numbers / largest
     return scaled / np.linalg.norm(scaled, axis=-1, keepdims=True)

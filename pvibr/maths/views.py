@@ -13,7 +13,7 @@ from pvibr.maths import octahedral
 TEXTURE_FROM_CLIP = np.array(
     [[0.5, 0, 0, 0.5], [0, 0.5, 0, 0.5], [0, 0, 0.5, 0.5], [0, 0, 0, 1.0]]
 )
-# Which of the six bounds of a box its corners have.
+# Which of the six bounds of a box each corner has.
 _CORNERS = np.array([[2 * k + ((i >> k) & 1) for k in range(3)] for i in range(8)])
 # Along x, y and z, both ways, with an upward direction each.
 _FACES = [(s * np.eye(3)[k], np.eye(3)[(k + 1) % 3]) for k in range(3) for s in (1.0, -1.0)]
@@ -21,25 +21,9 @@ _FACES = [(s * np.eye(3)[k], np.eye(3)[(k + 1) % 3]) for k in range(3) for s in 
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """A camera pose and its projection.
+    """A camera pose and its projection; the eye looks along -z, clip z is -w (near) to w (far).
 
-    Attributes
-    ----------
-    view_from_world, clip_from_view : numpy.ndarray
-        (4, 4) float64; the eye looks along -z, clip z is from -w (near) to w (far).
-    near, far : float
-        Distances of the clipping planes along the view, world units.
-    parallel : bool
-        Whether the projection is parallel.
-    position : numpy.ndarray, optional
-        (3,) float64, world units; by default from `view_from_world`.
-
-    Examples
-    --------
-    >>> from pvibr.maths.views import perspective
-    >>> view = perspective([0, 0, 5], [0, 0, -1], 1.0, 1.0, 10.0)
-    >>> view.texture_from_world() @ [0, 0, 0, 1] / 5
-    array([0.5       , 0.5       , 0.88888889, 1.        ])
+    World units; `position` is by default that of `view_from_world`.
     """
 
     view_from_world: np.ndarray
@@ -71,266 +55,106 @@ class View:
 
 
 def look_along(eye, direction, up=None) -> np.ndarray:
-    """Return view space from world space.
-
-    Parameters
-    ----------
-    eye, direction : array_like, shape (3,)
-        World units; the direction is of any length but 0.
-    up : array_like, shape (3,), optional
-        Upward; any by default.
-
-    Returns
-    -------
-    numpy.ndarray, shape (4, 4)
-        float64.
-
-    Examples
-    --------
-    >>> from pvibr.maths.views import look_along
-    >>> look_along([0, 0, 5], [0, 0, -1], [0, 1, 0])[2].tolist()
-    [0.0, 0.0, 1.0, -5.0]
-    """
-    back = -np.asarray(direction, float) / np.linalg.norm(direction)
+    """Return view space from world space, (4, 4); any upward direction by default."""
+    against_view = -np.asarray(direction, float) / np.linalg.norm(direction)
     if up is None:
-        axes = octahedral.frame(back)
+        axes = octahedral.frame(against_view)
     else:
-        right = np.cross(up, back)
+        right = np.cross(up, against_view)
         right /= np.linalg.norm(right)
-        axes = np.stack([right, np.cross(back, right), back])
-    view = np.eye(4)
-    view[:3, :3] = axes
-    view[:3, 3] = -axes @ np.asarray(eye, float)
-    return view
+        axes = np.stack([right, np.cross(against_view, right), against_view])
+    view_from_world = np.eye(4)
+    view_from_world[:3, :3] = axes
+    view_from_world[:3, 3] = -axes @ np.asarray(eye, float)
+    return view_from_world
 
 
 def perspective(eye, direction, tangent, near, far, up=None) -> View:
-    """Return a square perspective view.
-
-    Parameters
-    ----------
-    eye, direction : array_like, shape (3,)
-        World units.
-    tangent : float
-        Tangent of half the angle of view.
-    near, far : float
-        World units, 0 < near < far.
-    up : array_like, shape (3,), optional
-        Upward.
-
-    Returns
-    -------
-    View
-        float64.
-    """
-    sides = np.full(2, float(tangent))
-    clip = frustum(-sides, sides, near, far)
-    return View(look_along(eye, direction, up), clip, float(near), float(far), False)
+    """Return a square perspective view; `tangent` is that of half the angle of view."""
+    half_sides = np.full(2, float(tangent))
+    clip_from_view = frustum(-half_sides, half_sides, near, far)
+    return View(look_along(eye, direction, up), clip_from_view, float(near), float(far), False)
 
 
-def frustum(low, high, near, far, at=1.0) -> np.ndarray:
-    """Return the perspective projection of a rectangle.
-
-    Parameters
-    ----------
-    low, high : numpy.ndarray, shape (2,)
-        Corners of the rectangle, x and y.
-    near, far : float
-        World units.
-    at : float
-        Distance of the rectangle from the eye, world units.
-
-    Returns
-    -------
-    numpy.ndarray, shape (4, 4)
-        Clip space from view space.
-    """
-    clip = np.zeros((4, 4))
-    clip[[0, 1], [0, 1]] = 2 * at / (high - low)
-    clip[[0, 1], [2, 2]] = (high + low) / (high - low)
-    clip[2, 2:] = -(far + near) / (far - near), -2 * far * near / (far - near)
-    clip[3, 2] = -1
-    return clip
+def frustum(low, high, near, far, distance=1.0) -> np.ndarray:
+    """Return the perspective projection of a rectangle at a distance from the eye, (4, 4)."""
+    projection = np.zeros((4, 4))
+    projection[[0, 1], [0, 1]] = 2 * distance / (high - low)
+    projection[[0, 1], [2, 2]] = (high + low) / (high - low)
+    projection[2, 2:] = -(far + near) / (far - near), -2 * far * near / (far - near)
+    projection[3, 2] = -1
+    return projection
 
 
 def around(eye, near, far, tangent=1.0) -> list[View]:
     """Return the six cube map views around a point, in the order +x, -x, +y, -y, +z, -z.
 
-    Parameters
-    ----------
-    eye : array_like, shape (3,)
-        World units.
-    near, far : float
-        World units.
-    tangent : float
-        Of half the angle of view; a little over 1 makes neighbours overlap.
-
-    Returns
-    -------
-    list of View
-        Six.
+    A tangent a little over 1 makes neighbours overlap.
     """
     return [perspective(eye, d, tangent, near, far, up) for d, up in _FACES]
 
 
 def orthographic(axes, low, high) -> View:
-    """Return a parallel view of a box.
-
-    Parameters
-    ----------
-    axes : array_like, shape (3, 3)
-        Rows right, up and back in world space, orthonormal.
-    low, high : array_like, shape (3,)
-        Corners of the box along these axes, world units.
-
-    Returns
-    -------
-    View
-        float64; the eye in the middle of the face that looks at the box.
-    """
-    low, high, axes = (np.asarray(a, float) for a in (low, high, axes))
-    middle, half = (low + high) / 2, (high - low) / 2
-    depth = 2 * half[2]
-    eye = np.array([middle[0], middle[1], high[2] + depth])
-    view = np.eye(4)
-    view[:3, :3] = axes
-    view[:3, 3] = -eye
-    clip = np.diag([1 / half[0], 1 / half[1], -2 / depth, 1.0])
-    clip[2, 3] = -3.0  # near is depth, far is twice that: -(far + near) / (far - near)
-    return View(view, clip, depth, 2 * depth, True)
+    """Return a parallel view of a box, `low` to `high` along `axes`: rows right, up and back."""
+    low, high, axes = (np.asarray(value, float) for value in (low, high, axes))
+    box_center, half_sides = (low + high) / 2, (high - low) / 2
+    depth = 2 * half_sides[2]
+    eye = np.array([box_center[0], box_center[1], high[2] + depth])
+    view_from_world = np.eye(4)
+    view_from_world[:3, :3] = axes
+    view_from_world[:3, 3] = -eye
+    clip_from_view = np.diag([1 / half_sides[0], 1 / half_sides[1], -2 / depth, 1.0])
+    clip_from_view[2, 3] = -3.0  # near is depth, far is twice that: -(far + near) / (far - near)
+    return View(view_from_world, clip_from_view, depth, 2 * depth, True)
 
 
 def corners(bounds) -> np.ndarray:
-    """Return the corners of boxes.
-
-    Parameters
-    ----------
-    bounds : array_like, shape (n, 6)
-        x, y and z, low and high each.
-
-    Returns
-    -------
-    numpy.ndarray, shape (n, 8, 3)
-        float64.
-
-    Examples
-    --------
-    >>> from pvibr.maths.views import corners
-    >>> corners([[0, 1, 0, 1, 0, 1]]).shape
-    (1, 8, 3)
-    """
+    """Return the corners of boxes (n, 6), (n, 8, 3)."""
     return np.asarray(bounds, float).reshape(-1, 6)[:, _CORNERS]
 
 
 def box_distance(point, bounds) -> float:
-    """Return the distance of a point to the nearest of some boxes, 0 inside.
-
-    Parameters
-    ----------
-    point : array_like, shape (3,)
-        World units.
-    bounds : array_like, shape (n, 6)
-        x, y and z, low and high each.
-
-    Returns
-    -------
-    float
-        World units.
-
-    Examples
-    --------
-    >>> from pvibr.maths.views import box_distance
-    >>> box_distance([3, 0, 0], [[-1, 1, -1, 1, -1, 1]])
-    2.0
-    """
-    b, p = np.asarray(bounds, float).reshape(-1, 3, 2), np.asarray(point, float)
-    outside = np.maximum(np.maximum(b[..., 0] - p, p - b[..., 1]), 0)
+    """Return the distance of a point to the nearest of boxes (n, 6), 0 inside."""
+    ranges, position = np.asarray(bounds, float).reshape(-1, 3, 2), np.asarray(point, float)
+    outside = np.maximum(np.maximum(ranges[..., 0] - position, position - ranges[..., 1]), 0)
     return float(np.linalg.norm(outside, axis=1).min())
 
 
 def may_see(view, bounds) -> np.ndarray:
-    """Return the boxes that may intersect a view.
-
-    Parameters
-    ----------
-    view : View
-        Pose and projection.
-    bounds : array_like, shape (n, 6)
-        x, y and z, low and high each, world units.
-
-    Returns
-    -------
-    numpy.ndarray, shape (n,), bool
-        False if all corners are outside of one plane, the near one left out.
-
-    Examples
-    --------
-    >>> from pvibr.maths.views import may_see, perspective
-    >>> view = perspective([0, 0, 5], [0, 0, -1], 1.0, 1.0, 10.0)
-    >>> may_see(view, [[-1, 1, -1, 1, -1, 1], [90, 91, 0, 1, 0, 1]]).tolist()
-    [True, False]
-    """
+    """Return which boxes (n, 6) may intersect a view, the near plane ignored."""
     low, high = np.moveaxis(np.asarray(bounds, float).reshape(-1, 3, 2), -1, 0)
     return may_see_boxes(view, low, high)
 
 
 def may_see_boxes(view, low, high) -> np.ndarray:
-    """Return the boxes that may intersect a view, as :func:`may_see` does.
-
-    Parameters
-    ----------
-    view : View
-        Pose and projection.
-    low, high : numpy.ndarray, shape (n, 3)
-        Corners, world units.
-
-    Returns
-    -------
-    numpy.ndarray, shape (n,), bool
-        False if all corners are outside of one plane.
-    """
+    """Return which boxes may intersect a view, by corners (n, 3), as :func:`may_see` does."""
     clip = view.clip_from_view @ view.view_from_world
-    # Of a box's corners the middle's distance from a plane and its reach along it tell.
+    # A box is outside if its centre is farther from the plane than its extent along the normal.
     planes = (
-        np.stack([s * clip[k] for k, s in ((0, 1), (0, -1), (1, 1), (1, -1), (2, 1))]) - clip[3]
+        np.stack([sign * clip[axis] for axis, sign in ((0, 1), (0, -1), (1, 1), (1, -1), (2, 1))])
+        - clip[3]
     )
     middle, half = (low + high) / 2, (high - low) / 2
-    outside = middle @ planes[:, :3].T + planes[:, 3] > half @ np.abs(planes[:, :3]).T
-    return ~outside.any(1)
+    is_outside = middle @ planes[:, :3].T + planes[:, 3] > half @ np.abs(planes[:, :3]).T
+    return ~is_outside.any(1)
 
 
 def covered(view, bounds, size) -> tuple[int, int, int, int]:
-    """Return the rectangle of a picture that boxes may cover.
+    """Return the pixel rectangle (left, bottom, right, top) of a picture that boxes may cover.
 
-    Parameters
-    ----------
-    view : View
-        Pose and projection.
-    bounds : array_like, shape (n, 6)
-        x, y and z, low and high each, world units.
-    size : tuple of 2 int
-        Width and height of the picture in pixels.
-
-    Returns
-    -------
-    tuple of 4 int
-        Left, bottom, right and top, pixels; the whole picture if a corner is not ahead.
-
-    Examples
-    --------
-    >>> from pvibr.maths.views import covered, perspective
-    >>> view = perspective([0, 0, 5], [0, 0, -1], 1.0, 1.0, 10.0)
-    >>> covered(view, [[-1, 1, 0, 1, 0, 0]], (100, 100))
-    (40, 50, 60, 60)
+    The whole picture if a corner is not ahead.
     """
-    points = corners(bounds).reshape(-1, 3)
-    clip = view.clip_from_view @ view.view_from_world
-    x, y, _, w = clip[:, :3] @ points.T + clip[:, 3:]
+    box_corners = corners(bounds).reshape(-1, 3)
+    clip_from_world = view.clip_from_view @ view.view_from_world
+    x, y, _, w = clip_from_world[:, :3] @ box_corners.T + clip_from_world[:, 3:]
     if w.min() <= 0:
         return 0, 0, int(size[0]), int(size[1])
-    left, right, bottom, top = (
-        min(max(whole(round(float(edge) * side / 2, 6)), 0), side)
-        for shares, side in ((x / w + 1, size[0]), (y / w + 1, size[1]))
-        for whole, edge in ((math.floor, shares.min()), (math.ceil, shares.max()))
+    left_edge, right, bottom, top = (
+        min(max(rounding(round(float(extreme) * pixel_count / 2, 6)), 0), pixel_count)
+        for screen_shares, pixel_count in ((x / w + 1, size[0]), (y / w + 1, size[1]))
+        for rounding, extreme in (
+            (math.floor, screen_shares.min()),
+            (math.ceil, screen_shares.max()),
+        )
     )
-    return left, bottom, right, top
+    return left_edge, bottom, right, top

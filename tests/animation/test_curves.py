@@ -49,13 +49,13 @@ def test_values_may_be_vectors_and_times_of_any_shape():
 def test_bad_input_is_named():
     with pytest.raises(ValueError, match=r'values have the shape \(\) for 1 times'):
         Curve(1.0)
-    with pytest.raises(ValueError, match=r'values\[0\] is inf'):
+    with pytest.raises(ValueError, match=r'values\[0\] must be finite, got inf'):
         Curve([np.inf])
-    with pytest.raises(ValueError, match=r'times\[1\] is 0\.0 after 0\.0'):
+    with pytest.raises(ValueError, match=r'times must increase, got 0\.0 after 0\.0'):
         Curve([0, 1], [0, 0])
     with pytest.raises(ValueError, match=r'at is -1\.0; .* not before the first key, 0\.0 s'):
         Curve([0]).go(1.0, at=-1.0)
-    with pytest.raises(ValueError, match='fade is 0'):
+    with pytest.raises(ValueError, match=r'fade must be .* got 0'):
         Curve([0]).go(1.0, at=1.0, fade=0)
     curve = Curve([0])
     with pytest.raises(ValueError, match='finite'):

@@ -167,7 +167,7 @@ def test_a_figure_refuses_what_does_not_fit():
     figure = Figure([FigureMesh(mesh, 0)], Skeleton([-1], [np.eye(4)]))
     with pytest.raises(ValueError, match='pose has 2 matrices, the skeleton 1'):
         figure.posed(0, np.tile(np.eye(4), (2, 1, 1)))
-    with pytest.raises(ValueError, match='skinning is'):
+    with pytest.raises(ValueError, match='skinning must be'):
         random_figure(np.random.default_rng(0)).posed(0, skinning='cubic')
     with pytest.raises(ValueError, match='one is posed at a time'):
         figure.posed(0, figure.sample([0.0, 1.0]))

@@ -85,9 +85,9 @@ def test_limits_count_from_rest():
 @pytest.mark.parametrize(
     ('arguments', 'message'),
     [
-        (([0, 0, 0],), 'axis is zero'),
+        (([0, 0, 0],), 'axis must not be zero'),
         (([0, 0, math.nan],), 'finite'),
-        (([0, 1],), r'axis has the shape .2,.'),
+        (([0, 1],), r'axis must have shape .* got .2,.'),
         (([0, 0, 1], -0.1), 'swing is -0.1'),
         (([0, 0, 1], 4.0), 'from 0 to pi'),
         (([0, 0, 1], 1.0, (1.0, 0.0)), r'twist is \(1.0, 0.0\)'),

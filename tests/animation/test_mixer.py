@@ -163,7 +163,7 @@ def test_bad_input_is_named():
         ClipSource(fox, 'fly')
     with pytest.raises(ValueError, match=r'weight is 2\.0'):
         AnimationLayer(rest, 2.0)
-    with pytest.raises(ValueError, match=r'values\[0\] is nan'):
+    with pytest.raises(ValueError, match=r'values\[0\] must be finite, got nan'):
         AnimationLayer(rest, np.nan)
     with pytest.raises(ValueError, match=r'values have the shape \(1, 2\) for 3 times'):
         SyncedClips(fox, ['walk', 'run'], [0.5, 0.5], [0, 1, 2])

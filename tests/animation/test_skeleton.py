@@ -109,7 +109,7 @@ def test_unknown_joints_name_those_that_exist():
     ('matrix', 'words'),
     [
         (np.diag([1.0, 1, 1, 2]), r'\[0\] has the last row'),
-        (np.full((4, 4), np.nan), r'\[0, 0, 0\] is nan'),
+        (np.full((4, 4), np.nan), r'\[0, 0, 0\] must be finite, got nan'),
         (np.eye(3), 'must be'),
         ([[1, 1, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]], 'sheared'),
     ],
@@ -126,7 +126,7 @@ def test_poses_refuse_what_does_not_fit():
         Pose(np.zeros((2, 3)), [[1, 0, 0, 0], [0, 0, 0, 0]])
     with pytest.raises(ValueError, match=r'rotation has the shape \(3, 4\)'):
         Pose(np.zeros((2, 3)), np.ones((3, 4)))
-    with pytest.raises(ValueError, match=r'scale\[0\] is nan'):
+    with pytest.raises(ValueError, match=r'scale\[0\] must be finite, got nan'):
         Pose(np.zeros((2, 3)), scale=[np.nan, 1, 1])
     with pytest.raises(IndexError, match='single pose'):
         Pose(np.zeros((2, 3)))[0]

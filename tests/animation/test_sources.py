@@ -59,7 +59,7 @@ def test_a_column_per_joint_is_a_skin_too():
                 'parents': [-1],
                 'rest': [np.eye(4)],
             },
-            'weights of 4 vertices are negative: rows 0, 1, 2, 3',
+            'weights must be 0 or more, .* in row 0 and 3 more',
         ),
     ],
 )

@@ -180,11 +180,11 @@ def test_bad_input_is_named():
     walker = graph()
     with pytest.raises(ValueError, match=r"no state 'fly'; known states: 'stand', 'run', 'jump'"):
         walker.go('fly')
-    with pytest.raises(ValueError, match='at is nan'):
+    with pytest.raises(ValueError, match=r'at must be .* got nan'):
         walker.go('run', at=np.nan)
-    with pytest.raises(ValueError, match='fade is -1; it must be a finite number of at least 0'):
+    with pytest.raises(ValueError, match='fade must be a finite number of at least 0, got -1'):
         walker.go('run', fade=-1)
-    with pytest.raises(ValueError, match=r'times\[0\] is inf'):
+    with pytest.raises(ValueError, match=r'times\[0\] must be finite, got inf'):
         walker.sample(np.inf)
     with pytest.raises(ValueError, match='states is empty'):
         StateGraph({})

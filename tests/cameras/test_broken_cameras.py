@@ -191,7 +191,11 @@ def test_pictures_of_another_size(tmp_path):
             ('"rotation": [', '"rotation": [ 1e300, 0, 0], "x": ['),
             r'line \d+ \(\[0\]\.shots.*',
         ),
-        ('metashape', ('<f>600</f>', '<f>-600</f>'), r'cameras\.xml, line 4: K has the diagonal'),
+        (
+            'metashape',
+            ('<f>600</f>', '<f>-600</f>'),
+            r'cameras\.xml, line 4: K must have',
+        ),
         ('metashape', ('<document', '<!DOCTYPE a [<!ENTITY b "c">]><document'), 'document type'),
         ('bundler', ('5 0', '5000000000 0'), 'bundle.out, line 2'),
         ('nvm', ('\n4\n', '\n900000\n'), r'scene\.nvm, line 9: .* should be 10 finite numbers'),
@@ -216,7 +220,7 @@ def test_arguments_are_checked(tmp_path):
     (tmp_path / 'a.json').write_text('{}')
     with pytest.raises(ValueError, match='the path is of no camera file'):
         pvibr.read_cameras(tmp_path / 'a.json')
-    with pytest.raises(ValueError, match='format is'):
+    with pytest.raises(ValueError, match='format must be'):
         pvibr.read_cameras(tmp_path, format='x')
     with pytest.raises(FileNotFoundError, match='images is'):
         pvibr.read_cameras(tmp_path, tmp_path / 'no')

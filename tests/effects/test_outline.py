@@ -217,7 +217,7 @@ def test_subplots_and_resize():
 
 def test_bad_input():
     pl, other = plotter(pv.Sphere()), plotter(pv.Sphere())
-    with pytest.raises(TypeError, match='actors has 3'):
+    with pytest.raises(TypeError, match=r'actors must be .* got 3'):
         pvibr.Outline(actors=[3])
     with pytest.raises(ValueError, match='not in this subplot'):
         pl.ibr.add(pvibr.Outline(actors=list(other.renderer.actors.values())))

@@ -9,7 +9,8 @@ import pyvista as pv
 from pvibr import Bloom, ToneMapping
 from pvibr.core.effect import Effect
 from pvibr.gl import Quad
-from pvibr.maths.tones import CURVES, to_display, to_light, tone_map
+from pvibr.maths.tones import CURVES, to_display, to_light
+from tests.effects.tone_curves import tone_map
 from tests.pictures import shot
 
 SIZE = (96, 64)

@@ -291,7 +291,7 @@ def test_what_is_wrong_is_said(figure):
         ({'clips': 'fly'}, "no clip 'fly'"),
         ({'clips': ['bend']}, 'clips has 1 entries'),
         ({'loop': 1.0}, 'loop has shape'),
-        ({'skinning': 'cubic'}, 'skinning is'),
+        ({'skinning': 'cubic'}, 'skinning must be'),
         ({'colors': [[1, 2, 3]]}, 'colors has shape'),
     ):
         with pytest.raises(ValueError, match=words):

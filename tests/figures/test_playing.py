@@ -37,7 +37,7 @@ def test_there_and_back(walker):
     assert places(source, [0, 1, 2, 3, 4, 5, -1]) == [0, 2, 4, 2, 0, 2, 2]
     assert places(ClipSource(walker, 'step', 2.0, loop='pingpong'), [1, 1.5]) == [4, 2]
     assert walker.sample(3.0, 'step', 'pingpong').translation[0, 0] == 2
-    with pytest.raises(ValueError, match=r"loop is 'back'; it must be one of True, False"):
+    with pytest.raises(ValueError, match=r"loop must be one of True, False.* got 'back'"):
         ClipSource(walker, 'step', loop='back')
 
 
@@ -122,10 +122,10 @@ def test_bad_ends(walker, plotter):
     actor = plotter.ibr.add_animated(walker)
     with pytest.raises(ValueError, match='on_finished needs an end'):
         actor.play('step', on_finished=print)
-    with pytest.raises(ValueError, match='start is nan; it must be a finite'):
+    with pytest.raises(ValueError, match=r'start must be a finite.* got nan'):
         actor.play('step', start=np.nan)
     for name in ('start', 'speed', 'fade'):
-        with pytest.raises(TypeError, match=f"{name} is 'x'"):
+        with pytest.raises(TypeError, match=rf"{name} must be .* got 'x'"):
             actor.play('step', **{name: 'x'})
     for name in ('pose', 'weights'):
         with pytest.raises(ValueError, match=f"{name} = 'x'"):
@@ -134,7 +134,7 @@ def test_bad_ends(walker, plotter):
         actor.pose = None
     with pytest.raises(TypeError, match='on_finished = 3'):
         actor.play('step', loop=False, on_finished=3)
-    with pytest.raises(ValueError, match="loop is 'x'"):
+    with pytest.raises(ValueError, match=r"loop must be .* got 'x'"):
         actor.play('step', loop='x')
     with pytest.raises(ValueError, match='there is no joint'):
         actor.play('step', root='tail')
@@ -187,5 +187,5 @@ def test_props_that_cannot_be_held(walker, plotter):
         actor.attach_prop(actor, 'hand')
     with pytest.raises(ValueError, match="no joint 'tail'"):
         actor.attach_prop(pv.Actor(), 'tail')
-    with pytest.raises(ValueError, match='offset has the shape'):
+    with pytest.raises(ValueError, match='offset must have shape'):
         actor.attach_prop(pv.Actor(), 'hand', [1, 2, 3])

@@ -31,8 +31,6 @@ def test_the_disk_is_even(n):
     assert (np.bincount(rings) == n // 8).all()
 
 
-def test_bad_input_is_named():
-    with pytest.raises(ValueError, match='n is 0'):
-        vogel_disk(0)
+def test_the_number_of_points_is_whole():
     with pytest.raises(TypeError):
         vogel_disk(2.5)

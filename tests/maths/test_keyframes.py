@@ -121,20 +121,3 @@ def test_many_times_at_once():
 def test_directions_that_cancel_are_zero():
     out = blend_directions([[1.0, 0, 0], [-1.0, 0, 0]], [0, 1], [[0.5, 0.5], [0.75, 0.25]])
     np.testing.assert_array_equal(out, [[0, 0, 0], [1, 0, 0]])
-
-
-def test_bad_input_is_named():
-    with pytest.raises(ValueError, match=r'keys\[2\] is 1.0 after 1.0'):
-        frame_weights([0, 1, 1], 0)
-    with pytest.raises(ValueError, match=r'keys\[1\] is nan'):
-        frame_weights([0, np.nan], 0)
-    with pytest.raises(ValueError, match='at least one time'):
-        frame_weights([], 0)
-    with pytest.raises(ValueError, match="one of 'step', 'linear'"):
-        frame_weights([0, 1], 0, 'cosine')
-    with pytest.raises(ValueError, match=r'period is 0.5.*1.0'):
-        frame_weights([0, 1], 0, period=0.5)
-    with pytest.raises(ValueError, match=r'period is 0\.0'):
-        frame_weights([0], 0, period=0.0)
-    with pytest.raises(ValueError, match=r'times\[1\] is inf'):
-        frame_weights([0, 1], [0, np.inf])

@@ -21,7 +21,7 @@ from pvibr.maths.layers import (
 )
 from pvibr.maths.views import look_along, perspective
 
-SIZE = (640, 360)
+SIZE = 640, 360
 NUMBERS = st.floats(-3, 3)
 
 
@@ -126,7 +126,7 @@ def test_a_part_of_the_screen_shows_things_where_they_were(seed):
     clip, view = camera()
     places = homogeneous(np.random.default_rng(seed).random((9, 3)))
     whole, _ = to_screen(places @ (clip @ view).T, SIZE)
-    rect = (-100.0, 20.0, 700.0, 320.0)
+    rect = -100.0, 20.0, 700.0, 320.0
     part, _ = to_screen(places @ (part_of(clip, SIZE, rect) @ view).T, (800, 300))
     assert np.allclose(part + rect[:2], whole)
 

@@ -9,7 +9,7 @@ from pvibr.core.frame import Frame
 from pvibr.maths.occlusion import behind, likely_seen, on_screen
 from pvibr.maths.views import View
 
-SIZE = (96, 64)
+SIZE = 96, 64
 
 
 def frame(parallel):
@@ -24,11 +24,7 @@ def frame(parallel):
         clip[2, 2], clip[2, 3] = -(far + near) / (far - near), -2 * far * near / (far - near)
         clip[3, 2] = -1
     return Frame(
-        None,
-        None,
-        SIZE,
-        (0, 0),
-        View(np.eye(4), clip, parallel=parallel, near=near, far=far),
+        None, None, SIZE, (0, 0), View(np.eye(4), clip, parallel=parallel, near=near, far=far)
     )
 
 

@@ -8,11 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-import pvibr.instances.cards
-from pvibr.gl import Quad, Target, Texture, shader_source
-from pvibr.gl.feature import sections
-from pvibr.gl.offscreen import hidden_window
 from pvibr.maths import octahedral
+from tests.maths.card_shader import evaluated
 
 HALF = pytest.mark.parametrize('half', [False, True], ids=['full', 'half'])
 POINTS = arrays(float, (5, 3), elements=st.floats(-1, 1)).filter(
@@ -108,28 +105,13 @@ def test_frames_are_rotations(points):
     np.testing.assert_allclose(axes[:, 2], d)
 
 
-# ---------------------------------------------------------------- the twin on the GPU
-
-
-def functions():
-    """Return the shader's functions without what surrounds them."""
-    text = sections(shader_source(pvibr.instances.cards.__file__))['vertex.declare']
-    return text[text.index('vec2 ibr_signs') :]
-
-
 MAIN = """
-uniform sampler2D points;
-uniform sampler2D ibr_support;
-uniform int ibr_half;
-%s
-void main()
-{
+void main() {
   vec3 d = texture(points, uv).xyz;
   vec2 square = ibr_encode(d);
-  mat3 axes = ibr_frame(d);
   gl_FragData[0] = vec4(square, 0.0, 1.0);
   gl_FragData[1] = vec4(ibr_decode(square), 1.0);
-  gl_FragData[2] = vec4(axes * vec3(1.0, 2.0, 3.0), 1.0);
+  gl_FragData[2] = vec4(ibr_frame(d) * vec3(1.0, 2.0, 3.0), 1.0);
 }
 """
 
@@ -138,17 +120,9 @@ void main()
 def test_shader_is_the_same(half):
     d = unit(np.random.default_rng(1).normal(size=(32, 32, 3)))
     d[0, :5] = np.concatenate([np.eye(3), -np.eye(3)])[:5]
-    with hidden_window() as (window, _):
-        target = Target(window, 32, 32, ('rgba32f',) * 3)
-        texture = Texture(window).upload(np.dstack([d, d[..., :1]]).astype(np.float32))
-        quad = Quad(window, MAIN % functions(), 'octahedral')
-        with target.drawing():
-            quad.draw(uniforms={'ibr_half': int(half)}, textures={'points': texture})
-        square, back, turned = (c.download()[..., :3] for c in target.colors)
-        for owner in (target, texture, quad):
-            owner.release()
-    wanted = octahedral.encode(d, half)
-    np.testing.assert_allclose(square[..., :2], wanted, atol=2e-6)
-    np.testing.assert_allclose(back, octahedral.decode(wanted, half), atol=2e-6)
+    square, decoded, turned = evaluated(MAIN, d, half=half, count=3)
+    expected = octahedral.encode(d, half)
+    np.testing.assert_allclose(square[..., :2], expected, atol=2e-6)
+    np.testing.assert_allclose(decoded, octahedral.decode(expected, half), atol=2e-6)
     near = np.abs(np.abs(d[..., 2]) - 0.99) > 1e-6  # where rounding may choose the other helper
     np.testing.assert_allclose(turned[near], (octahedral.frame(d) @ [1, 2, 3])[near], atol=2e-5)

@@ -7,12 +7,7 @@ from functools import partial
 import numpy as np
 import pytest
 
-from pvibr.maths.quadric_rays import (
-    CAPS,
-    meet_cylinders,
-    meet_ellipsoids,
-    meet_spheres,
-)
+from pvibr.maths.quadric_rays import CAPS, meet_cylinders, meet_ellipsoids, meet_spheres
 
 RNG = np.random.default_rng(0)
 

@@ -351,22 +351,3 @@ def test_no_triangles():
         vertices, triangles = LitMesh(table, light).volume()
         assert vertices.shape[1:] == (4,)
         assert triangles.shape == (0, 3)
-
-
-def test_bad_input_is_named():
-    points, faces = SQUARE
-    with pytest.raises(ValueError, match=r'points has the shape \(4, 2\)'):
-        edge_table(points[:, :2], faces)
-    with pytest.raises(ValueError, match=r'triangles has the shape \(2, 4\)'):
-        edge_table(points, np.zeros((2, 4), int))
-    for wrong in (-1, 4):
-        with pytest.raises(ValueError, match='from 0 to 3'):
-            edge_table(points, [[0, 1, wrong]])
-    broken = points.copy()
-    broken[2, 1] = np.nan
-    with pytest.raises(ValueError, match=r'points\[2\]'):
-        edge_table(broken, faces)
-    table = edge_table(points, faces)
-    for light in ((0, 0, 0, 0), (0, 0, 1), (0, 0, np.nan, 1), (0, 0, 1, -1), (0, np.inf, 0, 0)):
-        with pytest.raises(ValueError, match='light is'):
-            LitMesh(table, light).facing

@@ -33,29 +33,6 @@ def test_weights_become_a_partition_of_one(weights):
     assert np.allclose(skinning.normalized_weights(weights).sum(1), 1, atol=1e-15)
 
 
-@pytest.mark.parametrize(
-    ('row', 'words'),
-    [
-        ([1, -0.5], r'weights of 1 vertices are negative: rows 2, the first is \[1.0, -0.5\]'),
-        ([0, 0], 'weights of 1 vertices are all zero: rows 2'),
-        ([np.nan, 1], 'not finite: rows 2'),
-        ([np.inf, 1], 'not finite: rows 2'),
-    ],
-)
-def test_unusable_weights_are_named(row, words):
-    with pytest.raises(ValueError, match=words):
-        skinning.normalized_weights([[1, 0], [0, 2], row])
-
-
-def test_many_unusable_weights_are_counted():
-    with pytest.raises(
-        ValueError, match=r'weights of 9 vertices are all zero: rows 0, 1, .*4, \.'
-    ):
-        skinning.normalized_weights(np.zeros((9, 4)))
-    with pytest.raises(ValueError, match='k from 1 to 8'):
-        skinning.normalized_weights(np.ones((3, 9)))
-
-
 @pytest.mark.parametrize('how', ['linear', 'dual'])
 @given(seed=SEEDS)
 def test_one_motion_of_all_joints_is_that_motion(how, seed):
@@ -152,8 +129,6 @@ def test_bulge_lies_between_both():
     assert np.allclose(skinning.dual_blend(matrices, joints, weights, bulge=0.0), linear)
     half = skinning.dual_blend(matrices, joints, weights, bulge=0.5)
     assert np.allclose(half, (linear + dual) / 2)
-    with pytest.raises(ValueError, match='bulge is 2'):
-        skinning.dual_blend(matrices, joints, weights, bulge=2.0)
 
 
 @given(seed=SEEDS)

@@ -8,11 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-import pvibr.instances.cards
-from pvibr.gl import Quad, Target, Texture, shader_source
-from pvibr.gl.feature import sections
-from pvibr.gl.offscreen import hidden_window
 from pvibr.maths.support import SIDE, box_of, support, support_table
+from tests.maths.card_shader import evaluated
 
 POINTS = arrays(float, (12, 3), elements=st.floats(-1, 1))
 AXES = np.concatenate([np.eye(3), -np.eye(3)])
@@ -55,27 +52,12 @@ def test_distances_grow_with_the_vector(length):
     np.testing.assert_allclose(support(table, length * d), length * support(table, d), rtol=1e-9)
 
 
-MAIN = """
-uniform sampler2D points;
-uniform sampler2D ibr_support;
-uniform int ibr_half;
-%s
-void main() { gl_FragData[0] = vec4(ibr_support_of(texture(points, uv).xyz)); }
-"""
+MAIN = 'void main() { gl_FragData[0] = vec4(ibr_support_of(texture(points, uv).xyz)); }'
 
 
 def test_shader_is_the_same():
-    text = sections(shader_source(pvibr.instances.cards.__file__))['vertex.declare']
     d = directions(1018).reshape(32, 32, 3)
     table = support_table(np.random.default_rng(2).normal(size=(30, 3)) * [1.0, 0.2, 0.6])
-    with hidden_window() as (window, _):
-        target = Target(window, 32, 32, ('rgba32f',))
-        owners = [Texture(window).upload(a.astype(np.float32)) for a in (d, table)]
-        quad = Quad(window, MAIN % text[text.index('vec2 ibr_signs') :], 'support')
-        with target.drawing():
-            quad.draw({'ibr_half': 0}, dict(zip(('points', 'ibr_support'), owners, strict=True)))
-        found = target.colors[0].download()[..., 0]
-        for owner in (target, quad, *owners):
-            owner.release()
+    (distances,) = evaluated(MAIN, d, table)
     assert table.shape == (SIDE, SIDE)
-    np.testing.assert_allclose(found, support(table, d), atol=1e-5)
+    np.testing.assert_allclose(distances[..., 0], support(table, d), atol=1e-5)

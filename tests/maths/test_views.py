@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from pvibr.maths.views import corners, covered, look_along, orthographic, perspective
 
-SIZE = (120, 80)
+SIZE = 120, 80
 numbers = st.floats(-3, 3)
 
 

@@ -181,19 +181,19 @@ def test_quaternions_of_a_table_are_w_first():
 BAD = [
     ({'orient': 'wnd'}, ValueError, "orient is 'wnd'.*did you mean 'wind'"),
     ({'orient': np.ones((3, 3, 3))}, ValueError, r'orient has shape \(3, 3, 3\)'),
-    ({'orient': [[1.0, np.nan, 0]]}, ValueError, r'orient\[0, 1\] is nan'),
+    ({'orient': [[1.0, np.nan, 0]]}, ValueError, r'orient\[0, 1\] must be finite, got nan'),
     ({'orient': np.zeros((40, 4))}, ValueError, r'orient\[0\] is a quaternion of length 0'),
     ({'orient': 'speed'}, ValueError, r'orient has shape \(40,\)'),
     ({'orient': object()}, TypeError, 'orient is'),
     ({'scale': 'sped'}, ValueError, "scale is 'sped'.*did you mean 'speed'"),
     ({'scale': [1.0, 2.0]}, ValueError, r'scale has shape \(2,\)'),
-    ({'scale': np.inf}, ValueError, 'scale is inf'),
+    ({'scale': np.inf}, ValueError, 'scale must be finite, got inf'),
     ({'scale': ['x', 'y']}, TypeError, 'scale is'),
-    ({'factor': 'big'}, TypeError, "factor is 'big'"),
+    ({'factor': 'big'}, TypeError, "factor must be .* got 'big'"),
     ({'scale': 1e300}, ValueError, 'scale is up to'),
-    ({'factor': 1e300}, ValueError, 'factor is 1e'),
-    ({'factor': np.nan}, ValueError, 'factor is nan'),
-    ({'factor': [1.0, 2.0]}, ValueError, 'factor is'),
+    ({'factor': 1e300}, ValueError, 'factor must be .* got 1e'),
+    ({'factor': np.nan}, ValueError, 'factor must be .* got nan'),
+    ({'factor': [1.0, 2.0]}, ValueError, 'factor must be'),
 ]
 
 

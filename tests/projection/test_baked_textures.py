@@ -292,7 +292,7 @@ def test_bad_files_are_refused(painted, tmp_path, monkeypatch):
         painted.bake(file='site.png')
     with pytest.raises(TypeError, match='file'):
         painted.bake(file=3)
-    with pytest.raises(ValueError, match='size is 0'):
+    with pytest.raises(ValueError, match=r'size is 0'):
         painted.bake(size=0, file=tmp_path / 'site.npy')
     monkeypatch.setitem(__import__('sys').modules, 'rasterio', None)
     with pytest.raises(ImportError, match='geo'):

@@ -409,7 +409,7 @@ def test_bad_input_is_refused(made):
         pvibr.PhotoMesh(mesh, photos, masks=[None])
     with pytest.raises(ValueError, match='has no picture'):
         pvibr.PhotoMesh(mesh, pvibr.Photo('a.jpg', photos[0].camera))
-    with pytest.raises(ValueError, match="to is 'paper'"):
+    with pytest.raises(ValueError, match=r"to must be .* got 'paper'"):
         pvibr.PhotoMesh(pv.Plane(), photos[:1]).bake('paper')
 
 

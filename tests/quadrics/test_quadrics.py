@@ -482,9 +482,9 @@ def test_what_blends_is_behind_what_is_opaque(see):
 @pytest.mark.parametrize(
     ('given', 'match'),
     [
-        ({'radius': -1.0}, 'radius has the value -1'),
+        ({'radius': -1.0}, 'radius must be .* got -1'),
         ({'points_b': [[0, 0, 1.0]] * 2}, 'points_b has 2 rows; it must have 1'),
-        ({'caps': 'square'}, "caps is 'square'"),
+        ({'caps': 'square'}, "caps must be .* got 'square'"),
         ({'points_a': [[0, 0, np.nan]]}, 'finite'),
         ({'scalars': [[1.0, 2.0, 3.0]]}, r'scalars must be \(1,\) numbers'),
         ({'opacity': 2.0}, 'opacity must be'),
@@ -503,7 +503,7 @@ def test_cylinders_that_are_refused(given, match):
     ('given', 'match'),
     [
         ({'radii': [1.0, 2.0]}, 'radii has shape'),
-        ({'radii': (1, 1, -2)}, 'radii has the value -2'),
+        ({'radii': (1, 1, -2)}, 'radii must be .* got -2'),
         ({'orientation': [0.0, 0, 0, 0]}, 'none of length 0'),
         ({'orientation': [1.0, 0, 0]}, 'orientation has shape'),
         ({'orientation': np.ones((3, 3))}, 'perpendicular'),

@@ -106,7 +106,7 @@ def test_a_tree_is_drawn_opaque_with_gaps(kind):
 @pytest.mark.parametrize(
     ('kwargs', 'match'),
     [
-        ({'kind': 'palm'}, 'palm.*broadleaf'),
+        ({'kind': 'palm'}, 'broadleaf.*palm'),
         ({'height': 0}, 'height'),
         ({'height': np.nan}, 'height'),
         ({'triangles': 100}, 'triangles is 100'),
