@@ -32,17 +32,21 @@ CHECKS = {
 }  # fmt: skip
 #: Called by other modules of pvibr, not by users.
 INTERNAL = {
+    Clip.cycle,
+    Clip.fits,
     Clip.local_time,
     Model.layers,
     Morphs.check,
     Morphs.has,
     Morphs.width,
-    Rig.kept,
+    Rig.clamped_to_limit,
     Rig.limit,
     Skin.blend,
     Skin.matrices,
     Step.bound,
     VertexAnimation.blend,
+    pvibr.AnimatedActor.download_posed,
+    pvibr.animation.FigureMesh.mirrors,
 }
 #: Functions of ``pvibr.maths`` to which guides and docstrings send users.
 FORMULAS = cameras.as_camera, facing.azimuths, facing.cards, facing.eye_of

@@ -13,48 +13,48 @@ def mix(poses, weights):
     poses = list(poses)
     weights = shares(weights)
     if not poses or weights.shape[-1] != len(poses):
-        raise ValueError(f'weights has the shape {weights.shape} for {len(poses)} poses.')
-    lead = np.broadcast_shapes(weights.shape[:-1], *(pose.shape for pose in poses))
-    total = PoseSum(lead, poses[0])
+        raise ValueError(f'weights must have shape (..., {len(poses)}), got {weights.shape}')
+    leading_shape = np.broadcast_shapes(weights.shape[:-1], *(pose.shape for pose in poses))
+    pose_sum = PoseSum(leading_shape, poses[0])
     for i, pose in enumerate(poses):
-        total.add(pose, weights[..., i])
-    return total.pose()
+        pose_sum.add(pose, weights[..., i])
+    return pose_sum.pose()
 
 
 def crossfade(a, b, weight, mask=None):
     """Return poses blended between two poses; a mask scales the weight per joint."""
     weight = unit_range('weight', weight)
-    factors, morphs = _factors(mask, a.n_joints)
-    total = PoseSum(np.broadcast_shapes(weight.shape, a.shape, b.shape), a)
-    joints = weight[..., None] * factors
-    total.add(a, 1 - weight, 1 - joints, 1 - weight * morphs)
-    total.add(b, weight, joints, weight * morphs)
-    return total.pose()
+    joint_factors, morph_factor = _factors(mask, a.n_joints)
+    pose_sum = PoseSum(np.broadcast_shapes(weight.shape, a.shape, b.shape), a)
+    joint_weights = weight[..., None] * joint_factors
+    pose_sum.add(a, 1 - weight, 1 - joint_weights, 1 - weight * morph_factor)
+    pose_sum.add(b, weight, joint_weights, weight * morph_factor)
+    return pose_sum.pose()
 
 
 def difference(pose, reference):
     """Return the additive pose that leads from a reference to a pose."""
-    some = reference.scale != 0
+    has_scale = reference.scale != 0
     return Pose(
         pose.translation - reference.translation,
         quaternions.multiply(quaternions.conjugate(reference.rotation), pose.rotation),
-        np.where(some, pose.scale / np.where(some, reference.scale, 1.0), 1.0),
+        np.where(has_scale, pose.scale / np.where(has_scale, reference.scale, 1.0), 1.0),
         pose.weights - reference.weights,
         pose.time,
     )
 
 
-def added(pose, extra, weight=1.0, mask=None):
+def with_additive(pose, extra, weight=1.0, mask=None):
     """Return poses with an additive pose on top."""
     weight = np.asarray(weight, dtype=np.float64)
-    factors, morphs = _factors(mask, pose.n_joints)
-    joints = (weight[..., None] * factors)[..., None]
-    turn = quaternions.exp(joints * quaternions.log(extra.rotation))
+    joint_factors, morph_factor = _factors(mask, pose.n_joints)
+    joint_weights = (weight[..., None] * joint_factors)[..., None]
+    weighted_turn = quaternions.exp(joint_weights * quaternions.log(extra.rotation))
     return Pose(
-        pose.translation + joints * extra.translation,
-        quaternions.multiply(pose.rotation, turn),
-        pose.scale * (1 + joints * (extra.scale - 1)),
-        pose.weights + weight[..., None] * morphs * extra.weights,
+        pose.translation + joint_weights * extra.translation,
+        quaternions.multiply(pose.rotation, weighted_turn),
+        pose.scale * (1 + joint_weights * (extra.scale - 1)),
+        pose.weights + weight[..., None] * morph_factor * extra.weights,
         pose.time,
     )
 
@@ -90,43 +90,43 @@ def joint_mask(skeleton, joints, feather=0):
     [0.0, 0.5, 1.0, 1.0]
     """
     if feather < 0:
-        raise ValueError(f'feather is {feather}; it must be at least 0.')
+        raise ValueError(f'feather must be 0 or more, got {feather}')
     mask = np.zeros(len(skeleton))
-    first = [skeleton.index(joint) for joint in joints]
-    step = 1 / (feather + 1)
+    roots = [skeleton.index(joint) for joint in joints]
+    feather_step = 1 / (feather + 1)
     for joint in skeleton.order:
         parent = skeleton.parents[joint]
         above = mask[parent] if parent >= 0 else 0.0
-        mask[joint] = min(above + step, 1.0) if above or joint in first else 0.0
+        mask[joint] = min(above + feather_step, 1.0) if above or joint in roots else 0.0
     return mask
 
 
 class PoseSum:
     """A weighted sum of poses."""
 
-    def __init__(self, shape, like):
-        n = like.n_joints
-        self._translation = np.zeros((*shape, n, 3))
-        self._rotation = np.zeros((*shape, n, 4))
-        self._scale = np.zeros((*shape, n, 3))
-        self._weights = np.zeros((*shape, like.weights.shape[-1]))
+    def __init__(self, shape, sample_pose):
+        joint_count = sample_pose.n_joints
+        self._translation = np.zeros((*shape, joint_count, 3))
+        self._rotation = np.zeros((*shape, joint_count, 4))
+        self._scale = np.zeros((*shape, joint_count, 3))
+        self._weights = np.zeros((*shape, sample_pose.weights.shape[-1]))
         self._time = np.zeros(shape)
         self._largest = np.zeros(shape)
 
-    def add(self, pose, share, joints=None, morphs=None, where=...):
+    def add(self, pose, pose_weight, joint_weights=None, morph_weights=None, where=...):
         """Add weighted poses."""
-        share = np.asarray(share, dtype=np.float64)
-        joints = share[..., None] if joints is None else joints
-        morphs = share if morphs is None else np.asarray(morphs)
-        joints = joints[..., None]
-        self._translation[where] += joints * pose.translation
-        self._scale[where] += joints * pose.scale
-        self._weights[where] += morphs[..., None] * pose.weights
-        turned = (self._rotation[where] * pose.rotation).sum(-1, keepdims=True) < 0
-        self._rotation[where] += np.where(turned, -joints, joints) * pose.rotation
-        largest = share > self._largest[where]
-        self._time[where] = np.where(largest, pose.time, self._time[where])
-        self._largest[where] = np.maximum(share, self._largest[where])
+        pose_weight = np.asarray(pose_weight, dtype=np.float64)
+        joint_weights = pose_weight[..., None] if joint_weights is None else joint_weights
+        morph_weights = pose_weight if morph_weights is None else np.asarray(morph_weights)
+        joint_weights = joint_weights[..., None]
+        self._translation[where] += joint_weights * pose.translation
+        self._scale[where] += joint_weights * pose.scale
+        self._weights[where] += morph_weights[..., None] * pose.weights
+        flips = (self._rotation[where] * pose.rotation).sum(-1, keepdims=True) < 0
+        self._rotation[where] += np.where(flips, -joint_weights, joint_weights) * pose.rotation
+        is_largest = pose_weight > self._largest[where]
+        self._time[where] = np.where(is_largest, pose.time, self._time[where])
+        self._largest[where] = np.maximum(pose_weight, self._largest[where])
 
     def pose(self):
         """Return the sum, with unit quaternions."""
@@ -136,26 +136,28 @@ class PoseSum:
 def shares(weights):
     """Return weights normalised to sum to one."""
     weights = np.atleast_1d(np.asarray(weights, dtype=np.float64))
-    total = weights.sum(-1, keepdims=True)
-    if not np.isfinite(weights).all() or (weights < 0).any() or not (total > 0).all():
-        raise ValueError('weights must be finite, not negative and not all 0.')
-    return weights / total
+    weight_sum = weights.sum(-1, keepdims=True)
+    if not np.isfinite(weights).all() or (weights < 0).any() or not (weight_sum > 0).all():
+        raise ValueError(
+            f'weights must be finite, not negative and not all 0, got {weights.tolist()!r:.80}'
+        )
+    return weights / weight_sum
 
 
 def unit_range(name, values):
     """Return values checked to be within 0 to 1."""
     values = np.asarray(values, dtype=np.float64)
-    bad = values[~((values >= 0) & (values <= 1))]
-    if bad.size:
-        raise ValueError(f'{name} is {bad.flat[0]}; it must be from 0 to 1.')
+    out_of_range = values[~((values >= 0) & (values <= 1))]
+    if out_of_range.size:
+        raise ValueError(f'{name} must be from 0 to 1, got {out_of_range.flat[0]}')
     return values
 
 
-def _factors(mask, n):
+def _factors(mask, joint_count):
     """Return the factors of the joints and of the morph weights."""
     if mask is None:
-        return np.ones(n), 1.0
+        return np.ones(joint_count), 1.0
     mask = unit_range('mask', mask)
-    if mask.shape != (n,):
-        raise ValueError(f'mask has the shape {mask.shape}; there are {n} joints.')
+    if mask.shape != (joint_count,):
+        raise ValueError(f'mask must have shape ({joint_count},), got {mask.shape}')
     return mask, 0.0

@@ -12,7 +12,7 @@ from pvibr.maths import quaternions
 from pvibr.maths.arguments import check_finite, check_one_of
 from pvibr.maths.keyframes import checked_keys
 
-#: Components of a value by property; weights have any number.
+#: Components per value, by property; None for any number.
 WIDTHS = {'translation': 3, 'rotation': 4, 'scale': 3, 'weights': None}
 INTERPOLATIONS = ('step', 'linear', 'cubic')
 
@@ -57,14 +57,14 @@ class Track:
         check_one_of('path', self.path, tuple(WIDTHS))
         check_one_of('interpolation', self.interpolation, INTERPOLATIONS)
         if self.node < 0:
-            raise ValueError(f'node is {self.node}; it must be 0 or more.')
-        times = checked_keys(self.times, 'times')
-        values = np.asarray(self.values, dtype=np.float64)
-        self._check_values(values, len(times))
+            raise ValueError(f'node must be 0 or more, got {self.node}')
+        key_times = checked_keys(self.times, 'times')
+        key_values = np.asarray(self.values, dtype=np.float64)
+        self._check_values(key_values, len(key_times))
         if self.path == 'rotation':
-            values = self._unit(values)
-        object.__setattr__(self, 'times', times)
-        object.__setattr__(self, 'values', values)
+            key_values = self._unit(key_values)
+        object.__setattr__(self, 'times', key_times)
+        object.__setattr__(self, 'values', key_values)
 
     @property
     def width(self):
@@ -86,17 +86,14 @@ class Track:
     def _lane(self):
         return Lanes([self])
 
-    def _check_values(self, values, k):
-        cubic = self.interpolation == 'cubic'
+    def _check_values(self, values, count):
+        is_cubic = self.interpolation == 'cubic'
         width = WIDTHS[self.path] or (values.shape[-1] if values.ndim else 1)
-        shape = (k, 3, width) if cubic else (k, width)
+        shape = (count, 3, width) if is_cubic else (count, width)
         if values.shape != shape:
-            what = f'a {self.interpolation} track of {self.path} with {k} keys'
-            raise ValueError(f'values of {what} must be {shape}, not of shape {values.shape}.')
-        bad = np.argwhere(~np.isfinite(values))
-        if len(bad):
-            place = ', '.join(str(int(i)) for i in bad[0])
-            raise ValueError(f'values[{place}] is {values[tuple(bad[0])]}; it must be finite.')
+            name = f'values of a {self.interpolation} track of {self.path} with {count} keys'
+            raise ValueError(f'{name} must have shape {shape}, got {values.shape}')
+        check_finite('values', values)
 
     def _unit(self, values):
         """Return unit quaternions; tangents stay as they are."""
@@ -135,12 +132,10 @@ class Clip:
     def __init__(self, name, tracks, duration=None):
         self.name = str(name)
         self.tracks = tuple(tracks)
-        last = max((track.times[-1] for track in self.tracks), default=0.0)
-        self.duration = float(last if duration is None else duration)
+        last_key = max((track.times[-1] for track in self.tracks), default=0.0)
+        self.duration = float(last_key if duration is None else duration)
         if not 0 <= self.duration < np.inf:
-            raise ValueError(
-                f'duration of the clip {self.name!r} is {duration}; it must be >= 0 seconds.'
-            )
+            raise ValueError(f'duration of clip {self.name!r} must be 0 s or more, got {duration}')
 
     def __repr__(self):
         return f'Clip({self.name!r}, {len(self.tracks)} tracks, {self.duration:g} s)'
@@ -155,7 +150,7 @@ class Clip:
         rest : Pose
             A single pose: the values that no track drives.
         loop : bool or 'pingpong'
-            Restart at the end, hold the last pose, or go there and back.
+            Restart at the end, hold the last pose, or play back and forth.
 
         Raises
         ------
@@ -165,48 +160,36 @@ class Clip:
         self._check_fit(rest)
         times = self.local_time(times, loop)
         check_finite('time', times)
-        parts = {name: _repeated(getattr(rest, name), times.shape) for name in WIDTHS}
-        for lanes, places in self._lanes:
-            nodes = [self.joint_tracks[i].node for i in places]
-            parts[lanes.path][..., nodes, :] = lanes.at(times[..., None], np.arange(len(nodes)))
+        rest_parts = ((name, getattr(rest, name)) for name in WIDTHS)
+        pose_parts = {k: np.broadcast_to(v, times.shape + v.shape).copy() for k, v in rest_parts}
+        for lanes, track_places in self._lanes:
+            joints = [self.joint_tracks[i].node for i in track_places]
+            lane_values = lanes.at(times[..., None], np.arange(len(joints)))
+            pose_parts[lanes.path][..., joints, :] = lane_values
         for track in self._weight_tracks:
-            columns = slice(track.node, track.node + track.width)
-            parts['weights'][..., columns] = track.sample(times)
-        return unchecked_pose(**parts, time=times)
+            weight_columns = slice(track.node, track.node + track.width)
+            pose_parts['weights'][..., weight_columns] = track.sample(times)
+        return unchecked_pose(**pose_parts, time=times)
 
     def local_time(self, times, loop=True, count=None):
         """Return times within the clip, in seconds; a loop restarts at the duration itself.
 
-        After a count of cycles, there and back for 'pingpong', the last moment is held.
+        After a count of cycles, forth and back for 'pingpong', the last moment is held.
         """
         return local_times(np.asarray(times, dtype=np.float64), *self.cycle(loop, count))
 
     def cycle(self, loop=True, count=None) -> tuple:
-        """Return its duration, that of a cycle and of all, and the moment held after them.
-
-        Parameters
-        ----------
-        loop : bool or 'pingpong'
-            Restart at the end, hold the last pose, or go there and back.
-        count : float, optional
-            Cycles until the last moment is held; default no end.
-        """
+        """Return the durations of clip, cycle and all cycles, and the moment held after them."""
         check_one_of('loop', loop, (True, False, 'pingpong'))
-        span = 2 * self.duration if loop == 'pingpong' else self.duration
+        cycle = 2 * self.duration if loop == 'pingpong' else self.duration
         if loop is False:
             count = 1
         if count is None:
-            return self.duration, span, np.inf, 0.0
-        return self.duration, span, count * span, (count % 1 or 1) * span
+            return self.duration, cycle, np.inf, 0.0
+        return self.duration, cycle, count * cycle, (count % 1 or 1) * cycle
 
     def fits(self, rest) -> bool:
-        """Return whether it drives nothing but joints that a pose has.
-
-        Parameters
-        ----------
-        rest : Pose
-            The pose.
-        """
+        """Return whether it drives only joints, all of which a pose has."""
         return not self._weight_tracks and self._last_joint < rest.n_joints
 
     @cached_property
@@ -223,15 +206,14 @@ class Clip:
         return by_kind(self.joint_tracks)
 
     def _check_fit(self, rest):
-        for what, last, many in self._ends(rest):
-            if last >= many:
+        for kind, last, count in (
+            ('joint', self._last_joint, rest.n_joints),
+            ('weight', self._last_weight, rest.weights.shape[-1]),
+        ):
+            if last >= count:
                 raise ValueError(
-                    f'clip {self.name!r} drives {what} {last}; the figure has {many}.'
+                    f'{kind}s of clip {self.name!r} must be below {count}, got {last}'
                 )
-
-    def _ends(self, rest):
-        yield 'joint', self._last_joint, rest.n_joints
-        yield 'weight', self._last_weight, rest.weights.shape[-1]
 
     @cached_property
     def _last_joint(self):
@@ -242,65 +224,59 @@ class Clip:
         return max((t.node + t.width - 1 for t in self._weight_tracks), default=-1)
 
 
-def _repeated(value, shape):
-    out = np.empty(shape + value.shape)
-    out[...] = value
-    return out
-
-
 class Lanes:
     """Tracks of one property and interpolation, evaluated together."""
 
     def __init__(self, tracks):
-        sizes = np.array([len(track.times) for track in tracks])
-        self.path, self._how = tracks[0].path, tracks[0].interpolation
-        self._last = np.cumsum(sizes) - 1
-        self._first = self._last - sizes + 1
+        key_counts = np.array([len(track.times) for track in tracks])
+        self.path, self._interpolation = tracks[0].path, tracks[0].interpolation
+        self._last = np.cumsum(key_counts) - 1
+        self._first = self._last - key_counts + 1
         self._keys = np.concatenate([track.times for track in tracks])
         self._values = np.concatenate([track.values for track in tracks])
-        # Complex numbers are in order by their real parts first: by track, then by time.
-        self._order = np.repeat(np.arange(len(tracks)), sizes) + 1j * self._keys
+        # numpy orders complex numbers by their real parts first: by track, then by time.
+        self._order = np.repeat(np.arange(len(tracks)), key_counts) + 1j * self._keys
 
     def at(self, times, lanes):
         """Return values (..., n, c) at times (..., n) of tracks by their numbers (n,)."""
-        keys, last = self._keys, self._last[lanes]
-        times = np.minimum(np.maximum(times, keys[self._first[lanes]]), keys[last])
+        key_times, last_keys = self._keys, self._last[lanes]
+        times = np.minimum(np.maximum(times, key_times[self._first[lanes]]), key_times[last_keys])
         before = np.searchsorted(self._order, lanes + 1j * times, side='right') - 1
-        if self._how == 'step':
+        if self._interpolation == 'step':
             return self._values[before]
-        after = np.minimum(before + 1, last)
-        step = keys[after] - keys[before]
-        part = (times - keys[before]) / np.where(step > 0, step, 1.0)
-        a, b = self._values[before], self._values[after]
-        if self._how == 'cubic':
-            return _hermite(self.path, a, b, part[..., None], step[..., None])
+        after = np.minimum(before + 1, last_keys)
+        spacing = key_times[after] - key_times[before]
+        fraction = (times - key_times[before]) / np.where(spacing > 0, spacing, 1.0)
+        start, end = self._values[before], self._values[after]
+        if self._interpolation == 'cubic':
+            return _hermite(self.path, start, end, fraction[..., None], spacing[..., None])
         if self.path == 'rotation':
-            return quaternions.slerp(a, b, part)
-        return (1 - part[..., None]) * a + part[..., None] * b
+            return quaternions.slerp(start, end, fraction)
+        return (1 - fraction[..., None]) * start + fraction[..., None] * end
 
 
 def by_kind(tracks) -> list[tuple[Lanes, list[int]]]:
     """Return lanes by property and interpolation, and the places of their tracks."""
-    alike: dict[tuple, list[int]] = {}
+    places_by_kind: dict[tuple, list[int]] = {}
     for i, track in enumerate(tracks):
-        alike.setdefault((track.path, track.interpolation), []).append(i)
-    return [(Lanes([tracks[i] for i in places]), places) for places in alike.values()]
+        places_by_kind.setdefault((track.path, track.interpolation), []).append(i)
+    return [(Lanes([tracks[i] for i in places]), places) for places in places_by_kind.values()]
 
 
-def local_times(times, duration, span, length, end):
+def local_times(times, duration, cycle_duration, total_duration, held_moment):
     """Return times within clips from what :meth:`Clip.cycle` returns, numbers or arrays."""
-    local = times % np.where(span > 0, span, 1.0)
-    ended = np.where(times < 0, 0.0, np.where(times >= length, end, local))
-    local = np.where(length < np.inf, ended, local)
-    back = duration - np.abs(duration - local)
-    return np.where(span > duration, back, np.minimum(local, duration))
+    local = times % np.where(cycle_duration > 0, cycle_duration, 1.0)
+    held = np.where(times < 0, 0.0, np.where(times >= total_duration, held_moment, local))
+    local = np.where(total_duration < np.inf, held, local)
+    mirrored_time = duration - np.abs(duration - local)
+    return np.where(cycle_duration > duration, mirrored_time, np.minimum(local, duration))
 
 
-def _hermite(path, before, after, part, step):
+def _hermite(path, key_before, key_after, t, key_spacing):
     """Blend keys (..., 3, c) by Hermite polynomials (glTF 2.0, appendix C.5)."""
-    a, leaving = before[..., 1, :], before[..., 2, :] * step
-    b, arriving = after[..., 1, :], after[..., 0, :] * step
-    t2, t3 = part**2, part**3
-    value = (2 * t3 - 3 * t2 + 1) * a + (t3 - 2 * t2 + part) * leaving
-    value = value + (3 * t2 - 2 * t3) * b + (t3 - t2) * arriving
-    return quaternions.normalized(value) if path == 'rotation' else value
+    before, out_tangent = key_before[..., 1, :], key_before[..., 2, :] * key_spacing
+    after, in_tangent = key_after[..., 1, :], key_after[..., 0, :] * key_spacing
+    t2, t3 = t**2, t**3
+    hermite_value = (2 * t3 - 3 * t2 + 1) * before + (t3 - 2 * t2 + t) * out_tangent
+    hermite_value = hermite_value + (3 * t2 - 2 * t3) * after + (t3 - t2) * in_tangent
+    return quaternions.normalized(hermite_value) if path == 'rotation' else hermite_value

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from pvibr.animation.rig import Step, placed
+from pvibr.animation.rig import Step, joint_matrix
 from pvibr.maths import quaternions
 from pvibr.maths.arguments import check_one_of, checked_direction, checked_number, checked_numbers
 from pvibr.maths.transforms import inverses
@@ -48,9 +48,7 @@ class Aim(Step):
         self.up = None if up is None else checked_direction('up', up)
         self.up_axis = checked_direction('up_axis', up_axis)
         if self.up is not None and np.linalg.norm(np.cross(self.axis, self.up_axis)) < 1e-6:
-            raise ValueError(
-                f'up_axis {up_axis} is parallel to axis {axis}; choose another up_axis.'
-            )
+            raise ValueError(f'up_axis must not be parallel to axis {axis}, got {up_axis}')
         self.weight = checked_number('weight', weight, 0, 1)
         self.asks = (at,) if isinstance(at, str) else ()
 
@@ -59,32 +57,40 @@ class Aim(Step):
         joint = rig.skeleton.index(self.joint)
 
         def apply(pose, targets):
-            point = targets.get(self.at) if isinstance(self.at, str) else self.at
-            if point is None:
+            target_point = targets.get(self.at) if isinstance(self.at, str) else self.at
+            if target_point is None:
                 return pose
-            parent = rig.skeleton.parents[joint]
-            inverse = inverses(placed(rig.skeleton, pose, parent))
-            way = inverse[:3, :3] @ point + inverse[:3, 3] - pose.translation[joint]
-            up = None if self.up is None else inverse[:3, :3] @ self.up
-            rotation = self._aimed(pose.rotation[joint], pose.scale[joint], way, up)
+            parent_joint = rig.skeleton.parents[joint]
+            parent_from_figure = inverses(joint_matrix(rig.skeleton, pose, parent_joint))
+            aim = (
+                parent_from_figure[:3, :3] @ target_point
+                + parent_from_figure[:3, 3]
+                - pose.translation[joint]
+            )
+            up_in_parent = None if self.up is None else parent_from_figure[:3, :3] @ self.up
+            rotation = self._aimed(pose.rotation[joint], pose.scale[joint], aim, up_in_parent)
             return _with_rotation(rig, pose, joint, rotation, self.weight)
 
         return apply
 
-    def _aimed(self, rotation, scale, way, up):
+    def _aimed(self, rotation, scale, aim_direction, up_direction):
         """Return the rotation in the parent's space; the joint's axes are scaled first."""
-        if not way.any():
+        if not aim_direction.any():
             return rotation
-        turn = quaternions.between(quaternions.rotate(rotation, scale * self.axis), way)
+        turn = quaternions.between(quaternions.rotate(rotation, scale * self.axis), aim_direction)
         rotation = quaternions.multiply(turn, rotation)
-        if up is None:
+        if up_direction is None:
             return rotation
-        way = way / np.linalg.norm(way)
-        now = quaternions.rotate(rotation, scale * self.up_axis)
-        # The angle between both, projected across the way; if either vanishes, any roll will do.
-        sine, cosine = way @ np.cross(now, up), now @ up - (now @ way) * (up @ way)
-        roll = quaternions.from_axis_angle(way, np.arctan2(sine, cosine))
-        return quaternions.multiply(roll, rotation)
+        aim_direction = aim_direction / np.linalg.norm(aim_direction)
+        current_up = quaternions.rotate(rotation, scale * self.up_axis)
+        # The angle between them around the aim; any roll will do if either is parallel to it.
+        sine, cosine = (
+            aim_direction @ np.cross(current_up, up_direction),
+            current_up @ up_direction
+            - (current_up @ aim_direction) * (up_direction @ aim_direction),
+        )
+        roll_turn = quaternions.from_axis_angle(aim_direction, np.arctan2(sine, cosine))
+        return quaternions.multiply(roll_turn, rotation)
 
 
 class CopyTransform(Step):
@@ -124,22 +130,22 @@ class CopyTransform(Step):
         self.joint, self.source = joint, source
         self.rotation, self.position = bool(rotation), bool(position)
         if not (rotation or position):
-            raise ValueError('rotation and position are both False; set at least one of them.')
+            raise ValueError('rotation or position must be True, got False for both')
         check_one_of('space', space, ('figure', 'local'))
         self.space = space
         self.weight = checked_number('weight', weight, 0, 1)
 
     def bound(self, rig):
         """Return this step bound to the joints of a rig."""
-        joint, source = rig.skeleton.index(self.joint), rig.skeleton.index(self.source)
-        seen = self._in_figure if self.space == 'figure' else self._from_rest
+        joint, source_joint = rig.skeleton.index(self.joint), rig.skeleton.index(self.source)
+        source_transform = self._in_figure if self.space == 'figure' else self._from_rest
 
         def apply(pose, _):
-            rotation, translation = seen(rig.skeleton, pose, joint, source)
+            rotation, translation = source_transform(rig.skeleton, pose, joint, source_joint)
             if self.position:
-                moved = pose.translation.copy()
-                moved[joint] += self.weight * (translation - moved[joint])
-                pose = pose.replaced(translation=moved)
+                new_translation = pose.translation.copy()
+                new_translation[joint] += self.weight * (translation - new_translation[joint])
+                pose = pose.replaced(translation=new_translation)
             if self.rotation:
                 pose = _with_rotation(rig, pose, joint, rotation, self.weight)
             return pose
@@ -147,26 +153,26 @@ class CopyTransform(Step):
         return apply
 
     def _in_figure(self, skeleton, pose, joint, source):
-        parent = placed(skeleton, pose, skeleton.parents[joint])
-        source = placed(skeleton, pose, source)
+        parent = joint_matrix(skeleton, pose, skeleton.parents[joint])
+        source = joint_matrix(skeleton, pose, source)
         inverse = inverses(parent)
         rotation = quaternions.multiply(
             quaternions.conjugate(_rotation(parent)), _rotation(source)
         )
         return rotation, inverse[:3, :3] @ source[:3, 3] + inverse[:3, 3]
 
-    def _from_rest(self, skeleton, pose, joint, source):
-        rest = skeleton.rest
-        away = quaternions.multiply(
-            quaternions.conjugate(rest.rotation[source]), pose.rotation[source]
+    def _from_rest(self, skeleton, pose, joint, source_joint):
+        rest_pose = skeleton.rest
+        rest_turn = quaternions.multiply(
+            quaternions.conjugate(rest_pose.rotation[source_joint]), pose.rotation[source_joint]
         )
-        moved = pose.translation[source] - rest.translation[source]
-        rotation = quaternions.multiply(rest.rotation[joint], away)
-        return rotation, rest.translation[joint] + moved
+        rest_offset = pose.translation[source_joint] - rest_pose.translation[source_joint]
+        rotation = quaternions.multiply(rest_pose.rotation[joint], rest_turn)
+        return rotation, rest_pose.translation[joint] + rest_offset
 
 
 class ClampToLimits(Step):
-    """Clamp the rotations of all joints to the limits of the rig, for example of a clip's pose.
+    """Clamp the rotations of all joints to the rig's limits, such as those of a clip.
 
     Examples
     --------
@@ -185,7 +191,7 @@ class ClampToLimits(Step):
 def _with_rotation(rig, pose, joint, rotation, weight):
     """Return a pose with one joint blended towards a rotation, within its limit."""
     turned = pose.rotation.copy()
-    turned[joint] = rig.kept(quaternions.slerp(turned[joint], rotation, weight), joint)
+    turned[joint] = rig.clamped_to_limit(quaternions.slerp(turned[joint], rotation, weight), joint)
     return pose.replaced(rotation=turned)
 
 

@@ -8,9 +8,10 @@ before skinning; their weights follow from the pose.
 from __future__ import annotations
 
 import numpy as np
-import pyvista as pv
 
+from pvibr.animation.model import vertex_matrices
 from pvibr.animation.morphs import Morphs
+from pvibr.animation.normals import normals_at
 from pvibr.maths.vectors import unit_vectors
 
 _SAME = 1e-4  # radians: nearer poses count as equal
@@ -28,7 +29,7 @@ class PoseSpace:
     Parameters
     ----------
     joints : sequence of int, length j
-        Joints of the skeleton that count.
+        Joints whose rotations are compared.
     keys : Pose
         The key poses, of shape (k,).
     neutral : Pose
@@ -61,22 +62,24 @@ class PoseSpace:
     def __init__(self, joints, keys, neutral, radius=None, influence=None, names=None):
         self.joints = _joints(joints, neutral.n_joints)
         if len(keys.shape) != 1 or not keys.shape[0] or keys.n_joints != neutral.n_joints:
-            held, n = f'poses {keys.shape} of {keys.n_joints} joints', neutral.n_joints
-            raise ValueError(f'keys holds {held}; it must be (k,) poses of {n}, with k > 0.')
-        k = keys.shape[0]
-        self.names = tuple(f'key{i}' for i in range(k)) if names is None else tuple(names)
-        if len(self.names) != k:
-            raise ValueError(f'names holds {len(self.names)} names for {k} key poses.')
+            raise ValueError(
+                f'keys must be (k,) poses of {neutral.n_joints} joints, k > 0, '
+                f'got {keys.shape} of {keys.n_joints}'
+            )
+        key_count = keys.shape[0]
+        self.names = tuple(f'key{i}' for i in range(key_count)) if names is None else tuple(names)
+        if len(self.names) != key_count:
+            raise ValueError(f'names must hold {key_count} names, got {len(self.names)}')
         self.influence = _positive('influence', influence, len(self.joints), 1.0)
-        centers = [neutral.rotation[None], keys.rotation]
-        self._centers = np.concatenate(centers)[:, self.joints]
-        apart = self._distances(self._centers)
-        self._check_apart(apart)
-        nearest = np.where(np.eye(k + 1, dtype=bool), np.inf, apart).min(1)
-        self.radius = _positive('radius', radius, k, 2 * nearest[1:])
+        center_rotations = [neutral.rotation[None], keys.rotation]
+        self._centers = np.concatenate(center_rotations)[:, self.joints]
+        distances = self._distances(self._centers)
+        self._check_apart(distances)
+        nearest = np.where(np.eye(key_count + 1, dtype=bool), np.inf, distances).min(1)
+        self.radius = _positive('radius', radius, key_count, 2 * nearest[1:])
         # The neutral pose is a centre too, with no shape.
         self._radii = np.append(2 * nearest[0], self.radius)
-        self._mix = self._solved(_wendland(apart / self._radii))
+        self._mix = self._solved(_wendland(distances / self._radii))
 
     def __len__(self):
         return len(self.names)
@@ -100,9 +103,8 @@ class PoseSpace:
             If the pose lacks joints.
         """
         if pose.n_joints <= self.joints.max():
-            raise ValueError(
-                f'the pose has {pose.n_joints} joints; joint {self.joints.max()} is needed.'
-            )
+            last = self.joints.max()
+            raise ValueError(f'pose must have joints up to {last}, got {pose.n_joints} joints')
         distances = self._distances(pose.rotation[..., self.joints, :])
         return _wendland(distances / self._radii) @ self._mix
 
@@ -110,24 +112,29 @@ class PoseSpace:
         """Return the distance of rotations (..., j, 4) from each centre, (..., k + 1)."""
         # Near 1 the cosine loses digits of the angle, but there the kernel is flat.
         cosine = np.abs(np.einsum('...jq,cjq->...cj', rotations, self._centers))
-        angles = 2 * np.arccos(np.minimum(cosine, 1.0))
-        return np.sqrt(np.square(angles * self.influence).sum(-1))
+        joint_angles = 2 * np.arccos(np.minimum(cosine, 1.0))
+        return np.sqrt(np.square(joint_angles * self.influence).sum(-1))
 
-    def _check_apart(self, apart):
-        i, j = np.unravel_index(np.argmin(apart + np.pi * 1e3 * np.eye(len(apart))), apart.shape)
-        if apart[i, j] < _SAME:
-            names = ('the neutral pose', *self.names)
+    def _check_apart(self, center_distances):
+        i, j = np.unravel_index(
+            np.argmin(center_distances + np.pi * 1e3 * np.eye(len(center_distances))),
+            center_distances.shape,
+        )
+        if center_distances[i, j] < _SAME:
+            center_names = 'the neutral pose', *self.names
             raise ValueError(
-                f'{names[i]} and {names[j]} are equal poses of joints {self.joints.tolist()}.'
+                f'key poses must differ at joints {self.joints.tolist()}, got equal '
+                f'{center_names[i]} and {center_names[j]}'
             )
 
-    def _solved(self, kernel):
+    def _solved(self, kernel_matrix):
         """Return the factors that make each weight 1 at its own key and 0 at the others."""
-        if np.linalg.cond(kernel) > _CONDITION:
+        if np.linalg.cond(kernel_matrix) > _CONDITION:
             raise ValueError(
-                f'radius is {self.radius.tolist()}; too large to separate the key poses.'
+                'radius must be small enough to separate the key poses, got '
+                f'{self.radius.tolist()}'
             )
-        return np.linalg.solve(kernel, np.eye(len(kernel))[:, 1:])
+        return np.linalg.solve(kernel_matrix, np.eye(len(kernel_matrix))[:, 1:])
 
 
 class Correctives:
@@ -144,7 +151,7 @@ class Correctives:
     Raises
     ------
     ValueError
-        If a mesh has another number of shapes than there are keys.
+        If a mesh does not have one shape per key.
 
     Examples
     --------
@@ -159,10 +166,10 @@ class Correctives:
     def __init__(self, spaces, shapes):
         self.spaces = (spaces,) if isinstance(spaces, PoseSpace) else tuple(spaces)
         self.shapes = dict(shapes)
-        for mesh, morphs in self.shapes.items():
+        for mesh_index, morphs in self.shapes.items():
             if len(morphs) != len(self):
                 raise ValueError(
-                    f'shapes[{mesh}] has {len(morphs)} shapes; there are {len(self)} key poses.'
+                    f'shapes[{mesh_index}] must have {len(self)} shapes, got {len(morphs)}'
                 )
 
     def __len__(self):
@@ -173,12 +180,14 @@ class Correctives:
 
     def __add__(self, other):
         """Return the correctives of both."""
-        both = sorted({*self.shapes, *other.shapes})
+        mesh_indices = sorted({*self.shapes, *other.shapes})
         return Correctives(
             self.spaces + other.spaces,
             {
-                mesh: _joined([(c.shapes.get(mesh), len(c)) for c in (self, other)])
-                for mesh in both
+                mesh_index: _concatenated(
+                    [(c.shapes.get(mesh_index), len(c)) for c in (self, other)]
+                )
+                for mesh_index in mesh_indices
             },
         )
 
@@ -195,8 +204,8 @@ class Correctives:
         ValueError
             If the pose lacks joints.
         """
-        parts = [space.weights(pose) for space in self.spaces]
-        return np.concatenate([np.zeros((*pose.shape, 0)), *parts], axis=-1)
+        space_weights = [space.weights(pose) for space in self.spaces]
+        return np.concatenate([np.zeros((*pose.shape, 0)), *space_weights], axis=-1)
 
     @classmethod
     def from_sculpted(cls, figure, joints, keys, points, normals=None, **options):
@@ -209,7 +218,7 @@ class Correctives:
         figure : Figure
             The figure, without these correctives.
         joints : sequence of str or int
-            Joints that count.
+            Joints whose rotations are compared.
         keys : Pose
             The k key poses of the whole skeleton, of shape (k,).
         points : array_like, shape (k, v, 3)
@@ -218,7 +227,7 @@ class Correctives:
             Sculpted normals, exact if no morph target is active in the key pose; default estimated
             from the change of the faces.
         **options
-            ``mesh``, its index (default 0); ``skinning``, as it will be used ('linear');
+            ``mesh``, its index (default 0); ``skinning``, that of later use ('linear');
             ``radius``, ``influence`` and ``names`` of :class:`PoseSpace`.
 
         Raises
@@ -241,24 +250,23 @@ class Correctives:
         >>> abs(fix.shapes[0].target('positions', 0)[1] - pv.Sphere().points).max() < 1e-6
         np.True_
         """
-        mesh = options.pop('mesh', 0)
+        mesh_index = options.pop('mesh', 0)
         skinning = options.pop('skinning', 'linear')
         skeleton = figure.skeleton
         joints = [skeleton.index(joint) for joint in joints]
-        space = PoseSpace(joints, keys, skeleton.rest, **options)
-        shape = (len(space), len(figure.meshes[mesh].points), 3)
+        pose_space = PoseSpace(joints, keys, skeleton.rest, **options)
+        expected_shape = len(pose_space), len(figure.meshes[mesh_index].points), 3
         for name, values in (('points', points), ('normals', normals)):
-            if values is not None and np.shape(values) != shape:
-                raise ValueError(f'{name} has the shape {np.shape(values)}; it must be {shape}.')
-        differences = [
-            _brought_back(
-                figure, mesh, keys[i], skinning, points[i], None if normals is None else normals[i]
-            )
-            for i in range(len(space))
+            if values is not None and np.shape(values) != expected_shape:
+                raise ValueError(f'{name} must be {expected_shape}, got {np.shape(values)}')
+        normals = [None] * len(pose_space) if normals is None else normals
+        rest_deltas = [
+            _rest_deltas(figure, mesh_index, keys[i], skinning, points[i], normals[i])
+            for i in range(len(pose_space))
         ]
-        moved, tilted = zip(*differences, strict=True)
-        morphs = Morphs(moved, tilted, names=space.names)
-        return cls(space, {mesh: morphs})
+        point_deltas, normal_deltas = zip(*rest_deltas, strict=True)
+        morphs = Morphs(point_deltas, normal_deltas, names=pose_space.names)
+        return cls(pose_space, {mesh_index: morphs})
 
 
 def _wendland(r):
@@ -266,72 +274,51 @@ def _wendland(r):
     return np.square(np.square(np.maximum(1 - r, 0.0))) * (4 * r + 1)
 
 
-def _brought_back(figure, mesh, pose, skinning, points, normals):
+def _rest_deltas(figure, mesh_index, pose, skinning, points, normals):
     """Return differences of points and normals before skinning, from those after it."""
-    linear = _linear(figure, mesh, pose, skinning)
+    figure_mesh = figure.meshes[mesh_index]
+    linear = vertex_matrices(figure_mesh, figure.world(pose), skinning, 1.0)[:, :, :3]
+    linear = np.broadcast_to(linear, (len(figure_mesh.points), 3, 3))
     stretch = np.abs(linear).max((1, 2), initial=np.finfo(float).tiny)
     collapsed = np.flatnonzero(np.abs(np.linalg.det(linear)) < _COLLAPSED * stretch**3)
     if collapsed.size:
-        lost = f'{collapsed.size} vertices in a key pose, first {collapsed[0]}'
-        raise ValueError(f'{skinning} skinning collapses {lost}: use a smaller angle or "dual".')
-    posed, upright = figure.posed(mesh, pose, skinning)
-    moved = np.linalg.solve(linear, (np.asarray(points) - posed)[..., None])[..., 0]
+        raise ValueError(
+            f'{skinning} skinning must not collapse vertices in a key pose, got '
+            f'{collapsed.size}, first {collapsed[0]}; use a smaller angle or "dual"'
+        )
+    posed, posed_normals = figure.posed(mesh_index, pose, skinning)
+    point_delta = np.linalg.solve(linear, (np.asarray(points) - posed)[..., None])[..., 0]
     if normals is None:
-        mesh = figure.meshes[mesh].mesh
-        normals = upright + _slopes(mesh, points) - _slopes(mesh, posed)
+        mesh = figure_mesh.mesh
+        normals = posed_normals + normals_at(mesh, points) - normals_at(mesh, posed)
     # Normals transform by the inverse transpose, so they transform back by the transpose.
-    before, after = (unit_vectors(np.einsum('vij,vi->vj', linear, n)) for n in (upright, normals))
-    return moved, after - before
-
-
-def _slopes(mesh, points):
-    """Return the normals of a mesh with its points moved; zero for points without polygons."""
-    if not mesh.GetNumberOfPolys():
-        return np.zeros((mesh.n_points, 3))
-    shape = pv.PolyData()
-    shape.copy_structure(mesh)
-    shape.SetPoints(pv.vtk_points(np.asarray(points, dtype=np.float64)))  # the others are shared
-    found = shape.compute_normals(
-        cell_normals=False, split_vertices=False, consistent_normals=False
+    rest_normals, sculpted_normals = (
+        unit_vectors(np.einsum('vij,vi->vj', linear, n)) for n in (posed_normals, normals)
     )
-    return np.asarray(found.point_data['Normals'], dtype=np.float64)
+    return point_delta, sculpted_normals - rest_normals
 
 
-def _linear(figure, index, pose, skinning):
-    """Return the linear part of the transform of each vertex, (v, 3, 3)."""
-    mesh, world = figure.meshes[index], figure.world(pose)
-    if mesh.skin is not None:
-        return mesh.skin.blend(world, skinning)[:, :, :3]
-    matrix = np.eye(4) if mesh.node < 0 else world[mesh.node]
-    return np.broadcast_to(matrix[:3, :3], (len(mesh.points), 3, 3))
-
-
-def _joined(parts):
+def _concatenated(parts):
     """Return the targets of several Morphs, or of (None, count), one after another."""
     entries: dict = {'positions': [], 'normals': [], 'tangents': [], 'colors': []}
     for morphs, n in parts:
-        for what, targets in entries.items():
-            targets += [None if morphs is None else morphs.target(what, i) for i in range(n)]
+        for attribute, targets in entries.items():
+            targets += [None if morphs is None else morphs.target(attribute, i) for i in range(n)]
     names = [morphs.names[i] if morphs else f'none{i}' for morphs, n in parts for i in range(n)]
-    return Morphs(**{what: [_entry(t) for t in ts] for what, ts in entries.items()}, names=names)
+    return Morphs(**entries, names=names)
 
 
-def _entry(target):
-    """Return a target as the constructor of Morphs takes it."""
-    return target if target is None or not isinstance(target[0], slice) else target[1]
-
-
-def _joints(joints, n):
+def _joints(joints, joint_count):
     joints = np.array(joints, dtype=np.int64).reshape(-1)
-    if not joints.size or joints.min() < 0 or joints.max() >= n:
+    if not joints.size or joints.min() < 0 or joints.max() >= joint_count:
         raise ValueError(
-            f'joints is {joints.tolist()}; it must name at least one of the {n} joints.'
+            f'joints must name at least one of the {joint_count} joints, got {joints.tolist()}'
         )
     return joints
 
 
-def _positive(name, values, n, default):
+def _positive(name, values, count, default):
     values = np.asarray(default if values is None else values, dtype=np.float64)
-    if values.shape not in ((), (1,), (n,)) or not ((values > 0) & np.isfinite(values)).all():
-        raise ValueError(f'{name} is {values.tolist()}; it must be positive, one or {n}.')
-    return np.broadcast_to(values, n)
+    if values.shape not in ((), (1,), (count,)) or not ((values > 0) & np.isfinite(values)).all():
+        raise ValueError(f'{name} must be positive, one value or {count}, got {values.tolist()}')
+    return np.broadcast_to(values, count)

@@ -37,9 +37,7 @@ class Curve:
         self.values = np.asarray(values, dtype=np.float64)
         self.times = checked_keys([0.0] if times is None else times, 'times')
         if self.values.shape[:1] != self.times.shape:
-            raise ValueError(
-                f'values have the shape {self.values.shape} for {len(self.times)} times.'
-            )
+            raise ValueError(f'values must be ({len(self.times)}, ...), got {self.values.shape}')
         check_finite('values', self.values)
 
     def __repr__(self):
@@ -76,10 +74,10 @@ class Curve:
         """
         times = np.asarray(times, dtype=np.float64)
         values = self.values.reshape(len(self.times), -1)
-        lengths = np.diff(self.times)[:, None]
-        slopes = np.diff(values, axis=0) / lengths
-        within = np.clip(times[..., None, None] - self.times[:-1, None], 0, lengths)
-        inside = (within * (values[:-1] + slopes * within / 2)).sum(-2)
+        key_spacing = np.diff(self.times)[:, None]
+        slopes = np.diff(values, axis=0) / key_spacing
+        elapsed_times = np.clip(times[..., None, None] - self.times[:-1, None], 0, key_spacing)
+        inside = (elapsed_times * (values[:-1] + slopes * elapsed_times / 2)).sum(-2)
         before = values[0] * np.minimum(times[..., None] - self.times[0], 0)
         after = values[-1] * np.maximum(times[..., None] - self.times[-1], 0)
         return (before + inside + after).reshape(times.shape + self.values.shape[1:])
@@ -104,11 +102,14 @@ class Curve:
         """
         if not self.times[0] <= at < np.inf:
             raise ValueError(
-                f'at is {at}; it must be finite and not before the first key, {self.times[0]} s.'
+                f'at must be finite and not before the first key, {self.times[0]} s, got {at}'
             )
         checked_positive('fade', fade)
-        kept = self.times < at
+        earlier_keys = self.times < at
         value = np.broadcast_to(np.asarray(value, dtype=np.float64), self.values.shape[1:])
-        ends = np.stack([self.at(at), value])
-        new = Curve(np.concatenate([self.values[kept], ends]), [*self.times[kept], at, at + fade])
-        self.values, self.times = new.values, new.times
+        fade_values = np.stack([self.at(at), value])
+        faded_curve = Curve(
+            np.concatenate([self.values[earlier_keys], fade_values]),
+            [*self.times[earlier_keys], at, at + fade],
+        )
+        self.values, self.times = faded_curve.values, faded_curve.times

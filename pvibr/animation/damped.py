@@ -27,24 +27,24 @@ _KICKS = 3  # out of poses where no small step helps, such as a straight chain t
 def solve(chain, rotations, effectors, targets, weights, tolerances, iterations):
     """Return rotations that bring effectors to targets."""
     task = _Task(chain, effectors, targets, weights)
-    now = best = task.pose(product(task.from_rest, rotations.T))
-    caution, kicks, done = 1.0, 0, 0
-    while done < iterations and (best.distances > tolerances).any():
-        done += 1
+    current = best_pose = task.pose(product(task.from_rest, rotations.T))
+    caution, kick_count, iteration = 1.0, 0, 0
+    while iteration < iterations and (best_pose.distances > tolerances).any():
+        iteration += 1
         # Far from the target the damping keeps steps short; near it, they are Newton steps.
-        damping = caution * (_DAMPING[0] * math.sqrt(now.error) / task.size + _DAMPING[1])
-        trial = task.moved(now, task.step(now, damping))
-        if trial.error < now.error * (1 - _GAIN):
-            now, caution = trial, max(caution / 8, 1.0)
-            best = min(best, now, key=_error)
+        damping = caution * (_DAMPING[0] * math.sqrt(current.error) / task.size + _DAMPING[1])
+        trial_pose = task.stepped(current, task.step(current, damping))
+        if trial_pose.error < current.error * (1 - _GAIN):
+            current, caution = trial_pose, max(caution / 8, 1.0)
+            best_pose = min(best_pose, current, key=_error)
         elif damping < _STUCK:
             caution *= 16
-        elif kicks < _KICKS:
-            kicks += 1
-            now, caution = task.kicked(best, kicks), 1.0
+        elif kick_count < _KICKS:
+            kick_count += 1
+            current, caution = task.kicked(best_pose, kick_count), 1.0
         else:
             break
-    return product(task.rest, best.delta).T, done
+    return product(task.rest, best_pose.delta).T, iteration
 
 
 class _Pose(NamedTuple):
@@ -66,93 +66,99 @@ class _Task:
     """What stays the same from step to step."""
 
     def __init__(self, chain, effectors, targets, weights):
-        limits = chain.limits
-        n = len(chain)
+        joint_limits = chain.limits
+        joint_count = len(chain)
         self.chain, self.effectors, self.targets = chain, effectors, targets
         weights = np.sqrt(weights)  # the sum of weights times squares is minimised
         self.weights = weights[:, None]
-        reach = [chain.reach(effector) for effector in effectors]
-        self.size = max(float(np.linalg.norm(weights * reach)), 1e-300)
-        self.rest = limits.rest.T.copy()
+        effector_reach = [chain.reach(effector) for effector in effectors]
+        self.size = max(float(np.linalg.norm(weights * effector_reach)), 1e-300)
+        self.rest = joint_limits.rest.T.copy()
         self.from_rest = self.rest * [[1], [-1], [-1], [-1]]
-        self.turned = self.rest[1:].any()
+        self.rest_is_turned = self.rest[1:].any()
         self.rest_matrices = chain.rest_matrices
         # Which joints move which effector, times the square root of its weight.
-        self.share = np.zeros((len(effectors), n, 1))
+        self.influence = np.zeros((len(effectors), joint_count, 1))
         for row, (effector, weight) in enumerate(zip(effectors, weights, strict=True)):
-            self.share[row, chain.path(effector)[:-1]] = weight
-        self.limits, self.at = limits, limits.at
-        self.axis = limits.axis[self.at].T.copy()
-        self.straight = np.tile(np.eye(3), (n, 1, 1))
-        self.free = np.zeros((3, n), dtype=bool)
-        self.open = np.ones((n, 3))
-        self.open[self.at[limits.swing[self.at] == 0], 1:] = 0.0  # hinges only twist
+            self.influence[row, chain.path(effector)[:-1]] = weight
+        self.limits, self.limited_joints = joint_limits, joint_limits.limited_joints
+        self.axis = joint_limits.axis[self.limited_joints].T.copy()
+        self.straight = np.tile(np.eye(3), (joint_count, 1, 1))
+        self.free = np.zeros((3, joint_count), dtype=bool)
+        self.can_turn = np.ones((joint_count, 3))
+        self.can_turn[self.limited_joints[joint_limits.swing[self.limited_joints] == 0], 1:] = (
+            0.0  # hinges only twist
+        )
 
     def pose(self, delta):
         """Return rotations clamped to the limits, with their residual."""
-        basis, ends = self.straight.copy(), self.free.copy()
-        if len(self.at):
-            cut = self.limits.cut(delta.take(self.at, 1))
-            delta[:, self.at], ends[:, self.at] = cut.rotations, cut.ends
+        joint_basis, at_bounds = self.straight.copy(), self.free.copy()
+        if len(self.limited_joints):
+            limited = self.limits.cut(delta.take(self.limited_joints, 1))
+            delta[:, self.limited_joints] = limited.rotations
+            at_bounds[:, self.limited_joints] = limited.ends
             # The twist's direction lies halfway between the axis and the swung axis.
-            twisting = cut.swing[0] * self.axis + cross(cut.swing[1:], self.axis)
-            directions = twisting, cut.outward, cross(twisting, cut.outward)
-            basis[self.at] = np.array(directions).transpose(2, 1, 0)
-        world = self.chain.scanned(product(self.rest, delta) if self.turned else delta)
-        away = self.targets - world[self.effectors + 1, :3, 3]
-        residual = away * self.weights
-        distances = np.sqrt((away * away).sum(1))
-        return _Pose(delta, basis, ends, world, residual, distances, float((residual**2).sum()))
+            twisting = limited.swing[0] * self.axis + cross(limited.swing[1:], self.axis)
+            directions = twisting, limited.outward, cross(twisting, limited.outward)
+            joint_basis[self.limited_joints] = np.array(directions).transpose(2, 1, 0)
+        world = self.chain.scanned(product(self.rest, delta) if self.rest_is_turned else delta)
+        target_offsets = self.targets - world[self.effectors + 1, :3, 3]
+        residual = target_offsets * self.weights
+        distances = np.sqrt((target_offsets * target_offsets).sum(1))
+        error = float((residual**2).sum())
+        return _Pose(delta, joint_basis, at_bounds, world, residual, distances, error)
 
     def step(self, pose, damping):
         """Return small rotations (n, 3) along each joint's three directions."""
-        k, n = self.share.shape[:2]
-        at = pose.world[1:, :3, 3]
-        away = (at[self.effectors, None] - at) * self.share
+        k, n = self.influence.shape[:2]
+        joint_origins = pose.world[1:, :3, 3]
+        offsets = (joint_origins[self.effectors, None] - joint_origins) * self.influence
         parents = pose.world.take(self.chain.above, 0)[:, :3, :3]
-        if self.turned:
+        if self.rest_is_turned:
             parents = parents @ self.rest_matrices
-        turns = (away @ CROSS).reshape(k, n, 3, 3) @ (parents @ pose.basis)
+        turns = (offsets @ CROSS).reshape(k, n, 3, 3) @ (parents @ pose.basis)
         # Rows: effectors' coordinates; columns: joints' directions.
-        whole = turns.transpose(0, 2, 1, 3).reshape(3 * k, 3 * n)
+        jacobian = turns.transpose(0, 2, 1, 3).reshape(3 * k, 3 * n)
         residual = pose.residual.reshape(-1)
         if not pose.ends.any():
-            return self._least(whole * self.open.reshape(-1), residual, damping).reshape(n, 3)
-        open_ = self.open
-        step = residual @ whole  # the gradient tells which bounds are active
+            return self._least_squares(
+                jacobian * self.can_turn.reshape(-1), residual, damping
+            ).reshape(n, 3)
+        is_open = self.can_turn
+        step = residual @ jacobian  # the gradient tells which bounds are active
         for _ in range(_ROUNDS):
-            open_ = open_ * ~self._shut(step.reshape(n, 3), pose.ends)
-            step = self._least(whole * open_.reshape(-1), residual, damping)
-            if not self._shut(step.reshape(n, 3), pose.ends).any():
+            is_open = is_open * ~self._blocked(step.reshape(n, 3), pose.ends)
+            step = self._least_squares(jacobian * is_open.reshape(-1), residual, damping)
+            if not self._blocked(step.reshape(n, 3), pose.ends).any():
                 break
         return step.reshape(n, 3)
 
-    def _least(self, jacobian, residual, damping):
-        square = jacobian @ jacobian.T
-        size = len(square)
-        square.reshape(-1)[:: size + 1] += damping * square.trace() / size + 1e-300
-        return np.linalg.solve(square, residual) @ jacobian
+    def _least_squares(self, jacobian, residual, damping):
+        normal_matrix = jacobian @ jacobian.T
+        size = len(normal_matrix)
+        normal_matrix.reshape(-1)[:: size + 1] += damping * normal_matrix.trace() / size + 1e-300
+        return np.linalg.solve(normal_matrix, residual) @ jacobian
 
-    def _shut(self, step, ends):
+    def _blocked(self, step, at_bounds):
         """Return which directions of a step cross a limit."""
-        low, high, swung = ends
-        shut = np.zeros(step.shape, dtype=bool)
-        shut[:, 0] = np.where(step[:, 0] < 0, low, high & (step[:, 0] > 0))
-        shut[:, 1] = swung & (step[:, 1] > 0)
-        return shut
+        at_low, at_high, at_swing = at_bounds
+        is_blocked = np.zeros(step.shape, dtype=bool)
+        is_blocked[:, 0] = np.where(step[:, 0] < 0, at_low, at_high & (step[:, 0] > 0))
+        is_blocked[:, 1] = at_swing & (step[:, 1] > 0)
+        return is_blocked
 
-    def moved(self, pose, step, largest=_LARGEST_STEP):
+    def stepped(self, pose, step, turn_limit=_LARGEST_STEP):
         """Return the pose after a step, clamped to the limits."""
         step = (pose.basis @ step[:, :, None])[:, :, 0].T
-        size = np.sqrt((step * step).sum(0).max(initial=0.0))
+        largest_turn = np.sqrt((step * step).sum(0).max(initial=0.0))
         turn = np.empty((4, step.shape[1]))
         turn[0] = 1.0
-        turn[1:] = step * (0.5 * min(1.0, largest / max(size, 1e-300)))
+        turn[1:] = step * (0.5 * min(1.0, turn_limit / max(largest_turn, 1e-300)))
         delta = product(turn, pose.delta)
         return self.pose(delta / np.sqrt((delta * delta).sum(0)))
 
-    def kicked(self, pose, times):
+    def kicked(self, pose, kick_count):
         """Return the pose with all active joints turned at random, reproducibly."""
-        turns = np.random.default_rng(times).uniform(-1, 1, self.open.shape)
-        turns = turns * self.open * self.share.any(0)
-        return self.moved(pose, turns, largest=0.4 * times)
+        random_turns = np.random.default_rng(kick_count).uniform(-1, 1, self.can_turn.shape)
+        random_turns = random_turns * self.can_turn * self.influence.any(0)
+        return self.stepped(pose, random_turns, turn_limit=0.4 * kick_count)

@@ -11,11 +11,11 @@ from pvibr.animation import sources
 from pvibr.animation.clip import Clip
 from pvibr.animation.figure_mesh import FigureMesh
 from pvibr.animation.model import Model
-from pvibr.animation.normals import turned
+from pvibr.animation.normals import with_flipped_winding
 from pvibr.animation.vertex_animation import VertexAnimation
 from pvibr.maths.arguments import checked_positive
 
-# Imported when a figure is saved: file formats stand above figure data.
+# Imported on save: file formats are above figure data in the import order.
 _WRITER = 'pvibr.animation.gltf.write'
 
 
@@ -188,13 +188,11 @@ class Figure(Model):
         1.0
         """
         surfaces, times = sources.series_of(meshes, times)
-        frames = VertexAnimation.from_meshes(surfaces, times, interpolation)
-        if frames.times[0] < 0:
-            raise ValueError(
-                f'times[0] is {frames.times[0]}; times of a series must not be negative.'
-            )
-        mesh = FigureMesh(surfaces[0], frames=frames, look=look or {}, name=name)
-        return cls([mesh], clips=[Clip(name, [], frames.times[-1])], name=name)
+        vertex_frames = VertexAnimation.from_meshes(surfaces, times, interpolation)
+        if vertex_frames.times[0] < 0:
+            raise ValueError(f'times[0] must be 0 or later, got {vertex_frames.times[0]}')
+        mesh = FigureMesh(surfaces[0], frames=vertex_frames, look=look or {}, name=name)
+        return cls([mesh], clips=[Clip(name, [], vertex_frames.times[-1])], name=name)
 
     @classmethod
     def from_scene(cls, scene, *, clips=(), name=''):
@@ -231,7 +229,7 @@ class Figure(Model):
         return cls(meshes, skeleton, clips, name=name)
 
     def clip(self, clip):
-        """Return a clip, or None if the figure has none and none is asked for.
+        """Return a clip; None if the figure has no clips and ``clip`` is None.
 
         Parameters
         ----------
@@ -247,11 +245,11 @@ class Figure(Model):
             return self.clips[0] if self.clips else None
         if hasattr(clip, 'sample'):
             return clip
-        for i, known in enumerate(self.clips):
-            if clip in (known.name, i):
-                return known
-        names = ', '.join(repr(known.name) for known in self.clips) or 'none'
-        raise ValueError(f'there is no clip {clip!r}; clips: {names}.')
+        for i, candidate in enumerate(self.clips):
+            if clip in (candidate.name, i):
+                return candidate
+        names = ', '.join(repr(candidate.name) for candidate in self.clips) or 'none'
+        raise ValueError(f'clip must be in the figure ({names}), got {clip!r}')
 
     def sample(self, time, clip=None, loop=True):
         """Return the poses at given times, of shape ``time.shape``.
@@ -263,16 +261,16 @@ class Figure(Model):
         clip : str, int or Clip, optional
             Clip; default the first one, or the rest pose if there is none.
         loop : bool or 'pingpong'
-            Restart at the end, hold the last pose, or go there and back.
+            Restart at the end, hold the last pose, or play back and forth.
 
         Raises
         ------
         ValueError
             If there is no such clip.
         """
-        found = self.clip(clip)
-        if found is not None:
-            return found.sample(time, self.rest, loop)
+        active_clip = self.clip(clip)
+        if active_clip is not None:
+            return active_clip.sample(time, self.rest, loop)
         times, rest = np.asarray(time, dtype=np.float64), self.rest
         shape = times.shape + rest.translation.shape
         return rest.replaced(translation=np.broadcast_to(rest.translation, shape), time=times)
@@ -307,8 +305,8 @@ class Figure(Model):
             If there is no such clip or the pose does not fit.
         """
         pose = self.sample(time, clip, loop) if pose is None else pose
-        how = skinning, bulge
-        meshes = [self._posed_mesh(i, pose, how) for i in range(len(self.meshes))]
+        skinning_options = skinning, bulge
+        meshes = [self._posed_mesh(i, pose, skinning_options) for i in range(len(self.meshes))]
         if len(meshes) == 1:
             return meshes[0]
         names = [mesh.name or f'mesh{i}' for i, mesh in enumerate(self.meshes)]
@@ -317,23 +315,23 @@ class Figure(Model):
             blocks.append(mesh, name)
         return blocks
 
-    def _posed_mesh(self, index, pose, how):
+    def _posed_mesh(self, index, pose, skinning_options):
         mesh = self.meshes[index].mesh.copy(deep=True)
-        points, normals = self.posed(index, pose, *how)
+        points, normals = self.posed(index, pose, *skinning_options)
         mesh.points = points
         mesh.point_data['Normals'] = normals
         mesh.point_data.active_normals_name = 'Normals'
-        changed = {
-            'Tangents': self.tangents(index, pose, *how),
+        posed_arrays = {
+            'Tangents': self.tangents(index, pose, *skinning_options),
             self.meshes[index].look.get('scalars'): self.colors(index, pose),
         }
-        for name, values in changed.items():
+        for name, values in posed_arrays.items():
             if values is not None:
                 mesh.point_data[name] = values
-        return turned(mesh) if self.meshes[index].mirrors(self.world(pose)) else mesh
+        return with_flipped_winding(mesh) if self.meshes[index].mirrors(self.world(pose)) else mesh
 
     def add_lights(self, plotter, pose=None, *, exposure=1.0):
-        """Add the lights of the figure's file to a plotter, where they are in a pose.
+        """Add the lights of the figure's file to a plotter, placed by a pose.
 
         :meth:`pvibr.AnimatedActor.add_lights` adds lights that move with an actor.
 
@@ -360,14 +358,14 @@ class Figure(Model):
         []
         >>> pl.close()
         """
-        world = self.world(pose)
-        lights = [light.placed(world, exposure) for light in self.lights]
+        figure_from_joint = self.world(pose)
+        lights = [light.placed(figure_from_joint, exposure) for light in self.lights]
         for light in lights:
             plotter.add_light(light)
         return lights
 
     def camera(self, camera=0, pose=None):
-        """Return a camera of the figure's file, where it is in a pose: for ``plotter.camera``.
+        """Return a camera of the figure's file, placed by a pose, for ``plotter.camera``.
 
         Parameters
         ----------
@@ -392,13 +390,13 @@ class Figure(Model):
         >>> pvibr.Figure([]).camera('front')
         Traceback (most recent call last):
         ...
-        ValueError: there is no camera 'front'; cameras: none.
+        ValueError: camera must be in the figure (none), got 'front'
         """
-        for i, known in enumerate(self.cameras):
-            if camera in (known.name, i):
-                return known.placed(self.world(pose))
-        names = ', '.join(repr(known.name or i) for i, known in enumerate(self.cameras)) or 'none'
-        raise ValueError(f'there is no camera {camera!r}; cameras: {names}.')
+        for i, candidate in enumerate(self.cameras):
+            if camera in (candidate.name, i):
+                return candidate.placed(self.world(pose))
+        names = ', '.join(repr(c.name or i) for i, c in enumerate(self.cameras)) or 'none'
+        raise ValueError(f'camera must be in the figure ({names}), got {camera!r}')
 
     def series(self, clip=None, fps=30.0, *, skinning='linear'):
         """Return a clip as a time series of meshes.
@@ -425,11 +423,11 @@ class Figure(Model):
             If there is no such clip or ``fps`` is not above 0.
         """
         checked_positive('fps', fps)
-        found = self.clip(clip)
-        duration = 0.0 if found is None else found.duration
+        active_clip = self.clip(clip)
+        duration = 0.0 if active_clip is None else active_clip.duration
         # A step just past the end by rounding still counts.
         times = np.arange(np.floor(duration * fps * (1 + 1e-12)) + 1) / fps
-        return times, [self.mesh(t, found, skinning=skinning, loop=False) for t in times]
+        return times, [self.mesh(t, active_clip, skinning=skinning, loop=False) for t in times]
 
     def save(self, path):
         """Write the figure as binary glTF 2.0.

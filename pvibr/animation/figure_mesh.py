@@ -56,22 +56,20 @@ class Skin:
         self.joints = np.array(joints)
         if self.inverse_bind.shape != (len(self.nodes), 4, 4):
             shape = self.inverse_bind.shape
-            raise ValueError(
-                f'inverse_bind must be ({len(self.nodes)}, 4, 4), not of shape {shape}.'
-            )
+            raise ValueError(f'inverse_bind must be ({len(self.nodes)}, 4, 4), got {shape}')
         if self.joints.shape != self.weights.shape or self.joints.dtype.kind not in 'iu':
-            shape, found = self.weights.shape, f'{self.joints.dtype} of shape {self.joints.shape}'
             raise ValueError(
-                f'joints must be whole numbers of the shape of the weights, {shape}, not {found}.'
+                f'joints must be whole numbers of shape {self.weights.shape}, got '
+                f'{self.joints.dtype} of shape {self.joints.shape}'
             )
         for row, column in np.argwhere((self.joints < 0) | (self.joints >= len(self.nodes))):
-            bad, n = self.joints[row, column], len(self.nodes)
-            raise ValueError(f'joints[{row}, {column}] is {bad}; the skin has {n} joints.')
+            joint, last = self.joints[row, column], len(self.nodes) - 1
+            raise ValueError(f'joints[{row}, {column}] must be from 0 to {last}, got {joint}')
         self.joints = self.joints.astype(np.int64)
 
     def __repr__(self):
-        v, k = self.joints.shape
-        return f'Skin({len(self.nodes)} joints, {v} vertices, {k} weights each)'
+        n_vertices, n_weights = self.joints.shape
+        return f'Skin({len(self.nodes)} joints, {n_vertices} vertices, {n_weights} weights each)'
 
     @cached_property
     def centers(self):
@@ -131,7 +129,7 @@ class FigureMesh:
     Raises
     ------
     ValueError
-        If skin, morphs or frames have another number of vertices.
+        If the number of vertices of skin, morphs or frames differs.
 
     Examples
     --------
@@ -150,27 +148,19 @@ class FigureMesh:
     name: str = ''
 
     def __post_init__(self):
-        n = self.mesh.n_points
-        if self.skin is not None and len(self.skin.joints) != n:
-            raise ValueError(
-                f'the skin has {len(self.skin.joints)} vertices, the mesh {n} points.'
-            )
+        point_count = self.mesh.n_points
+        if self.skin is not None and len(self.skin.joints) != point_count:
+            raise ValueError(f'skin must have {point_count} vertices, got {len(self.skin.joints)}')
         if self.morphs is not None:
-            self.morphs.check(n)
+            self.morphs.check(point_count)
         if self.frames is not None:
             self.frames = _with_normals(self.frames, self.mesh)
         self.points = np.array(self.mesh.points, dtype=np.float64)
         self.normals = np.array(point_normals(self.mesh), dtype=np.float64)
 
     def mirrors(self, world):
-        """Return whether the joints mirror most of the mesh, which reverses its winding.
-
-        Parameters
-        ----------
-        world : array_like, shape (n, 4, 4)
-            ``figure_from_joint`` of the whole skeleton.
-        """
-        return turned_by(self, signs_of(np.asarray(world)))
+        """Return whether ``figure_from_joint`` (n, 4, 4) mirrors most of the mesh."""
+        return is_mirrored_by(self, signs_of(np.asarray(world)))
 
     def __getstate__(self):
         return self.__dict__ | {'look': storable(self.look)}
@@ -181,22 +171,20 @@ class FigureMesh:
         return 0 if self.morphs is None else len(self.morphs)
 
 
-def turned_by(mesh, signs):
+def is_mirrored_by(figure_mesh, signs):
     """Return whether joints with determinants of these signs mirror most of a mesh."""
-    if mesh.skin is None:
-        return mesh.node >= 0 and bool(signs[mesh.node] < 0)
-    nodes, shares = mesh.skin.turns
-    return bool(signs[nodes] @ shares < 0)
+    if figure_mesh.skin is None:
+        return figure_mesh.node >= 0 and bool(signs[figure_mesh.node] < 0)
+    skin_joints, turn_weights = figure_mesh.skin.turns
+    return bool(signs[skin_joints] @ turn_weights < 0)
 
 
 def _with_normals(frames, mesh):
     if frames.n_points != mesh.n_points:
-        raise ValueError(
-            f'the frames have {frames.n_points} vertices, the mesh {mesh.n_points} points.'
-        )
+        raise ValueError(f'frames must have {mesh.n_points} vertices, got {frames.n_points}')
     if frames.normals is not None:
         return frames
     normals = np.empty(frames.positions.shape, np.float32)
-    for row, points in zip(normals, frames.positions, strict=True):
-        row[:] = normals_at(mesh, points)
+    for frame_normals, points in zip(normals, frames.positions, strict=True):
+        frame_normals[:] = normals_at(mesh, points)
     return replace(frames, normals=normals)

@@ -6,7 +6,7 @@ import numpy as np
 
 from pvibr.animation.chain import Chain
 from pvibr.animation.kinematics import METHODS, solve
-from pvibr.animation.rig import Step, placed
+from pvibr.animation.rig import Step, joint_matrix
 from pvibr.maths.arguments import check_one_of, checked_numbers
 from pvibr.maths.transforms import inverses
 
@@ -57,7 +57,8 @@ class InverseKinematics(Step):
         self.weights = (1.0,) * len(self.effectors) if weights is None else tuple(weights)
         if len(self.weights) != len(self.effectors):
             raise ValueError(
-                f'weights has {len(self.weights)} for {len(self.effectors)} effectors.'
+                f'weights must have {len(self.effectors)} values, one per effector, got '
+                f'{len(self.weights)}'
             )
         self.poles = {
             name: pole
@@ -67,48 +68,47 @@ class InverseKinematics(Step):
         }
         for name in self.poles:
             if name not in self.effectors:
-                raise ValueError(
-                    f'poles has {name!r}; it must be one of the effectors {self.effectors}.'
-                )
+                raise ValueError(f'poles must name effectors {self.effectors}, got {name!r}')
         self.tolerance = tolerance
-        named = tuple(pole for pole in self.poles.values() if isinstance(pole, str))
-        self.asks = self.effectors + named
+        pole_targets = tuple(pole for pole in self.poles.values() if isinstance(pole, str))
+        self.asks = self.effectors + pole_targets
 
     def bound(self, rig):
         """Return this step bound to the joints of a rig."""
         skeleton = rig.skeleton
-        limbs: dict = {}
+        effectors_by_chain: dict = {}
         for name, weight in zip(self.effectors, self.weights, strict=True):
-            path = self._path(skeleton, name)
+            joint_path = self._path(skeleton, name)
             # Effectors of one root are solved together; two-bone limbs on their own.
-            key = (path[0], name) if self.method == 'two_bone' else path[0]
-            limbs.setdefault(key, []).append((name, weight, path))
-        limbs_ = [_Limb(self, rig, limb) for limb in limbs.values()]
+            chain_key = (joint_path[0], name) if self.method == 'two_bone' else joint_path[0]
+            effectors_by_chain.setdefault(chain_key, []).append((name, weight, joint_path))
+        limb_solvers = [_Limb(self, rig, limb) for limb in effectors_by_chain.values()]
 
         def apply(pose, targets):
-            for limb in limbs_:
-                pose = limb.posed(pose, targets)
+            for limb in limb_solvers:
+                pose = limb.solved(pose, targets)
             return pose
 
         return apply
 
-    def _path(self, skeleton, name):
+    def _path(self, skeleton, effector_name):
         """Return the joints from the first of the chain to an effector."""
-        path = [skeleton.index(name)]
-        while skeleton.parents[path[0]] >= 0:
-            path.insert(0, int(skeleton.parents[path[0]]))
+        joint_path = [skeleton.index(effector_name)]
+        while skeleton.parents[joint_path[0]] >= 0:
+            joint_path.insert(0, int(skeleton.parents[joint_path[0]]))
         if self.root is not None:
-            root = skeleton.index(self.root)
-            if root not in path:
-                raise ValueError(f'effector {name!r} is not below the root {self.root!r}.')
-            return path[path.index(root) :]
+            root_joint = skeleton.index(self.root)
+            if root_joint not in joint_path:
+                raise ValueError(f'effector must be below {self.root!r}, got {effector_name!r}')
+            return joint_path[joint_path.index(root_joint) :]
         if self.method == 'two_bone':
-            if len(path) < 3:
+            if len(joint_path) < 3:
                 raise ValueError(
-                    f'effector {name!r} has {len(path) - 1} joints above it; two bones need 2.'
+                    f'effector {effector_name!r} must have 2 joints above it for two_bone, got '
+                    f'{len(joint_path) - 1}'
                 )
-            return path[-3:]
-        return path
+            return joint_path[-3:]
+        return joint_path
 
 
 class _Limb:
@@ -116,70 +116,68 @@ class _Limb:
 
     def __init__(self, reach, rig, effectors):
         self.reach, self.rig, self.skeleton = reach, rig, rig.skeleton
-        joints = {joint for _, _, path in effectors for joint in path}
-        self.joints = np.array([joint for joint in rig.skeleton.order if joint in joints])
+        chain_joints = {joint for _, _, path in effectors for joint in path}
+        self.joints = np.array([joint for joint in rig.skeleton.order if joint in chain_joints])
         local = {int(joint): i for i, joint in enumerate(self.joints)}
         self.effectors = [(name, weight, local[path[-1]]) for name, weight, path in effectors]
-        self.parents = [local.get(int(parent), -1) for parent in rig.skeleton.parents[self.joints]]
-        limits = {i: rig.limit(joint) for joint, i in local.items()}
-        self.limits = {i: limit for i, limit in limits.items() if limit is not None}
-        self.bears = np.unique([parent for parent in self.parents if parent >= 0]).astype(int)
+        self.parents = [local.get(int(above), -1) for above in rig.skeleton.parents[self.joints]]
+        limit_by_joint = {i: rig.limit(joint) for joint, i in local.items()}
+        self.limits = {i: limit for i, limit in limit_by_joint.items() if limit is not None}
+        self.parent_joints = np.unique([i for i in self.parents if i >= 0]).astype(int)
         self.chain = None
 
-    def posed(self, pose, targets):
+    def solved(self, pose, targets):
         """Return the pose with these joints solved."""
-        wanted = [row for row in self.effectors if row[0] in targets]
-        if not wanted:
+        active = [row for row in self.effectors if row[0] in targets]
+        if not active:
             return pose
         chain = self._chain(pose)
         root = self.joints[0]
-        inverse = inverses(placed(self.skeleton, pose, self.skeleton.parents[root]))
+        inverse = inverses(joint_matrix(self.skeleton, pose, self.skeleton.parents[root]))
 
-        def local(point):
+        def local_point(point):
             return inverse[:3, :3] @ point + inverse[:3, 3] - pose.translation[root]
 
-        poles = {}
-        for name, _, effector in wanted:
-            pole = self.reach.poles.get(name)
-            pole = targets.get(pole) if isinstance(pole, str) else pole
-            if pole is not None:
-                poles[effector] = local(pole)
-        found = solve(
+        pole_by_effector = {}
+        for name, _, effector in active:
+            pole_point = self.reach.poles.get(name)
+            pole_point = targets.get(pole_point) if isinstance(pole_point, str) else pole_point
+            if pole_point is not None:
+                pole_by_effector[effector] = local_point(pole_point)
+        ik_solution = solve(
             chain,
             pose.rotation[self.joints],
-            [effector for _, _, effector in wanted],
-            [local(targets[name]) for name, _, _ in wanted],
-            [weight for _, weight, _ in wanted],
+            [effector for _, _, effector in active],
+            [local_point(targets[name]) for name, _, _ in active],
+            [weight for _, weight, _ in active],
             method=self.reach.method,
-            poles=poles,
+            poles=pole_by_effector,
             tolerance=self.reach.tolerance,
         )
-        rotation = pose.rotation.copy()
-        rotation[self.joints] = found.rotations
-        return pose.replaced(rotation=rotation)
+        new_rotations = pose.rotation.copy()
+        new_rotations[self.joints] = ik_solution.rotations
+        return pose.replaced(rotation=new_rotations)
 
     def _chain(self, pose):
         """Return the chain with the bone lengths of a pose; it is kept while they stay."""
-        offsets = pose.translation[self.joints]
-        offsets[0] = 0.0
-        scale = pose.scale[self.joints]
-        if (scale != 1.0).any():
-            offsets = offsets * self._sizes(scale)[:, None]
-        if self.chain is None or not np.array_equal(self.chain.offsets, offsets):
-            rest = self.skeleton.rest.rotation[self.joints]
-            self.chain = Chain(self.parents, offsets, self.limits, rest)
+        bone_offsets = pose.translation[self.joints]
+        bone_offsets[0] = 0.0
+        joint_scales = pose.scale[self.joints]
+        if (joint_scales != 1.0).any():
+            bone_offsets = bone_offsets * self._sizes(joint_scales)[:, None]
+        if self.chain is None or not np.array_equal(self.chain.offsets, bone_offsets):
+            rest_rotations = self.skeleton.rest.rotation[self.joints]
+            self.chain = Chain(self.parents, bone_offsets, self.limits, rest_rotations)
         return self.chain
 
-    def _sizes(self, scale):
+    def _sizes(self, joint_scales):
         """Return the scale of each joint's space relative to the root's parent."""
-        spread = np.ptp(scale, axis=1) > _EVEN * np.abs(scale).max(1)
-        for i in self.bears[spread[self.bears]]:
-            name, found = self.skeleton.names[self.joints[i]], scale[i].tolist()
-            raise ValueError(
-                f'joint {name!r} has the scale {found}; inverse kinematics needs a uniform one.'
-            )
-        own, sizes = scale.mean(1), np.ones(len(scale))
+        is_uneven = np.ptp(joint_scales, axis=1) > _EVEN * np.abs(joint_scales).max(1)
+        for i in self.parent_joints[is_uneven[self.parent_joints]]:
+            name, scale = self.skeleton.names[self.joints[i]], joint_scales[i].tolist()
+            raise ValueError(f'scale of joint {name!r} must be uniform for solvers, got {scale}')
+        mean_scales, inherited_scales = joint_scales.mean(1), np.ones(len(joint_scales))
         for i, parent in enumerate(self.parents):
             if parent >= 0:
-                sizes[i] = sizes[parent] * own[parent]
-        return sizes
+                inherited_scales[i] = inherited_scales[parent] * mean_scales[parent]
+        return inherited_scales

@@ -4,14 +4,21 @@ from __future__ import annotations
 
 import numpy as np
 
-from pvibr.animation.blending import PoseSum, added, crossfade, difference, shares, unit_range
+from pvibr.animation.blending import (
+    PoseSum,
+    crossfade,
+    difference,
+    shares,
+    unit_range,
+    with_additive,
+)
 from pvibr.animation.curves import Curve
 from pvibr.animation.pose import Pose
 from pvibr.maths.arguments import checked_positive
 
 
 class Source:
-    """Base of everything that gives poses over time."""
+    """Base of sources of poses over time."""
 
     def sample(self, times):
         """Return the poses at given times, of shape ``times.shape``.
@@ -41,12 +48,12 @@ class ClipSource(Source):
     offset : float
         Clip time at time 0, in seconds.
     loop : bool or 'pingpong'
-        Restart the clip at its end, hold the last pose, or go there and back.
+        Restart the clip at its end, hold the last pose, or play back and forth.
     root : str or int, optional
         Joint whose translation accumulates over the loops (root motion), so that a walk cycle
         moves forward. Rotation does not accumulate.
     count : float, optional
-        Cycles until the last pose is held; a cycle of 'pingpong' goes there and back.
+        Cycles until the last pose is held; a 'pingpong' cycle plays forth and back.
 
     Raises
     ------
@@ -70,7 +77,7 @@ class ClipSource(Source):
         self.clip = figure.clip(clip)
         self.speed, self.offset, self.loop, self.count = speed, offset, loop, count
         if self.clip is not None:
-            self.clip.local_time(0.0, loop)  # names a loop that is none
+            self.clip.local_time(0.0, loop)  # rejects an invalid loop
         self.root = None if root is None else figure.skeleton.index(root)
 
     def __repr__(self):
@@ -92,7 +99,7 @@ class ClipSource(Source):
         return cycles * self.clip.duration * (2 if self.loop == 'pingpong' else 1)
 
     def moves_joints_only(self) -> bool:
-        """Return whether it plays a clip of joints alone, none of which moves on with loops."""
+        """Return whether it plays a clip that drives only joints, without root motion."""
         return self.clip is not None and self.root is None and self.clip.fits(self.figure.rest)
 
     def timing(self) -> tuple:
@@ -103,16 +110,16 @@ class ClipSource(Source):
         times = self.offset + self.speed * times
         if self.clip is None:
             return self.figure.sample(times)
-        local = self.clip.local_time(times, self.loop, self.count)
-        pose = self.figure.sample(local, self.clip, loop=False)
+        local_times = self.clip.local_time(times, self.loop, self.count)
+        pose = self.figure.sample(local_times, self.clip, loop=False)
         if self.root is None or self.loop is not True or not self.clip.duration:
             return pose
-        ends = self.figure.sample([0.0, self.clip.duration], self.clip, loop=False)
-        played = times if self.count is None else np.clip(times, 0.0, self.length)
-        cycles = np.rint((played - local) / self.clip.duration)
+        end_poses = self.figure.sample([0.0, self.clip.duration], self.clip, loop=False)
+        played_time = times if self.count is None else np.clip(times, 0.0, self.length)
+        full_cycles = np.rint((played_time - local_times) / self.clip.duration)
         translation = pose.translation.copy()
-        step = ends.translation[1, self.root] - ends.translation[0, self.root]
-        translation[..., self.root, :] += cycles[..., None] * step
+        cycle_step = end_poses.translation[1, self.root] - end_poses.translation[0, self.root]
+        translation[..., self.root, :] += full_cycles[..., None] * cycle_step
         return pose.replaced(translation=translation)
 
 
@@ -138,9 +145,9 @@ class PoseSource(Source):
         return f'PoseSource({self.pose.n_joints} joints)'
 
     def _sampled(self, times):
-        total = PoseSum(times.shape, self.pose)
-        total.add(self.pose, np.ones(()))
-        return total.pose()
+        pose_sum = PoseSum(times.shape, self.pose)
+        pose_sum.add(self.pose, np.ones(()))
+        return pose_sum.pose()
 
 
 class SyncedClips(Source):
@@ -183,12 +190,14 @@ class SyncedClips(Source):
         self.clips = tuple(figure.clip(clip) for clip in clips)
         weights = np.atleast_2d(shares(weights))
         if weights.shape[1] != len(self.clips):
-            raise ValueError(f'weights has the shape {weights.shape} for {len(self.clips)} clips.')
+            count = len(self.clips)
+            raise ValueError(f'weights must have shape (..., {count}), got {weights.shape}')
         self.weights = Curve(weights, times)
         for clip in self.clips:
             if not clip.duration:
                 raise ValueError(
-                    f'clip {clip.name!r} has no duration, so it cannot be synchronised.'
+                    f'clip {clip.name!r} must have a duration above 0 to be synchronised, got '
+                    f'{clip.duration}'
                 )
         self._rates = 1 / np.array([clip.duration for clip in self.clips])
 
@@ -211,7 +220,7 @@ class SyncedClips(Source):
         """
         weights = shares(weights)
         if weights.shape != (len(self.clips),):
-            raise ValueError(f'weights has the shape {weights.shape} for {len(self.clips)} clips.')
+            raise ValueError(f'weights must have shape ({len(self.clips)},), got {weights.shape}')
         self.weights.go(weights, at, fade)
 
     def phase(self, times):
@@ -226,12 +235,12 @@ class SyncedClips(Source):
 
     def _sampled(self, times):
         phase = self.phase(times)
-        total = PoseSum(times.shape, self.figure.rest)
-        weights = np.moveaxis(self.weights.at(times), -1, 0)
-        for clip, share in zip(self.clips, weights, strict=True):
-            if share.any():
-                total.add(self.figure.sample(phase * clip.duration, clip), share)
-        return total.pose()
+        pose_sum = PoseSum(times.shape, self.figure.rest)
+        weight_columns = np.moveaxis(self.weights.at(times), -1, 0)
+        for clip, clip_weights in zip(self.clips, weight_columns, strict=True):
+            if clip_weights.any():
+                pose_sum.add(self.figure.sample(phase * clip.duration, clip), clip_weights)
+        return pose_sum.pose()
 
 
 class AnimationLayer:
@@ -283,10 +292,10 @@ class AnimationLayer:
         weight = self.weight.at(times)
         if not np.any(weight):
             return pose
-        mine = self.source.sample(times)
+        layer_pose = self.source.sample(times)
         if self.reference is None:
-            return crossfade(pose, mine, weight, self.mask)
-        return added(pose, difference(mine, self.reference), weight, self.mask)
+            return crossfade(pose, layer_pose, weight, self.mask)
+        return with_additive(pose, difference(layer_pose, self.reference), weight, self.mask)
 
 
 class Mixer(Source):

@@ -27,11 +27,10 @@ class Model:
 
     def _check_nodes(self):
         for i, mesh in enumerate(self.meshes):
-            nodes = np.array([mesh.node]) if mesh.skin is None else mesh.skin.nodes
-            low, high = (nodes.min(), nodes.max()) if len(nodes) else (-1, -1)
-            if not -1 <= low <= high < len(self.skeleton):
-                used, n = f'the joints {low} to {high}', len(self.skeleton)
-                raise ValueError(f'meshes[{i}] uses {used}; the skeleton has {n}.')
+            mesh_joints = np.array([mesh.node]) if mesh.skin is None else mesh.skin.nodes
+            for joint in mesh_joints[(mesh_joints < -1) | (mesh_joints >= len(self.skeleton))]:
+                last = len(self.skeleton) - 1
+                raise ValueError(f'joints of meshes[{i}] must be from -1 to {last}, got {joint}')
 
     @cached_property
     def rest(self):
@@ -50,14 +49,15 @@ class Model:
         Raises
         ------
         ValueError
-            If there is another number of joints.
+            If the number of joints differs.
         """
         if pose is None or isinstance(pose, Pose):
             return self.skeleton.world(self.rest if pose is None else pose)
         world = as_matrices(pose, 'pose')
         if world.shape[-3] != len(self.skeleton):
             raise ValueError(
-                f'pose has {world.shape[-3]} matrices, the skeleton {len(self.skeleton)} joints.'
+                f'pose must have {len(self.skeleton)} matrices, one per joint, got '
+                f'{world.shape[-3]}'
             )
         return world
 
@@ -74,18 +74,17 @@ class Model:
         Raises
         ------
         ValueError
-            If the pose holds another number of weights.
+            If the number of weights differs.
         """
         weights = self.rest.weights
         if isinstance(pose, Pose) and pose.weights.shape[-1]:
             if pose.weights.shape[-1] != len(weights):
-                many = pose.weights.shape[-1]
                 raise ValueError(
-                    f'the pose has {many} morph weights, the figure {len(weights)} targets.'
+                    f'pose must have {len(weights)} morph weights, got {pose.weights.shape[-1]}'
                 )
             weights = pose.weights
-        first = sum(mesh.n_targets for mesh in self.meshes[:index])
-        return weights[..., first : first + self.meshes[index].n_targets]
+        first_target = sum(mesh.n_targets for mesh in self.meshes[:index])
+        return weights[..., first_target : first_target + self.meshes[index].n_targets]
 
     def posed(self, index, pose=None, skinning='linear', bulge=1.0):
         """Return the points and normals of one mesh in a pose, computed in float64.
@@ -113,9 +112,9 @@ class Model:
         """
         world = self.world(pose)
         if world.ndim != 3:
-            raise ValueError(f'pose holds {world.shape[:-3]} poses; one is posed at a time.')
+            raise ValueError(f'pose must be a single pose, got {world.shape[:-3]} poses')
         points, normals = self._deformed(index, pose)
-        matrices = self._moves(self.meshes[index], world, skinning, bulge)
+        matrices = vertex_matrices(self.meshes[index], world, skinning, bulge)
         return moved_points(matrices, points), moved_normals(matrices, normals)
 
     def layers(self, index, pose=None):
@@ -123,26 +122,26 @@ class Model:
 
         Pairs of Morphs and their weights, shape (..., t).
         """
-        layers = []
+        morph_layers = []
         if self.meshes[index].morphs is not None:
-            layers.append((self.meshes[index].morphs, self.weights(index, pose)))
+            morph_layers.append((self.meshes[index].morphs, self.weights(index, pose)))
         if self.correctives is not None and index in self.correctives.shapes:
             weights = self.correctives.weights(self._local(pose))
-            layers.append((self.correctives.shapes[index], weights))
-        return layers
+            morph_layers.append((self.correctives.shapes[index], weights))
+        return morph_layers
 
     def _local(self, pose):
         if pose is None or isinstance(pose, Pose):
             return self.rest if pose is None else pose
         return Pose.from_matrices(self.skeleton.local(pose), self.rest.weights)
 
-    def _deformed(self, index, pose):
+    def _deformed(self, mesh_index, pose):
         """Return points and normals before skinning."""
-        mesh = self.meshes[index]
-        points, normals = mesh.points, mesh.normals
-        if mesh.frames is not None:
-            points, normals = mesh.frames.sample(getattr(pose, 'time', 0.0))
-        for morphs, weights in self.layers(index, pose):
+        figure_mesh = self.meshes[mesh_index]
+        points, normals = figure_mesh.points, figure_mesh.normals
+        if figure_mesh.frames is not None:
+            points, normals = figure_mesh.frames.sample(getattr(pose, 'time', 0.0))
+        for morphs, weights in self.layers(mesh_index, pose):
             points = points + morphs.total('positions', weights, len(points))
             normals = normals + morphs.total('normals', weights, len(points))
         return points, normals
@@ -176,18 +175,18 @@ class Model:
         >>> Figure([FigureMesh(mesh, morphs=blush, look=look)]).colors(0).tolist()
         [[128, 0, 100]]
         """
-        mesh = self.meshes[index]
-        name = mesh.look.get('scalars') if mesh.look.get('rgb') else None
-        if name not in mesh.mesh.point_data:
+        figure_mesh = self.meshes[index]
+        array_name = figure_mesh.look.get('scalars') if figure_mesh.look.get('rgb') else None
+        if array_name not in figure_mesh.mesh.point_data:
             return None
-        stored = np.asarray(mesh.mesh.point_data[name])
-        full = 255 if stored.dtype == np.uint8 else 1
-        colors = stored.astype(np.float64)
+        rest_colors = np.asarray(figure_mesh.mesh.point_data[array_name])
+        full_scale = 255 if rest_colors.dtype == np.uint8 else 1
+        colors = rest_colors.astype(np.float64)
         for morphs, weights in self.layers(index, pose):
-            change = morphs.total('colors', weights, len(colors))[:, : colors.shape[1]]
-            colors[:, : change.shape[1]] += full * change
-        colors = np.clip(colors, 0, full)
-        return (colors + 0.5 if full == 255 else colors).astype(stored.dtype)
+            color_change = morphs.total('colors', weights, len(colors))[:, : colors.shape[1]]
+            colors[:, : color_change.shape[1]] += full_scale * color_change
+        colors = np.clip(colors, 0, full_scale)
+        return (colors + 0.5 if full_scale == 255 else colors).astype(rest_colors.dtype)
 
     def tangents(self, index, pose=None, skinning='linear', bulge=1.0):
         """Return unit tangents of one mesh in a pose, shape (v, 3); None without ``'Tangents'``.
@@ -199,13 +198,13 @@ class Model:
         pose, skinning, bulge : optional
             As in :meth:`posed`.
         """
-        mesh = self.meshes[index]
-        if 'Tangents' not in mesh.mesh.point_data:
+        figure_mesh = self.meshes[index]
+        if 'Tangents' not in figure_mesh.mesh.point_data:
             return None
-        tangents = np.array(mesh.mesh.point_data['Tangents'][:, :3], dtype=np.float64)
+        tangents = np.array(figure_mesh.mesh.point_data['Tangents'][:, :3], dtype=np.float64)
         for morphs, weights in self.layers(index, pose):
             tangents += morphs.total('tangents', weights, len(tangents))
-        matrices = self._moves(mesh, self.world(pose), skinning, bulge)
+        matrices = vertex_matrices(figure_mesh, self.world(pose), skinning, bulge)
         return unit_vectors(np.einsum('...ij,...j->...i', matrices[..., :3], tangents))
 
     def bounds(self, pose=None, skinning='linear'):
@@ -233,34 +232,35 @@ class Model:
         """
         world = self.world(pose)
         time = getattr(pose, 'time', 0.0)
-        boxes = [
-            boxes.around(world, self.layers(i, pose), time, skinning)
-            for i, boxes in enumerate(self._boxes)
+        mesh_boxes = [
+            mesh_boxes.around(world, self.layers(i, pose), time, skinning)
+            for i, mesh_boxes in enumerate(self._boxes)
             if len(self.meshes[i].points)
         ]
-        if not boxes:
+        if not mesh_boxes:
             return np.broadcast_to([1.0, -1.0] * 3, (*world.shape[:-3], 6))
-        low, high = np.min(boxes, 0)[..., ::2], np.max(boxes, 0)[..., 1::2]
+        low, high = np.min(mesh_boxes, 0)[..., ::2], np.max(mesh_boxes, 0)[..., 1::2]
         return np.stack([low, high], -1).reshape(*low.shape[:-1], 6)
 
     @cached_property
     def joint_boxes(self) -> dict:
-        """Joints, matrices and boxes that they move, by skinning; None if others move points."""
+        """Joints, matrices and boxes by skinning; None if not only joints move points."""
         return {how: self._joint_boxes(how) for how in ('linear', 'dual')}
 
-    def _joint_boxes(self, how):
+    def _joint_boxes(self, skinning):
         pairs = zip(self._boxes, self.meshes, strict=True)
-        found = [boxes.of_joints(how) for boxes, mesh in pairs if len(mesh.points)]
-        if not found or self.correctives is not None or any(b is None for b in found):
+        mesh_parts = [boxes.of_joints(skinning) for boxes, mesh in pairs if len(mesh.points)]
+        if not mesh_parts or self.correctives is not None or any(b is None for b in mesh_parts):
             return None
-        return tuple(np.concatenate(parts) for parts in zip(*found, strict=True))
+        return tuple(np.concatenate(parts) for parts in zip(*mesh_parts, strict=True))
 
     @cached_property
     def _boxes(self):
         return [Boxes(mesh) for mesh in self.meshes]
 
-    @staticmethod
-    def _moves(mesh, world, how, bulge):
-        if mesh.skin is not None:
-            return mesh.skin.blend(world, how, bulge)
-        return (np.eye(4) if mesh.node < 0 else world[mesh.node])[None, :3]
+
+def vertex_matrices(mesh, world, skinning, bulge):
+    """Return ``figure_from_mesh`` of each vertex, (v, 3, 4), or of all, (1, 3, 4)."""
+    if mesh.skin is not None:
+        return mesh.skin.blend(world, skinning, bulge)
+    return (np.eye(4) if mesh.node < 0 else world[mesh.node])[None, :3]

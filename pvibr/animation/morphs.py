@@ -48,16 +48,21 @@ class Morphs:
     def __init__(
         self, positions, normals=None, tangents=None, colors=None, *, names=None, weights=None
     ):
-        n = len(positions)
+        count = len(positions)
         attributes = zip(WIDTHS, (positions, normals, tangents, colors), strict=True)
         self._targets = {
-            what: _targets(what, values, n) for what, values in attributes if values is not None
+            attribute: _targets(attribute, values, count)
+            for attribute, values in attributes
+            if values is not None
         }
-        self.names = tuple(f'target{i}' for i in range(n)) if names is None else tuple(names)
-        self.weights = np.zeros(n) if weights is None else np.array(weights, dtype=np.float64)
+        self.names = tuple(f'target{i}' for i in range(count)) if names is None else tuple(names)
+        self.weights = np.zeros(count) if weights is None else np.array(weights, dtype=np.float64)
         for name, value in (('names', self.names), ('weights', self.weights)):
-            if np.shape(value) != (n,):
-                raise ValueError(f'{name} has the shape {np.shape(value)} for {n} morph targets.')
+            if np.shape(value) != (count,):
+                raise ValueError(
+                    f'{name} must have shape ({count},), one per morph target, got '
+                    f'{np.shape(value)}'
+                )
         check_finite('weights', self.weights)
 
     def __len__(self):
@@ -130,64 +135,67 @@ class Morphs:
         [-0.707, 0.0, -0.293]
         """
         neutral = np.asarray(mesh.points, dtype=np.float64)
-        before = normals_at(mesh, neutral)
+        neutral_normals = normals_at(mesh, neutral)
         changes: list[tuple] = []
         for i in range(len(self)):
-            one = np.zeros(len(self))
-            one[i] = 1.0
-            points = neutral + self.total('positions', one, len(neutral))
-            change = (normals_at(mesh, points) - before).astype(np.float32)
-            rows = np.flatnonzero(np.abs(change).max(1) > _SAME)
-            changes.append((rows, change[rows]))
-        others = {name: self._targets.get(name) for name in WIDTHS} | {'normals': changes}
-        return Morphs(**others, names=self.names, weights=self.weights)
+            one_hot = np.arange(len(self)) == i
+            morphed_points = neutral + self.total('positions', one_hot, len(neutral))
+            normal_change = (normals_at(mesh, morphed_points) - neutral_normals).astype(np.float32)
+            changed_vertices = np.flatnonzero(np.abs(normal_change).max(1) > _SAME)
+            changes.append((changed_vertices, normal_change[changed_vertices]))
+        targets = {name: self._targets.get(name) for name in WIDTHS} | {'normals': changes}
+        return Morphs(**targets, names=self.names, weights=self.weights)
 
     def check(self, n_points):
         """Raise an error if the targets do not fit a mesh with this number of vertices."""
-        for what, targets in self._targets.items():
+        for attribute, targets in self._targets.items():
             for i, target in enumerate(targets):
                 if target is None:
                     continue
-                where, values = target
-                mesh = f'the mesh has {n_points} points.'
-                if isinstance(where, slice) and len(values) != n_points:
-                    raise ValueError(f'{what}[{i}] has {len(values)} rows; {mesh}')
-                if not isinstance(where, slice) and len(where) and where.max() >= n_points:
-                    raise ValueError(f'{what}[{i}] has the index {where.max()}; {mesh}')
+                vertices, values = target
+                name = f'{attribute}[{i}]'
+                if isinstance(vertices, slice):
+                    if len(values) != n_points:
+                        raise ValueError(f'{name} must have {n_points} rows, got {len(values)}')
+                elif vertices.max(initial=-1) >= n_points:
+                    last = n_points - 1
+                    raise ValueError(
+                        f'indices of {name} must be from 0 to {last}, got {vertices.max()}'
+                    )
 
 
-def _targets(what, values, n):
-    if len(values) != n:
-        raise ValueError(f'{what} has {len(values)} targets, positions {n}.')
+def _targets(attribute, values, target_count):
+    if len(values) != target_count:
+        raise ValueError(f'{attribute} must have {target_count} targets, got {len(values)}')
     values = [*values]
-    known: dict[int, tuple | None] = {id(None): None}
+    unique_targets: dict[int, tuple | None] = {id(None): None}
     for i, value in enumerate(values):
-        if id(value) not in known:
-            known[id(value)] = _target(f'{what}[{i}]', what, value)
-    return [known[id(value)] for value in values]
+        if id(value) not in unique_targets:
+            unique_targets[id(value)] = _target(f'{attribute}[{i}]', attribute, value)
+    return [unique_targets[id(value)] for value in values]
 
 
-def _target(name, what, value):
+def _target(name, attribute, value):
     """Return indices and differences; float32 stays float32, to save memory."""
     if isinstance(value, tuple) and isinstance(value[0], slice):  # as Morphs.target gives it
         value = value[1]
-    sparse = isinstance(value, (tuple, list)) and len(value) == 2 and np.ndim(value[0]) == 1
-    where = np.asarray(value[0]) if sparse else slice(None)
-    values = np.asarray(value[1] if sparse else value)
+    is_sparse = isinstance(value, (tuple, list)) and len(value) == 2 and np.ndim(value[0]) == 1
+    vertices = np.asarray(value[0]) if is_sparse else slice(None)
+    values = np.asarray(value[1] if is_sparse else value)
     values = values if values.dtype == np.float32 else values.astype(np.float64)
-    if values.ndim != 2 or values.shape[1] not in WIDTHS[what]:
-        raise ValueError(f'{name} must be (v, {WIDTHS[what][-1]}), not of shape {values.shape}.')
-    if not np.isfinite(values).all():
-        row = np.flatnonzero(~np.isfinite(values).all(1))[0]
-        raise ValueError(f'{name}, row {row}, is {values[row].tolist()}; it must be finite.')
-    if sparse:
-        where = _indices(name, where, len(values))
-    return where, values
+    if values.ndim != 2 or values.shape[1] not in WIDTHS[attribute]:
+        raise ValueError(f'{name} must be (v, {WIDTHS[attribute][-1]}), got {values.shape}')
+    check_finite(name, values)
+    if is_sparse:
+        vertices = _indices(name, vertices, len(values))
+    return vertices, values
 
 
-def _indices(name, where, n):
-    if where.shape != (n,) or (n and where.dtype.kind not in 'iu') or (n and where.min() < 0):
+def _indices(name, vertices, count):
+    is_bad = count and (vertices.dtype.kind not in 'iu' or vertices.min(initial=0) < 0)
+    if vertices.shape != (count,) or is_bad:
+        first = vertices.tolist()[:5]
         raise ValueError(
-            f'indices of {name} must be {n} whole numbers >= 0, not {where.tolist()[:5]}...'
+            f'indices of {name} must be {count} whole numbers of 0 or more, got {first}...'
         )
-    return where.astype(np.int64)
+    return vertices.astype(np.int64)

@@ -19,19 +19,19 @@ def point_normals(mesh):
     return computed.point_data['Normals']
 
 
-def turned(mesh):
-    """Return a surface wound the other way, which shares all else."""
+def with_flipped_winding(mesh):
+    """Return a surface with reversed winding that shares everything else."""
     if mesh.n_verts or mesh.n_lines or mesh.n_strips or not mesh.is_all_triangles:
         return mesh.flip_faces()
-    new = mesh.copy(deep=False)
-    new.regular_faces = np.ascontiguousarray(mesh.regular_faces[:, ::-1])
-    return new
+    flipped_mesh = mesh.copy(deep=False)
+    flipped_mesh.regular_faces = np.ascontiguousarray(mesh.regular_faces[:, ::-1])
+    return flipped_mesh
 
 
 def normals_at(mesh, points):
     """Return the point normals of a mesh's polygons with its points moved."""
-    shape = pv.PolyData(np.asarray(points, dtype=np.float64))
-    shape.SetVerts(None)
-    shape.SetPolys(mesh.GetPolys())
-    shape.SetStrips(mesh.GetStrips())
-    return point_normals(shape)
+    moved_mesh = pv.PolyData(np.asarray(points, dtype=np.float64))
+    moved_mesh.SetVerts(None)
+    moved_mesh.SetPolys(mesh.GetPolys())
+    moved_mesh.SetStrips(mesh.GetStrips())
+    return point_normals(moved_mesh)

@@ -54,19 +54,21 @@ class Pose:
 
     def __init__(self, translation, rotation=None, scale=None, weights=None, time=0.0):
         translation = _checked('translation', translation, 3)
-        lead = translation.shape[:-2]
-        n = translation.shape[-2]
+        leading_shape = translation.shape[:-2]
+        joint_count = translation.shape[-2]
         rotation = [1.0, 0.0, 0.0, 0.0] if rotation is None else rotation
         scale = [1.0, 1.0, 1.0] if scale is None else scale
         weights = np.asarray([] if weights is None else weights, dtype=np.float64)
-        values = {
+        pose_parts = {
             'translation': translation,
-            'rotation': quaternions.normalized(_fitted('rotation', rotation, (*lead, n, 4))),
-            'scale': _fitted('scale', scale, (*lead, n, 3)),
-            'weights': _fitted('weights', weights, (*lead, weights.shape[-1])),
-            'time': _fitted('time', time, lead),
+            'rotation': quaternions.normalized(
+                _fitted('rotation', rotation, (*leading_shape, joint_count, 4))
+            ),
+            'scale': _fitted('scale', scale, (*leading_shape, joint_count, 3)),
+            'weights': _fitted('weights', weights, (*leading_shape, weights.shape[-1])),
+            'time': _fitted('time', time, leading_shape),
         }
-        for name, value in values.items():
+        for name, value in pose_parts.items():
             object.__setattr__(self, name, value)
 
     @property
@@ -82,8 +84,8 @@ class Pose:
     def __getitem__(self, index):
         """Return the poses at an index of the leading axes."""
         if not self.shape:
-            raise IndexError('a single pose cannot be indexed.')
-        parts = (self.translation, self.rotation, self.scale, self.weights, self.time)
+            raise IndexError('pose must hold several poses to be indexed, got a single pose')
+        parts = self.translation, self.rotation, self.scale, self.weights, self.time
         return Pose(*(part[index] for part in parts))
 
     def replaced(self, **parts):
@@ -134,22 +136,22 @@ class Pose:
         [[2.0, 3.0, -4.0]]
         """
         matrices = as_matrices(matrices, name)
-        linear = matrices[..., :3, :3]
-        scale = np.linalg.norm(linear, axis=-2)
-        axes = linear / np.where(scale > 0, scale, 1.0)[..., None, :]
-        determinant = np.linalg.det(axes)
-        _refuse(f'{name}[{{}}] is singular', np.abs(determinant) < _SINGULAR, matrices)
-        products = np.swapaxes(axes, -1, -2) @ axes
-        sheared = np.abs(products - np.eye(3)).max((-1, -2)) > _SHEAR
-        _refuse(f'{name}[{{}}] is sheared', sheared, matrices)
-        # A mirror is one negative factor: z, whichever axis was meant.
-        sign = np.where(determinant < 0, -1.0, 1.0)[..., None] ** [0, 0, 1]
-        rotation = quaternions.from_matrices(axes * sign[..., None, :])
-        return cls(matrices[..., :3, 3], rotation, scale * sign, weights)
+        linear_parts = matrices[..., :3, :3]
+        scale = np.linalg.norm(linear_parts, axis=-2)
+        unit_axes = linear_parts / np.where(scale > 0, scale, 1.0)[..., None, :]
+        determinant = np.linalg.det(unit_axes)
+        _refuse(name, 'singular', np.abs(determinant) < _SINGULAR, matrices)
+        axis_products = np.swapaxes(unit_axes, -1, -2) @ unit_axes
+        is_sheared = np.abs(axis_products - np.eye(3)).max((-1, -2)) > _SHEAR
+        _refuse(name, 'sheared', is_sheared, matrices)
+        # A mirror becomes one negative factor, of z, whichever axis it came from.
+        mirror_sign = np.where(determinant < 0, -1.0, 1.0)[..., None] ** [0, 0, 1]
+        rotation = quaternions.from_matrices(unit_axes * mirror_sign[..., None, :])
+        return cls(matrices[..., :3, 3], rotation, scale * mirror_sign, weights)
 
 
 def unchecked_pose(**parts):
-    """Return a pose of all five parts, of right shapes, finite, with unit quaternions."""
+    """Return a pose from five valid parts, without checks."""
     pose = object.__new__(Pose)
     pose.__dict__.update(parts)
     return pose
@@ -159,22 +161,20 @@ def as_matrices(matrices, name):
     """Return checked affine matrices, (..., n, 4, 4), float64."""
     matrices = np.asarray(matrices, dtype=np.float64)
     if matrices.ndim < 3 or matrices.shape[-2:] != (4, 4):
-        raise ValueError(f'{name} must be (..., n, 4, 4), not of shape {matrices.shape}.')
+        raise ValueError(f'{name} must have shape (..., n, 4, 4), got {matrices.shape}')
     check_finite(name, matrices)
-    off = np.abs(matrices[..., 3, :] - [0, 0, 0, 1]) > 1e-9
-    if off.any():
-        wrong = np.argwhere(off.any(-1))
-        row = matrices[tuple(wrong[0])][3].tolist()
-        raise ValueError(
-            f'{name}[{place_of(wrong[0])}] has the last row {row}; it must be [0, 0, 0, 1].'
-        )
+    is_off = np.abs(matrices[..., 3, :] - [0, 0, 0, 1]) > 1e-9
+    if is_off.any():
+        bad_rows = np.argwhere(is_off.any(-1))
+        place, last_row = place_of(bad_rows[0]), matrices[tuple(bad_rows[0])][3].tolist()
+        raise ValueError(f'last row of {name}[{place}] must be [0, 0, 0, 1], got {last_row}')
     return matrices
 
 
 def _checked(name, values, width):
     values = np.asarray(values, dtype=np.float64)
     if values.ndim < 2 or values.shape[-1] != width:
-        raise ValueError(f'{name} must be (..., n, {width}), not of shape {values.shape}.')
+        raise ValueError(f'{name} must have shape (..., n, {width}), got {values.shape}')
     check_finite(name, values)
     return values
 
@@ -186,12 +186,12 @@ def _fitted(name, values, shape):
         return np.broadcast_to(values, shape)
     except ValueError:
         raise ValueError(
-            f'{name} has the shape {values.shape}, which does not fit {shape}.'
+            f'{name} must have a shape that broadcasts to {shape}, got {values.shape}'
         ) from None
 
 
-def _refuse(words, bad, matrices):
-    places = np.argwhere(bad)
-    if len(places):
-        matrix = matrices[tuple(places[0])].tolist()
-        raise ValueError(f'{words.format(place_of(places[0]))}: {matrix}.')
+def _refuse(name, fault, is_bad, matrices):
+    bad_places = np.argwhere(is_bad)
+    if len(bad_places):
+        matrix = matrices[tuple(bad_places[0])].tolist()
+        raise ValueError(f'{name}[{place_of(bad_places[0])}] must not be {fault}, got {matrix}')

@@ -87,10 +87,8 @@ class Rig:
             If there are several poses, a target is not a point or no step uses it.
         """
         if pose.shape or pose.n_joints != len(self.skeleton):
-            shape, n = pose.translation.shape[:-1], len(self.skeleton)
-            raise ValueError(
-                f"pose is of shape {shape}; it must be one pose of the skeleton's {n} joints."
-            )
+            shape, count = pose.translation.shape[:-1], len(self.skeleton)
+            raise ValueError(f'pose must be one pose of {count} joints, got shape {shape}')
         targets = self._targets(targets or {})
         for step in self._bound:
             pose = step(pose, targets)
@@ -123,7 +121,7 @@ class Rig:
         """
         return Rigged(self, source, targets)
 
-    def kept(self, rotation, joint):
+    def clamped_to_limit(self, rotation, joint):
         """Return a joint's rotation, shape (4,), clamped to its limit."""
         if joint not in self._limits:
             return rotation
@@ -133,17 +131,15 @@ class Rig:
 
     def _targets(self, targets):
         if not isinstance(targets, Mapping):
-            raise ValueError(
-                f'targets must map names to points, not be a {type(targets).__name__}.'
-            )
-        asked = {name for step in self.steps for name in step.asks}
-        points = {}
+            raise ValueError(f'targets must map names to points, got {type(targets).__name__}')
+        target_names = {name for step in self.steps for name in step.asks}
+        target_points = {}
         for name, point in targets.items():
-            if name not in asked:
-                wanted = ', '.join(sorted(map(str, asked))) or 'none'
-                raise ValueError(f'no step uses the target {name!r}; targets in use: {wanted}.')
-            points[name] = checked_numbers(f'targets[{name!r}]', point, (3,))
-        return points
+            if name not in target_names:
+                known_names = ', '.join(sorted(map(str, target_names))) or 'none'
+                raise ValueError(f'targets must be in use by steps ({known_names}), got {name!r}')
+            target_points[name] = checked_numbers(f'targets[{name!r}]', point, (3,))
+        return target_points
 
 
 class Rigged(Source):
@@ -152,7 +148,7 @@ class Rigged(Source):
     def __init__(self, rig, source, targets=None):
         source = PoseSource(source) if isinstance(source, Pose) else source
         if not callable(getattr(source, 'sample', None)):
-            raise TypeError(f'source is {source!r}; it must be a Pose or have sample(times).')
+            raise TypeError(f'source must be a Pose or have sample(times), got {source!r}')
         self.rig, self.source, self.targets = rig, source, targets
 
     @property
@@ -163,22 +159,22 @@ class Rigged(Source):
     def _sampled(self, times):
         poses = self.source.sample(times)
         rotation, translation = poses.rotation.copy(), poses.translation.copy()
-        for place in np.ndindex(times.shape):
-            parts = translation, rotation, poses.scale, poses.weights
-            pose = Pose(*(part[place] for part in parts))
-            time = float(times[place])
-            targets = self.targets(time) if callable(self.targets) else self.targets
+        for sample_index in np.ndindex(times.shape):
+            pose_parts = translation, rotation, poses.scale, poses.weights
+            pose = Pose(*(part[sample_index] for part in pose_parts))
+            sample_time = float(times[sample_index])
+            targets = self.targets(sample_time) if callable(self.targets) else self.targets
             pose = self.rig.solve(pose, targets)
-            rotation[place], translation[place] = pose.rotation, pose.translation
+            rotation[sample_index], translation[sample_index] = pose.rotation, pose.translation
         return poses.replaced(rotation=rotation, translation=translation)
 
 
-def placed(skeleton, pose, joint):
+def joint_matrix(skeleton, pose, joint):
     """Return the world matrix of one joint, computed from its ancestors only."""
     path = []
     while joint >= 0:
         path.append(joint)
         joint = skeleton.parents[joint]
     path = path[::-1]
-    local = trs(pose.translation[path], pose.rotation[path], pose.scale[path])
-    return functools.reduce(np.matmul, local, np.eye(4))
+    local_matrices = trs(pose.translation[path], pose.rotation[path], pose.scale[path])
+    return functools.reduce(np.matmul, local_matrices, np.eye(4))

@@ -39,13 +39,14 @@ class Skeleton:
 
     def __init__(self, parents, rest, names=None):
         parents = whole_numbers(parents, 'parents')
-        n = len(parents)
-        self.names = _names(names, n)
+        joint_count = len(parents)
+        self.names = _names(names, joint_count)
         self.parents = parents
         self.rest = rest if isinstance(rest, Pose) else Pose.from_matrices(rest, name='rest')
-        if self.rest.translation.shape != (n, 3):
+        if self.rest.translation.shape != (joint_count, 3):
             raise ValueError(
-                f'rest holds joints of shape {self.rest.translation.shape[:-1]}, parents {n}.'
+                f'rest must hold {joint_count} joints, as parents, got shape '
+                f'{self.rest.translation.shape[:-1]}'
             )
         parents.setflags(write=False)
         self._check_range()
@@ -70,9 +71,9 @@ class Skeleton:
     @cached_property
     def children(self):
         """Children of each joint: a list of n int arrays."""
-        order = np.argsort(self.parents, kind='stable')
-        starts = np.searchsorted(self.parents[order], np.arange(len(self) + 1))
-        return np.split(order, starts)[1:-1]
+        child_order = np.argsort(self.parents, kind='stable')
+        child_starts = np.searchsorted(self.parents[child_order], np.arange(len(self) + 1))
+        return np.split(child_order, child_starts)[1:-1]
 
     def index(self, name):
         """Return the index of a joint, the first one of that name.
@@ -91,7 +92,7 @@ class Skeleton:
             return int(name)
         if name not in self.names:
             raise ValueError(
-                f'there is no joint {name!r}; joints: {", ".join(self.names) or "none"}.'
+                f'joint must be in the skeleton ({", ".join(self.names) or "none"}), got {name!r}'
             )
         return self.names.index(name)
 
@@ -106,7 +107,7 @@ class Skeleton:
         Raises
         ------
         ValueError
-            If the pose has another number of joints.
+            If the number of joints differs.
         """
         return self._jumps.world(self._matrices(pose))
 
@@ -121,7 +122,7 @@ class Skeleton:
         Raises
         ------
         ValueError
-            If there is another number of joints.
+            If the number of joints differs.
         """
         world = self._matrices(world)
         local = world.copy()
@@ -133,22 +134,22 @@ class Skeleton:
     def _matrices(self, pose):
         matrices = pose.matrices() if isinstance(pose, Pose) else as_matrices(pose, 'pose')
         if matrices.shape[-3] != len(self):
-            raise ValueError(
-                f'the pose has {matrices.shape[-3]} joints, the skeleton {len(self)}.'
-            )
+            raise ValueError(f'pose must have {len(self)} joints, got {matrices.shape[-3]}')
         return matrices
 
     def _check_range(self):
         for joint in np.flatnonzero((self.parents < -1) | (self.parents >= len(self))):
-            what = f'parents[{joint}] ({self.names[joint]!r}) is {self.parents[joint]}'
-            raise ValueError(f'{what}; it must be -1 or one of the {len(self)} joints.')
+            name = f'parents[{joint}] ({self.names[joint]!r})'
+            raise ValueError(
+                f'{name} must be from -1 to {len(self) - 1}, got {self.parents[joint]}'
+            )
 
     def _levels(self):
         depth = depths(self.parents)
-        lost = np.flatnonzero(depth < 0)
-        if len(lost):
-            names = [self.names[joint] for joint in self._cycle(lost[0])]
-            raise ValueError(f'parents have a cycle: {" -> ".join(names)}.')
+        cyclic_joints = np.flatnonzero(depth < 0)
+        if len(cyclic_joints):
+            names = [self.names[joint] for joint in self._cycle(cyclic_joints[0])]
+            raise ValueError(f'parents must not form a cycle, got {" -> ".join(names)}')
         if not len(depth):
             return []
         return np.split(np.argsort(depth, kind='stable'), np.cumsum(np.bincount(depth))[:-1])
@@ -156,20 +157,20 @@ class Skeleton:
     def _cycle(self, joint):
         for _ in range(len(self)):  # from below the cycle into it
             joint = self.parents[joint]
-        cycle = [joint]
-        while len(cycle) == 1 or cycle[-1] != joint:
-            cycle.append(self.parents[cycle[-1]])
-        return cycle
+        joint_cycle = [joint]
+        while len(joint_cycle) == 1 or joint_cycle[-1] != joint:
+            joint_cycle.append(self.parents[joint_cycle[-1]])
+        return joint_cycle
 
 
 def depths(parents):
     """Return the number of ancestors of each joint, -1 in and below a cycle."""
-    jump = np.concatenate([[0], parents + 1])  # row 0 is the root of all
-    depth = (jump > 0).astype(np.int64)
+    ancestor_rows = np.concatenate([[0], parents + 1])  # row 0 is the root of all
+    ancestor_counts = (ancestor_rows > 0).astype(np.int64)
     for _ in range(len(parents).bit_length()):
-        depth += depth[jump]
-        jump = jump[jump]
-    return np.where(jump > 0, -1, depth)[1:]
+        ancestor_counts += ancestor_counts[ancestor_rows]
+        ancestor_rows = ancestor_rows[ancestor_rows]
+    return np.where(ancestor_rows > 0, -1, ancestor_counts)[1:]
 
 
 class Jumps:
@@ -177,22 +178,22 @@ class Jumps:
 
     def __init__(self, parents):
         self._jumps = []
-        jump = np.concatenate([[0], parents + 1])
-        while jump.any():
-            self._jumps.append(jump)
-            jump = jump[jump]
+        ancestor_rows = np.concatenate([[0], parents + 1])
+        while ancestor_rows.any():
+            self._jumps.append(ancestor_rows)
+            ancestor_rows = ancestor_rows[ancestor_rows]
 
     def world(self, local):
         """Return ``figure_from_joint`` of ``parent_from_joint``, (..., n, 4, 4)."""
-        rooted = np.empty((*local.shape[:-3], local.shape[-3] + 1, 4, 4))
-        rooted[..., 0, :, :] = np.eye(4)
-        rooted[..., 1:, :, :] = local
-        return self.chained(rooted)[..., 1:, :, :]
+        rooted_matrices = np.empty((*local.shape[:-3], local.shape[-3] + 1, 4, 4))
+        rooted_matrices[..., 0, :, :] = np.eye(4)
+        rooted_matrices[..., 1:, :, :] = local
+        return self.chained(rooted_matrices)[..., 1:, :, :]
 
     def chained(self, matrices):
         """Return products of matrices from row 0 down, in log2(levels) steps."""
-        for jump in self._jumps:
-            matrices = matrices.take(jump, -3) @ matrices
+        for ancestor_rows in self._jumps:
+            matrices = matrices.take(ancestor_rows, -3) @ matrices
         return matrices
 
 
@@ -201,15 +202,16 @@ def whole_numbers(values, name):
     values = np.asarray(values)
     if values.ndim != 1 or (len(values) and values.dtype.kind not in 'iu'):
         raise ValueError(
-            f'{name} must be whole numbers (n,), not {values.dtype} of shape {values.shape}.'
+            f'{name} must be whole numbers of shape (n,), got {values.dtype} of shape '
+            f'{values.shape}'
         )
     return values.astype(np.int64)
 
 
-def _names(names, n):
+def _names(names, joint_count):
     if names is None:
-        return tuple(f'joint{i}' for i in range(n))
+        return tuple(f'joint{i}' for i in range(joint_count))
     names = tuple(str(name) for name in names)
-    if len(names) != n:
-        raise ValueError(f'names holds {len(names)} names for {n} joints.')
+    if len(names) != joint_count:
+        raise ValueError(f'names must hold {joint_count} names, one per joint, got {len(names)}')
     return names

@@ -44,15 +44,16 @@ class States:
     ):
         self.states = dict(states)
         if not self.states:
-            raise ValueError('states is empty; give at least one state.')
-        self.start = self._known(next(iter(self.states)) if start is None else start)
+            raise ValueError('states must hold at least one state, got none')
+        self.start = self._checked(next(iter(self.states)) if start is None else start)
         self.fade = checked_number('fade', fade, 0)
         self.fades = {
-            (self._known(a), self._known(b)): checked_number('fades', seconds, 0)
+            (self._checked(a), self._checked(b)): checked_number('fades', seconds, 0)
             for (a, b), seconds in (fades or {}).items()
         }
-        self.then = {self._ending(a, b): self._known(b) for a, b in (then or {}).items()}
-        self.rules = tuple((a and self._known(a), self._known(b), when) for a, b, when in rules)
+        self.then = {self._self_ending(a, b): self._checked(b) for a, b in (then or {}).items()}
+        check = self._checked
+        self.rules = tuple((a and check(a), check(b), when) for a, b, when in rules)
         self.parameters = dict(parameters or {})
         self.smooth = bool(smooth)
         #: The time sampled last: the default time of orders.
@@ -88,7 +89,7 @@ class States:
             If the state is unknown, the time is not finite or the fade is negative.
         """
         fade = None if fade is None else checked_number('fade', fade, 0)
-        self._order(at, (self._known(state), fade))
+        self._order(at, (self._checked(state), fade))
 
     def set(self, at=None, **parameters):
         """Set parameters of the rules.
@@ -123,7 +124,7 @@ class States:
         if until >= self._good_until:
             self._visits, self._good_until = self._replayed(until)
             names, begins, fades = zip(*self._visits, strict=True)
-            stops = (*begins[1:], np.inf)
+            stops = *begins[1:], np.inf
             self._table = tuple(np.array(column) for column in (names, begins, fades, stops))
         # The first visit has no beginning.
         return self._visits[: bisect_right(self._visits, until, lo=1, key=lambda v: v.begin)]
@@ -148,13 +149,13 @@ class States:
         """Return all visits up to a time, and the time up to which they are complete."""
         visits, parameters = [Visit(self.start, 0.0, 0.0)], dict(self.parameters)
         self._obey_rules(visits, 0.0, parameters)
-        for at, order in self._orders:
-            self._run_out(visits, at, parameters)
+        for order_time, order in self._orders:
+            self._run_out(visits, order_time, parameters)
             if isinstance(order, dict):
                 parameters.update(order)
-                self._obey_rules(visits, at, parameters)
+                self._obey_rules(visits, order_time, parameters)
             else:
-                self._arrive(visits, order[0], at, parameters, order[1])
+                self._arrive(visits, order[0], order_time, parameters, order[1])
         # Orders later than the time are replayed too.
         return visits, self._run_out(visits, until, parameters)
 
@@ -180,13 +181,12 @@ class States:
             visits.append(Visit(name, at, fade))
 
     def _obey_rules(self, visits, at, parameters):
-        seen = [visits[-1].name]
-        while (name := self._ruled(seen[-1], parameters)) is not None:
-            if name in seen:
-                raise ValueError(
-                    f'rules form a cycle: {" -> ".join([*seen, name])} with {parameters}.'
-                )
-            seen.append(name)
+        visited_states = [visits[-1].name]
+        while (name := self._ruled(visited_states[-1], parameters)) is not None:
+            if name in visited_states:
+                cycle = ' -> '.join([*visited_states, name])
+                raise ValueError(f'rules must not form a cycle, got {cycle} with {parameters}')
+            visited_states.append(name)
             self._enter(visits, name, at)
 
     def _ruled(self, state, parameters):
@@ -195,50 +195,54 @@ class States:
                 return target
         return None
 
-    def _shown(self, times):
+    def _visible_states(self, times):
         """Return the visible states at times (t,): names, time indices, clocks and weights."""
         check_finite('times', times)
         self.time = float(times.max(initial=-np.inf)) if times.size else self.time
         self.visits(self.time)
         names, begins, fades, stops = self._table
-        visit = np.searchsorted(begins[1:], times, side='right')  # the first has no beginning
-        left, shown = np.ones(len(times)), []
+        visits = np.searchsorted(begins[1:], times, side='right')  # the first has no beginning
+        remaining, visible_states = np.ones(len(times)), []
         # From the top visit down, until the visits below are hidden.
-        while (seen := np.flatnonzero((left > 0) & (visit >= 0))).size:
-            i = visit[seen]
-            now = np.minimum(times[seen], stops[i]) if self._holds else times[seen]
-            weight = self._weights(now - begins[i], fades[i])
-            weight = np.where(i == 0, 1.0, np.where(begins[i] < stops[i], weight, 0.0))
-            clocks = now - begins[i] - (fades[i] if self._holds else 0.0)
-            clocks = np.where(self._holds & (i > 0), np.maximum(clocks, 0.0), clocks)
-            share = left[seen] * weight
-            for name in dict.fromkeys(names[i]):
-                mine = np.flatnonzero((names[i] == name) & (share > 0))
+        while (samples := np.flatnonzero((remaining > 0) & (visits >= 0))).size:
+            visit = visits[samples]
+            now = np.minimum(times[samples], stops[visit]) if self._holds else times[samples]
+            weight = self._weights(now - begins[visit], fades[visit])
+            weight = np.where(visit == 0, 1.0, np.where(begins[visit] < stops[visit], weight, 0.0))
+            clocks = now - begins[visit] - (fades[visit] if self._holds else 0.0)
+            clocks = np.where(self._holds & (visit > 0), np.maximum(clocks, 0.0), clocks)
+            share = remaining[samples] * weight
+            for name in dict.fromkeys(names[visit]):
+                mine = np.flatnonzero((names[visit] == name) & (share > 0))
                 if mine.size:
-                    shown.append((str(name), seen[mine], clocks[mine], share[mine]))
-            left[seen] *= 1 - weight
-            visit -= 1
-        return shown[::-1]
+                    visible_states.append((str(name), samples[mine], clocks[mine], share[mine]))
+            remaining[samples] *= 1 - weight
+            visits -= 1
+        return visible_states[::-1]
 
-    def _weights(self, since, fades):
+    def _weights(self, elapsed_times, fades):
         """Return the blend weights of states some time after their fade began."""
-        weights = np.clip(since / np.where(fades > 0, fades, 1.0), 0.0, 1.0)
-        weights = np.where(fades > 0, weights, since >= 0)
+        weights = np.clip(elapsed_times / np.where(fades > 0, fades, 1.0), 0.0, 1.0)
+        weights = np.where(fades > 0, weights, elapsed_times >= 0)
         return weights**2 * (3 - 2 * weights) if self.smooth else weights
 
-    def _known(self, name):
+    def _checked(self, name):
         if name not in self.states:
-            raise ValueError(
-                f'there is no state {name!r}; known states: {", ".join(map(repr, self.states))}.'
-            )
+            names = ', '.join(map(repr, self.states))
+            raise ValueError(f'state must be one of {names}, got {name!r}')
         return name
 
-    def _ending(self, name, following):
-        duration = getattr(self.states[self._known(name)], 'duration', np.inf)
+    def _self_ending(self, name, next_state):
+        duration = getattr(self.states[self._checked(name)], 'duration', np.inf)
         if not 0 < duration < np.inf:
-            raise ValueError(f'state {name!r} cannot end by itself: its duration is {duration}.')
-        if name == following:
-            raise ValueError(f'then leads from {name!r} to itself; use a looping clip instead.')
+            raise ValueError(
+                f'duration of state {name!r} must be above 0 and finite to end by '
+                f'itself, got {duration}'
+            )
+        if name == next_state:
+            raise ValueError(
+                f'then must lead to another state, got {name!r} after itself; use a looping clip'
+            )
         return name
 
 
@@ -292,17 +296,17 @@ class StateGraph(States, Source):
     """
 
     def _sampled(self, times):
-        total = None
-        for name, where, clocks, share in self._shown(times.reshape(-1)):
+        pose_sum = None
+        for name, time_indices, clocks, state_weight in self._visible_states(times.reshape(-1)):
             pose = self.states[name].sample(clocks)
-            total = PoseSum((times.size,), pose) if total is None else total
-            total.add(pose, share, where=where)
-        if total is None:
+            pose_sum = PoseSum((times.size,), pose) if pose_sum is None else pose_sum
+            pose_sum.add(pose, state_weight, where=time_indices)
+        if pose_sum is None:
             return self.states[self.start].sample(times)
-        return _reshaped(total.pose(), times.shape)
+        return _reshaped(pose_sum.pose(), times.shape)
 
 
 def _reshaped(pose, shape):
     """Return poses (t,) reshaped."""
-    parts = (pose.translation, pose.rotation, pose.scale, pose.weights, pose.time)
+    parts = pose.translation, pose.rotation, pose.scale, pose.weights, pose.time
     return Pose(*(part.reshape((*shape, *part.shape[1:])) for part in parts))

@@ -16,22 +16,22 @@ class Sweeps:
         self.lengths = chain.lengths.tolist()
         self.limits = _plain_limits(chain.limits)
         self.goals = list(zip(effectors, _tuples(targets), weights, strict=True))
-        n = len(self.parents)
+        joint_count = len(self.parents)
         # The goals beyond each joint, and the total weight of the goals it serves.
-        self.beyond: list = [[] for _ in range(n)]
-        self.load = [0.0] * n
+        self.beyond: list = [[] for _ in range(joint_count)]
+        self.load = [0.0] * joint_count
         for goal in self.goals:
             for joint in chain.path(goal[0]):
                 self.load[joint] += goal[2]
                 if joint != goal[0]:
                     self.beyond[joint].append(goal)
-        self.children: list = [[] for _ in range(n)]
+        self.children: list = [[] for _ in range(joint_count)]
         for joint, parent in enumerate(self.parents):
             if parent >= 0 and self.load[joint] > 0:
                 self.children[parent].append(joint)
         self.rotations = _tuples(rotations)
-        self.world = [_NONE] * n
-        self.origins = [(0.0, 0.0, 0.0)] * n
+        self.world = [_NONE] * joint_count
+        self.origins = [(0.0, 0.0, 0.0)] * joint_count
         self._place()
 
     def errors(self):
@@ -45,19 +45,19 @@ class Sweeps:
         problems of mechanical manipulators"; several effectors count by their weights.
         """
         for joint in range(len(self.parents) - 1, -1, -1):
-            at = self.origins[joint]
-            pairs = [
-                (_minus(self.origins[effector], at), _minus(goal, at), weight)
+            origin = self.origins[joint]
+            vector_pairs = [
+                (_minus(self.origins[effector], origin), _minus(goal, origin), weight)
                 for effector, goal, weight in self.beyond[joint]
             ]
-            if pairs:
-                before = self.world[joint]
-                self._turn(joint, pairs)
-                turn = _product(self.world[joint], _conjugate(before))
+            if vector_pairs:
+                rotation_before = self.world[joint]
+                self._turn(joint, vector_pairs)
+                joint_turn = _product(self.world[joint], _conjugate(rotation_before))
                 # Joints nearer the root need only the effectors before all are placed again.
                 for effector, _, _ in self.beyond[joint]:
-                    away = _rotated(turn, _minus(self.origins[effector], at))
-                    self.origins[effector] = _plus(at, away)
+                    turned = _rotated(joint_turn, _minus(self.origins[effector], origin))
+                    self.origins[effector] = _plus(origin, turned)
         self._place()
 
     def fabrik(self):
@@ -66,94 +66,97 @@ class Sweeps:
         Aristidou and Lasenby (2011), "FABRIK: a fast, iterative solver for the inverse kinematics
         problem"; where branches meet, the joint takes the weighted mean.
         """
-        wanted = self._led_back()
+        joint_goals = self._backward_pass()
         for joint, parent in enumerate(self.parents):
             self._set(joint, parent)
-            at = self.origins[joint]
-            pairs = [
+            origin = self.origins[joint]
+            vector_pairs = [
                 (
                     _rotated(self.world[joint], self.offsets[child]),
-                    _minus(wanted[child], at),
+                    _minus(joint_goals[child], origin),
                     self.load[child],
                 )
                 for child in self.children[joint]
             ]
-            if pairs:
-                self._turn(joint, pairs)
+            if vector_pairs:
+                self._turn(joint, vector_pairs)
 
-    def _led_back(self):
+    def _backward_pass(self):
         """Return where each joint must be for the effectors to be at their targets."""
         sums = [(0.0, 0.0, 0.0)] * len(self.parents)
         for effector, goal, weight in self.goals:
             sums[effector] = _plus(sums[effector], goal, weight)
-        shares = [0.0] * len(self.parents)
+        goal_weights = [0.0] * len(self.parents)
         for effector, _, weight in self.goals:
-            shares[effector] += weight
-        wanted = list(self.origins)
+            goal_weights[effector] += weight
+        goals = list(self.origins)
         for joint in range(len(self.parents) - 1, -1, -1):
             parent = self.parents[joint]
-            if shares[joint] > 0:
-                wanted[joint] = _scaled(sums[joint], 1 / shares[joint])
+            if goal_weights[joint] > 0:
+                goals[joint] = _scaled(sums[joint], 1 / goal_weights[joint])
                 if parent >= 0:
-                    way = _minus(self.origins[parent], wanted[joint])
-                    length = math.hypot(*way)
-                    step = self.lengths[joint] / length if length > 0 else 0.0
-                    load = self.load[joint]
-                    sums[parent] = _plus(sums[parent], _plus(wanted[joint], way, step), load)
-                    shares[parent] += load
-        return wanted
+                    way = _minus(self.origins[parent], goals[joint])
+                    distance = math.hypot(*way)
+                    ratio = self.lengths[joint] / distance if distance > 0 else 0.0
+                    joint_load = self.load[joint]
+                    sums[parent] = _plus(sums[parent], _plus(goals[joint], way, ratio), joint_load)
+                    goal_weights[parent] += joint_load
+        return goals
 
-    def _turn(self, joint, pairs):
+    def _turn(self, joint, vector_pairs):
         """Turn a joint so that vectors (from, to, weight) align best, within its limit."""
         parent = self.parents[joint]
-        limit = self.limits[joint]
-        above = _NONE if parent < 0 else self.world[parent]
-        pin = None
-        if limit is not None and limit[2] == 0:  # a hinge
-            pin = _rotated(_product(above, limit[0]), limit[1])
-        turn = _product(_best(pairs, pin), self.world[joint])
-        rotation = _product(_conjugate(above), turn)
-        self.rotations[joint] = _clamped(rotation, limit)
-        self.world[joint] = _product(above, self.rotations[joint])
+        joint_limit = self.limits[joint]
+        parent_rotation = _NONE if parent < 0 else self.world[parent]
+        hinge_axis = None
+        if joint_limit is not None and joint_limit[2] == 0:  # a hinge
+            hinge_axis = _rotated(_product(parent_rotation, joint_limit[0]), joint_limit[1])
+        turned_rotation = _product(_best(vector_pairs, hinge_axis), self.world[joint])
+        rotation = _product(_conjugate(parent_rotation), turned_rotation)
+        self.rotations[joint] = _clamped(rotation, joint_limit)
+        self.world[joint] = _product(parent_rotation, self.rotations[joint])
 
     def _set(self, joint, parent):
         """Place a joint by its parent."""
         if parent < 0:
             self.origins[joint], self.world[joint] = self.offsets[joint], self.rotations[joint]
         else:
-            world = self.world[parent]
-            away = _rotated(world, self.offsets[joint])
-            self.origins[joint] = _plus(self.origins[parent], away)
-            self.world[joint] = _product(world, self.rotations[joint])
+            parent_rotation = self.world[parent]
+            turned_offset = _rotated(parent_rotation, self.offsets[joint])
+            self.origins[joint] = _plus(self.origins[parent], turned_offset)
+            self.world[joint] = _product(parent_rotation, self.rotations[joint])
 
     def _place(self):
         for joint, parent in enumerate(self.parents):
             self._set(joint, parent)
 
 
-def _best(pairs, pin):
+def _best(vector_pairs, hinge_axis):
     """Return the rotation that aligns vectors best; about a pin, if there is one."""
-    total, most = (0.0, 0.0, 0.0, 0.0), 0.0
-    for u, v, weight in pairs:
-        if pin is not None:
-            u, v = _across(u, pin), _across(v, pin)
-        lengths = weight * math.hypot(*u) * math.hypot(*v)
-        axis = _scaled(_cross(u, v), weight)
-        total = (total[0] + lengths + weight * _dot(u, v), *_plus(total[1:], axis))
-        most += lengths
-    if math.hypot(*total) > 1e-12 * most:
-        return _unit(total)
+    quaternion_sum, length_sum = (0.0, 0.0, 0.0, 0.0), 0.0
+    for u, v, weight in vector_pairs:
+        if hinge_axis is not None:
+            u, v = _across(u, hinge_axis), _across(v, hinge_axis)
+        weighted_length = weight * math.hypot(*u) * math.hypot(*v)
+        weighted_axis = _scaled(_cross(u, v), weight)
+        quaternion_sum = (
+            quaternion_sum[0] + weighted_length + weight * _dot(u, v),
+            *_plus(quaternion_sum[1:], weighted_axis),
+        )
+        length_sum += weighted_length
+    if math.hypot(*quaternion_sum) > 1e-12 * length_sum:
+        return _unit(quaternion_sum)
     # No turn, or half a turn: about the pin, or any perpendicular axis.
-    return (0.0, *(pin or _any_across(u))) if most > 0 else _NONE
+    return (0.0, *(hinge_axis or _any_across(u))) if length_sum > 0 else _NONE
 
 
 def _plain_limits(limits):
     """Return (rest, axis, swing, middle, half) of each joint, or None if it is free."""
-    columns = (limits.rest, limits.axis, limits.swing, limits.middle, limits.half)
-    plain = [None] * len(limits.rest)
-    for joint in limits.at.tolist():
-        plain[joint] = tuple(column[joint].tolist() for column in columns)
-    return plain
+    columns = limits.rest, limits.axis, limits.swing, limits.middle, limits.half
+    joint_limits = [None] * len(limits.rest)
+    for joint in limits.limited_joints.tolist():
+        joint_limits[joint] = tuple(column[joint].tolist() for column in columns)
+    return joint_limits
 
 
 def _clamped(rotation, limit):
@@ -170,11 +173,11 @@ def _clamped(rotation, limit):
         _scaled(across, math.cos(half_twist)), _cross(across, axis), -math.sin(half_twist)
     )
     sine = math.hypot(*across)
-    angle = min(2 * math.atan2(sine, math.hypot(w, along)), swing)
+    swing_angle = min(2 * math.atan2(sine, math.hypot(w, along)), swing)
     twist = min(max(math.remainder(2 * half_twist - middle, 2 * math.pi), -half), half) + middle
-    factor = math.sin(angle / 2) / sine if sine > 0 else 0.0
-    swung = (math.cos(angle / 2), *_scaled(across, factor))
-    twisted = (math.cos(twist / 2), *_scaled(axis, math.sin(twist / 2)))
+    sine_ratio = math.sin(swing_angle / 2) / sine if sine > 0 else 0.0
+    swung = math.cos(swing_angle / 2), *_scaled(across, sine_ratio)
+    twisted = math.cos(twist / 2), *_scaled(axis, math.sin(twist / 2))
     return _unit(_product(rest, _product(swung, twisted)))
 
 
@@ -232,10 +235,10 @@ def _across(v, axis):
 
 def _any_across(v):
     """Return a unit vector perpendicular to another."""
-    least = min(range(3), key=lambda i: abs(v[i]))
-    across = _cross(v, [float(i == least) for i in range(3)])
+    smallest_axis = min(range(3), key=lambda i: abs(v[i]))
+    across = _cross(v, [float(i == smallest_axis) for i in range(3)])
     return _scaled(across, 1 / math.hypot(*across))
 
 
-def _tuples(rows):
-    return [tuple(row) for row in rows.tolist()]
+def _tuples(array):
+    return [tuple(row) for row in array.tolist()]

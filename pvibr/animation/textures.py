@@ -17,13 +17,8 @@ class StoredTexture:
 
     def __init__(self, texture):
         image = pv.wrap(texture.GetInput())
-        how = (
-            texture.interpolate,
-            texture.mipmap,
-            texture.wrap.name,
-            texture.GetUseSRGBColorSpace(),
-        )
-        self._parts = image, *how
+        sampling = texture.interpolate, texture.mipmap, texture.wrap.name
+        self._parts = image, *sampling, texture.GetUseSRGBColorSpace()
 
     def __reduce__(self):
         return _restored, self._parts
@@ -43,8 +38,8 @@ def _storable(value):
 
 
 def _restored(image, interpolate, mipmap, wrap, srgb):
-    made = pv.Texture(image)
-    made.interpolate, made.mipmap = interpolate, mipmap
-    made.wrap = pv.Texture.WrapType[wrap]
-    made.SetUseSRGBColorSpace(srgb)
-    return made
+    texture = pv.Texture(image)
+    texture.interpolate, texture.mipmap = interpolate, mipmap
+    texture.wrap = pv.Texture.WrapType[wrap]
+    texture.SetUseSRGBColorSpace(srgb)
+    return texture

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pvibr.animation.vertex_animation_states import VertexAnimationStates
+from pvibr.maths.arguments import check_finite
 from pvibr.maths.keyframes import blend, blend_directions, checked_keys, frame_weights
 
 
@@ -59,9 +60,7 @@ class VertexAnimation:
             if getattr(self, name) is not None:
                 object.__setattr__(self, name, self._floats(name))
         if self.states is not None and self.states.last >= len(times):
-            raise ValueError(
-                f'states refer to frame {self.states.last}; there are {len(times)} frames.'
-            )
+            raise ValueError(f'states must use frames below {len(times)}, got {self.states.last}')
 
     @property
     def n_points(self):
@@ -157,7 +156,7 @@ class VertexAnimation:
         """
         meshes = list(meshes)
         if not meshes:
-            raise ValueError('meshes is empty; give at least one mesh.')
+            raise ValueError('meshes must hold at least one mesh, got none')
         for i, mesh in enumerate(meshes):
             _check_alike(meshes[0], mesh, i)
         times = np.arange(float(len(meshes))) if times is None else times
@@ -170,24 +169,25 @@ class VertexAnimation:
         values = np.asarray(getattr(self, name))
         if values.dtype.kind != 'f':
             values = values.astype(np.float64)
-        size = np.shape(self.positions)[1] if np.ndim(self.positions) == 3 else 'v'
-        f = len(self.times)
-        if values.shape != (f, size, 3):
-            raise ValueError(f'{name} has the shape {values.shape}; it must be ({f}, {size}, 3).')
+        point_count = np.shape(self.positions)[1] if np.ndim(self.positions) == 3 else 'v'
+        frame_count = len(self.times)
+        if values.shape != (frame_count, point_count, 3):
+            raise ValueError(
+                f'{name} must have shape ({frame_count}, {point_count}, 3), got {values.shape}'
+            )
         # Frame by frame: the file may be larger than memory.
         for i, frame in enumerate(values):
-            if not np.isfinite(frame).all():
-                raise ValueError(f'{name}[{i}] is not finite.')
+            check_finite(f'{name}[{i}]', frame)
         return values
 
 
-def _check_alike(first, mesh, i):
+def _check_alike(first_mesh, mesh, mesh_index):
     """Raise an error unless a mesh has the vertices and faces of the first one."""
-    if mesh.n_points != first.n_points:
-        counts = f'meshes[{i}] has {mesh.n_points} points and meshes[0] has {first.n_points}'
-        raise ValueError(f'{counts}; all frames must have the same vertices.')
-    for part in ('verts', 'lines', 'faces', 'strips'):
-        if not np.array_equal(getattr(mesh, part), getattr(first, part)):
-            raise ValueError(
-                f'meshes[{i}] and meshes[0] differ in {part}; all frames must have the same.'
-            )
+    if mesh.n_points != first_mesh.n_points:
+        raise ValueError(
+            f'meshes[{mesh_index}] must have {first_mesh.n_points} points, as meshes[0], '
+            f'got {mesh.n_points}'
+        )
+    for cell_kind in ('verts', 'lines', 'faces', 'strips'):
+        if not np.array_equal(getattr(mesh, cell_kind), getattr(first_mesh, cell_kind)):
+            raise ValueError(f'meshes[{mesh_index}] must have the {cell_kind} of meshes[0]')

@@ -43,9 +43,7 @@ class FrameRange:
 
     def __post_init__(self):
         if not 0 <= self.first <= self.last:
-            raise ValueError(
-                f'first is {self.first}, last {self.last}; it must be 0 <= first <= last.'
-            )
+            raise ValueError(f'first must be from 0 to last, {self.last}, got {self.first}')
         checked_positive('fps', self.fps)
 
     @property
@@ -68,9 +66,9 @@ class FrameRange:
         tuple of numpy.ndarray, shape (..., k), int64 and float64
             Frames, and their blend weights.
         """
-        keys = np.arange(self.last - self.first + 1) / self.fps
+        key_times = np.arange(self.last - self.first + 1) / self.fps
         period = self.duration if self.loop else None
-        indices, weights = frame_weights(keys, times, interpolation, period)
+        indices, weights = frame_weights(key_times, times, interpolation, period)
         return indices + self.first, weights
 
 
@@ -139,18 +137,18 @@ class VertexAnimationStates(States):
             If a time is not finite.
         """
         times = np.asarray(times, dtype=np.float64)
-        shown = self._shown(times.reshape(-1))
-        slots = SLOTS[self.interpolation]
+        visible_states = self._visible_states(times.reshape(-1))
+        slot_count = SLOTS[self.interpolation]
         filled = np.zeros(times.size, dtype=np.int64)
-        for _, where, _, _ in shown:
-            filled[where] += slots
-        indices = np.zeros((times.size, filled.max(initial=slots)), dtype=np.int64)
+        for _, time_indices, _, _ in visible_states:
+            filled[time_indices] += slot_count
+        indices = np.zeros((times.size, filled.max(initial=slot_count)), dtype=np.int64)
         weights = np.zeros(indices.shape)
         filled[:] = 0
-        for name, where, clocks, share in shown:
+        for name, time_indices, clocks, share in visible_states:
             frames, parts = self.states[name].at(clocks, self.interpolation)
-            place = where[:, None], filled[where, None] + np.arange(slots)
+            place = time_indices[:, None], filled[time_indices, None] + np.arange(slot_count)
             indices[place], weights[place] = frames, parts * share[:, None]
-            filled[where] += slots
-        shape = (*times.shape, indices.shape[1])
+            filled[time_indices] += slot_count
+        shape = *times.shape, indices.shape[1]
         return indices.reshape(shape), weights.reshape(shape)

@@ -1,4 +1,4 @@
-"""One animated figure, or a crowd of them."""
+"""One animated figure or a crowd."""
 
 from __future__ import annotations
 

@@ -94,28 +94,28 @@ class AnimatedActor(FigurePlayer, Placed):
         bulge=1.0,
         **mesh_kwargs,
     ):
-        look = {key: value for key, value in mesh_kwargs.items() if value is not None}
-        figure = drawn_figure(figure, look, theme)
+        mesh_options = {key: value for key, value in mesh_kwargs.items() if value is not None}
+        figure = drawn_figure(figure, mesh_options, theme)
         super().__init__(figure, clip, skinning=skinning, bulge=bulge)
         self.name = name
-        self._mesh_actors = as_mesh_actors(figure, look, theme)
+        self._mesh_actors = as_mesh_actors(figure, mesh_options, theme)
         self._posed = [a for a in self._mesh_actors if isinstance(a, PosedMeshActor)]
         self._share_material()
         self.pickable = pickable
         self._stand_ins = [stand_in(self, a.index, a.actor) for a in self._posed]
-        # Kept: Python makes the wrapper of an object anew if it holds none.
+        # Held: otherwise Python recreates the wrapper of an object.
         self._sources = [a.GetMapper().GetInputAlgorithm() for a in self._stand_ins]
         self._meshes: tuple = (-1, [])
-        self._held: list[tuple] = []
+        self._attachments: list[tuple] = []
         self._observers: list[int] = []
-        self._drawn: tuple = ()
+        self._drawn_state: tuple = ()
 
     # -- where it is -------------------------------------------------------------------------
 
     @property
     def bounds(self):
         """World bounds of the posed figure: (x min, x max, y min, ...)."""
-        self._now_shown()
+        self._current_moment()
         return super().bounds
 
     def mesh(self):
@@ -129,13 +129,12 @@ class AnimatedActor(FigurePlayer, Placed):
         Parameters
         ----------
         prop : pyvista.Actor, thing or pyvista.Light
-            What moves; its ``user_matrix`` is set, a light's ``transform_matrix``. Its own
-            position and scale are those in the joint's space. Attached before, it changes its
-            joint.
+            Moved by its ``user_matrix``, a light by its ``transform_matrix``; its own position and
+            scale are in the joint's space. If it is attached already, its joint changes.
         joint : str or int
             The joint.
         offset : array_like, shape (4, 4), optional
-            ``joint_from_prop``; default none.
+            ``joint_from_prop``; default identity.
 
         Raises
         ------
@@ -161,12 +160,12 @@ class AnimatedActor(FigurePlayer, Placed):
         offset = np.eye(4) if offset is None else checked_numbers('offset', offset, (4, 4))
         if prop is self or not (hasattr(prop, 'SetUserMatrix') or isinstance(prop, pv.Light)):
             raise TypeError(
-                f'prop = {prop!r}: must be an actor, a light or another thing that can be moved'
+                f'prop must be an actor, a light or another thing that can be moved, got {prop!r}'
             )
         joint = self.figure.skeleton.index(joint)
         self.detach_prop(prop)
-        self._held.append((prop, joint, offset))
-        _put(prop, self.matrix @ self._now_shown().world[joint] @ offset)
+        self._attachments.append((prop, joint, offset))
+        _set_transform(prop, self.matrix @ self._current_moment().world[joint] @ offset)
 
     def add_lights(self, exposure=1.0):
         """Add the lights of the figure's file, which move with their joints.
@@ -197,7 +196,7 @@ class AnimatedActor(FigurePlayer, Placed):
         >>> pl.close()
         """
         if self.pipeline is None:
-            raise ValueError('add_lights needs a plotter: add the figure to one first')
+            raise ValueError('figure must be in a plotter to add its lights: add it first')
         lights = [light.held(exposure) for light in self.figure.lights]
         for light, placed in zip(lights, self.figure.lights, strict=True):
             self.pipeline.renderer.AddLight(light)
@@ -205,24 +204,24 @@ class AnimatedActor(FigurePlayer, Placed):
         return lights
 
     def detach_prop(self, prop):
-        """Leave a prop where it is; nothing happens if it is not attached.
+        """Stop moving a prop; no effect if it is not attached.
 
         Parameters
         ----------
         prop : pyvista.Actor, thing or pyvista.Light
-            What was attached.
+            The attached object.
         """
-        self._held = [held for held in self._held if held[0] is not prop]
+        self._attachments = [held for held in self._attachments if held[0] is not prop]
 
-    def _asked(self) -> tuple:
-        return *super()._asked(), self.GetMatrix().GetData()
+    def _pose_key(self) -> tuple:
+        return *super()._pose_key(), self.GetMatrix().GetData()
 
     def _show(self, moment):
-        matrix = self.matrix
+        world_from_figure = self.matrix
         for mesh_actor in self._mesh_actors:
-            mesh_actor.move(matrix, moment)
-        for prop, joint, offset in self._held:
-            _put(prop, matrix @ moment.world[joint] @ offset)
+            mesh_actor.move(world_from_figure, moment)
+        for prop, joint, offset in self._attachments:
+            _set_transform(prop, world_from_figure @ moment.world[joint] @ offset)
         self._set_bounds(moment.bounds)
         for source in self._sources:
             source.Modified()
@@ -248,9 +247,9 @@ class AnimatedActor(FigurePlayer, Placed):
         if not self.visibility:
             return []
         instead = {b.index: actor for b, actor in zip(self._posed, self._stand_ins, strict=True)}
-        return [instead.get(i, self._mesh_actors[i].actor) for i in self._seen()]
+        return [instead.get(i, self._mesh_actors[i].actor) for i in self._visible_indices()]
 
-    def _seen(self) -> list[int]:
+    def _visible_indices(self) -> list[int]:
         """Return the indices of the visible meshes."""
         return [i for i, a in enumerate(self._mesh_actors) if a.actor.GetVisibility()]
 
@@ -262,39 +261,35 @@ class AnimatedActor(FigurePlayer, Placed):
         return f'{len(self._mesh_actors)} meshes, {len(self.figure.clips)} clips'
 
     def attach(self, pipeline):
-        """Put its props into the scene."""
+        """Add its props to the scene."""
         put_into(self, pipeline)
-        self._now_shown()
+        self._current_moment()
         self._framed = self._changes, self.GetBounds()
         super().attach(pipeline)
 
     def _put_in(self, renderer):
         super()._put_in(renderer)
-        # Before the pipeline starts the frame: props must be at their current places.
+        # Before the pipeline starts the frame, so that props are up to date.
         self._observers = [
             renderer.AddObserver('StartEvent', self._on_start),
             renderer.AddObserver('EndEvent', self._on_end),
         ]
 
     def _on_end(self, _renderer, _event):
-        self._put_stand_ins(self.pickable and self.visibility)
+        self._show_stand_ins(self.pickable and self.visibility)
 
-    def _put_stand_ins(self, there):
+    def _show_stand_ins(self, are_visible):
         for actor, mesh_actor in zip(self._stand_ins, self._posed, strict=True):
-            actor.SetVisibility(bool(there and mesh_actor.actor.GetVisibility()))
+            actor.SetVisibility(bool(are_visible and mesh_actor.actor.GetVisibility()))
 
     def _on_start(self, _renderer, _event):
-        self._put_stand_ins(False)
+        self._show_stand_ins(False)
         try:
             self._call_finished()
-            self._show_whole()
+            self._current_moment()
+            self._stay_whole(self._changes)
         except Exception as error:  # noqa: BLE001, RUF100
             self._failure = error  # raised in the pipeline: VTK's loop swallows errors
-
-    def _show_whole(self):
-        """Take the current pose, and widen the clipping range if it cut nothing before."""
-        self._now_shown()
-        self._stay_whole(self._changes)
 
     def _take_out(self, renderer):
         for observer in self._observers:
@@ -310,34 +305,34 @@ class AnimatedActor(FigurePlayer, Placed):
         return super().needed(frame)
 
     def deactivate(self):
-        """Hide the meshes: without posing they have no place."""
+        """Hide the meshes: unposed, they have no position."""
         self._set_visible(False)
-        self._put_stand_ins(False)
+        self._show_stand_ins(False)
 
-    def _set_visible(self, shown):
+    def _set_visible(self, is_visible):
         """Show or hide all meshes on a change; in between, users may hide some."""
-        if shown != self._visible:
-            self._visible = shown
+        if is_visible != self._visible:
+            self._visible = is_visible
             for actor in self._drawing():
-                actor.SetVisibility(shown)
+                actor.SetVisibility(is_visible)
 
     def prepare(self, frame):
         """Pose the vertices if the pose changed."""
         if frame.picking and frame.own:
-            self._put_stand_ins(self.pickable)
-        passes, together = self._pose_passes(frame.window), [self]
-        if passes:
+            self._show_stand_ins(self.pickable)
+        pose_passes, posed_actors = self._pose_passes(frame.window), [self]
+        if pose_passes:
             things = () if self.pipeline is None else self.pipeline.things
-            for other in things:  # one pass draws all that moved
-                if isinstance(other, AnimatedActor) and other.is_drawn():
-                    with suppress(Exception):  # it says so itself
-                        passes += other._pose_passes(frame.window)  # noqa: SLF001
-                        together.append(other)
+            for other_actor in things:  # one pass draws all that moved
+                if isinstance(other_actor, AnimatedActor) and other_actor.is_drawn():
+                    with suppress(Exception):  # its own prepare reports it
+                        pose_passes += other_actor._pose_passes(frame.window)  # noqa: SLF001
+                        posed_actors.append(other_actor)
             try:
-                draw_together(passes)
+                draw_together(pose_passes)
             except Exception:
-                for actor in together:
-                    actor._drawn = ()  # noqa: SLF001
+                for actor in posed_actors:
+                    actor._drawn_state = ()  # noqa: SLF001
                 raise
 
     def is_drawn(self) -> bool:
@@ -345,21 +340,21 @@ class AnimatedActor(FigurePlayer, Placed):
         return self.enabled and self.visibility and self._visible is not False
 
     def _pose_passes(self, window) -> list:
-        """Return what has to be drawn to pose the meshes anew, nothing if they are up to date."""
-        moment = self._now_shown()
-        wanted = self._changes, self.skinning, self.bulge
-        if not self._posed or wanted == self._drawn:
+        """Return the passes that update the posed meshes, none if they are up to date."""
+        moment = self._current_moment()
+        pose_state = self._changes, self.skinning, self.bulge
+        if not self._posed or pose_state == self._drawn_state:
             return []
         if self._posing is None:
             self._posing = Posing(window, [a.rest_mesh for a in self._posed])
-            for mesh_actor, row in zip(self._posed, self._posing.rows, strict=False):
-                mesh_actor.aim(row)
+            for mesh_actor, first_row in zip(self._posed, self._posing.rows, strict=False):
+                mesh_actor.aim(first_row)
                 mesh_actor.draws.posing = self._posing
-        places = [[a.mesh_pose(moment)] for a in self._posed]
-        passes = self._posing.passes(places, self.skinning, self.bulge)
-        self._drawn = wanted
+        mesh_poses = [[a.mesh_pose(moment)] for a in self._posed]
+        pose_passes = self._posing.passes(mesh_poses, self.skinning, self.bulge)
+        self._drawn_state = pose_state
         self.posed += 1
-        return passes
+        return pose_passes
 
     def finish(self, _frame):
         """Release the texture units."""
@@ -370,7 +365,7 @@ class AnimatedActor(FigurePlayer, Placed):
         self.finish(None)
         if self._posing is not None:
             self._posing.release()
-        self._posing, self._drawn = None, ()
+        self._posing, self._drawn_state = None, ()
 
     def release(self):
         """Release all GPU resources; the context is current."""
@@ -382,44 +377,40 @@ class AnimatedActor(FigurePlayer, Placed):
 
     def report(self) -> dict:
         """Return bytes on the GPU, vertices, and the number of poses so far."""
-        held = 0 if self._posing is None else self._posing.nbytes
-        vertices = sum(len(a.figure_mesh.points) for a in self._posed)
-        return {'bytes': held, 'vertices': vertices, 'poses': self.posed}
+        pose_bytes = 0 if self._posing is None else self._posing.nbytes
+        vertex_count = sum(len(a.figure_mesh.points) for a in self._posed)
+        return {'bytes': pose_bytes, 'vertices': vertex_count, 'poses': self.posed}
 
     def download_posed(self):
-        """Yield each posed mesh as the GPU has it, for tests.
-
-        Yields
-        ------
-        tuple
-            Index of the mesh; points and normals, (n, 3) float64, in world space.
-        """
+        """Yield index, points and normals (n, 3) of each mesh as the GPU has it, for tests."""
         if self._posing is None:
             return
-        for number, mesh_actor in enumerate(self._posed):
+        for index, mesh_actor in enumerate(self._posed):
             count = len(mesh_actor.figure_mesh.points)
-            points, normals = (v[:count].astype(float) for v in self._posing.download(number))
+            points, normals = (v[:count].astype(float) for v in self._posing.download(index))
             # What VTK adds to them, here in float64: the middle of the figure, or its node.
             matrix = np.asarray(mesh_actor.actor.user_matrix)
-            placed = transform_points(matrix, points), transform_normals(matrix, normals)
-            yield mesh_actor.index, *placed
+            world_arrays = transform_points(matrix, points), transform_normals(matrix, normals)
+            yield mesh_actor.index, *world_arrays
 
     def bake_into(self, scene):
         """Hand the posed meshes to a scene without pvibr."""
-        parts = self._posed_parts(self._now_shown().pose)
-        for i in self._seen():
+        parts = self._posed_parts(self._current_moment().pose)
+        for i in self._visible_indices():
             scene.part(self, parts[i])
 
     def _posed_parts(self, pose) -> list:
-        how = self.matrix, pose, self.skinning, self.bulge
-        return [posed_part(self.figure, i, a.part, *how) for i, a in enumerate(self._mesh_actors)]
+        placement = self.matrix, pose, self.skinning, self.bulge
+        return [
+            posed_part(self.figure, i, a.part, *placement) for i, a in enumerate(self._mesh_actors)
+        ]
 
     def dataset(self):
         """Return the posed figure in world space."""
         return self.mesh()
 
     def set_clipping_planes(self, planes):
-        """Cut it off by a vtkPlaneCollection."""
+        """Clip it by a vtkPlaneCollection."""
         for mapper in (actor.GetMapper() for actor in self.actors()):
             mapper.RemoveAllClippingPlanes()
             if planes is not None:
@@ -429,10 +420,10 @@ class AnimatedActor(FigurePlayer, Placed):
 
     def posed_meshes(self) -> list:
         """Return the posed meshes as triangles in world units, one per mesh of the figure."""
-        moment = self._now_shown()
+        moment = self._current_moment()
         if self._meshes[0] != self._changes:
-            parts = self._posed_parts(moment.pose)
-            self._meshes = self._changes, [part.mesh for part in parts]
+            posed_parts = self._posed_parts(moment.pose)
+            self._meshes = self._changes, [part.mesh for part in posed_parts]
         return self._meshes[1]
 
     def pick(self, x, y):
@@ -440,10 +431,10 @@ class AnimatedActor(FigurePlayer, Placed):
         if not self.pickable or self.pipeline is None or not self.visibility:
             return None
         meshes = self.posed_meshes()
-        seen = {i: meshes[i] for i in self._seen()}
-        planes = self.actors()[0].GetMapper().GetClippingPlanes() if seen else None
-        start, direction = pixel_ray(self.pipeline.renderer, x, y)
-        return nearest_hit(seen, start, direction, planes)
+        visible = {i: meshes[i] for i in self._visible_indices()}
+        planes = self.actors()[0].GetMapper().GetClippingPlanes() if visible else None
+        ray_origin, ray_direction = pixel_ray(self.pipeline.renderer, x, y)
+        return nearest_hit(visible, ray_origin, ray_direction, planes)
 
     # -- scalar bars -------------------------------------------------------------------------
 
@@ -452,18 +443,18 @@ class AnimatedActor(FigurePlayer, Placed):
         return self._with_table_of(mesh_actor.part for mesh_actor in self._mesh_actors)
 
     def set_scalar_range(self, clim):
-        """Show the scalars by another range."""
+        """Map the scalars by another range."""
         if self._set_range_of([mesh_actor.part for mesh_actor in self._mesh_actors], clim):
             for mesh_actor in self._mesh_actors:
-                limits = mesh_actor.part.actor.mapper.GetScalarRange()
-                mesh_actor.actor.GetMapper().SetScalarRange(limits)
+                scalar_range = mesh_actor.part.actor.mapper.GetScalarRange()
+                mesh_actor.actor.GetMapper().SetScalarRange(scalar_range)
 
 
-def _put(prop, matrix):
+def _set_transform(prop, world_from_prop):
     """Move an actor, a light or a thing by a matrix."""
     if isinstance(prop, pv.Light):
-        prop.transform_matrix = matrix
+        prop.transform_matrix = world_from_prop
         return
-    prop.SetUserMatrix(pv.vtkmatrix_from_array(matrix))
+    prop.SetUserMatrix(pv.vtkmatrix_from_array(world_from_prop))
     if isinstance(prop, Thing):
         prop.follow()

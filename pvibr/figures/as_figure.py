@@ -26,17 +26,19 @@ _CONVERTERS = {
 }
 
 
-def as_figure(thing):
+def as_figure(source):
     """Return a figure of anything that can be converted to one."""
-    if isinstance(thing, Figure):
-        return thing
-    if isinstance(thing, (str, PathLike)):
-        return _of_file(thing)
-    if isinstance(thing, (list, tuple, pv.MultiBlock)) or hasattr(thing, 'set_active_time_value'):
-        return Figure.from_series(thing)
-    if is_trimesh(thing, 'Scene'):
-        return Figure.from_scene(thing)
-    return Figure([_as_mesh(thing)])
+    if isinstance(source, Figure):
+        return source
+    if isinstance(source, (str, PathLike)):
+        return _of_file(source)
+    if isinstance(source, (list, tuple, pv.MultiBlock)) or hasattr(
+        source, 'set_active_time_value'
+    ):
+        return Figure.from_series(source)
+    if is_trimesh(source, 'Scene'):
+        return Figure.from_scene(source)
+    return Figure([_as_mesh(source)])
 
 
 def _of_file(path):
@@ -46,13 +48,17 @@ def _of_file(path):
 
         return read_gltf(path)
     if kind in _CONVERTERS:
-        raise ValueError(f'{path} is not read: save it as .glb, with {_CONVERTERS[kind]}.')
+        raise ValueError(
+            f'figure must be in a format that pvibr reads, got {path}: save it as .glb, '
+            f'with {_CONVERTERS[kind]}'
+        )
     if _is_series(existing(path)):
         return Figure.from_series(path)
-    found = read_mesh(path)
-    if isinstance(found, pv.MultiBlock):
-        return Figure([_as_mesh(block) for block in _leaves(found)])
-    return as_figure(found)
+    loaded_data = read_mesh(path)
+    if isinstance(loaded_data, pv.MultiBlock):
+        leaves = loaded_data.recursive_iterator(skip_none=True, skip_empty=True)
+        return Figure([_as_mesh(block) for block in leaves if block.n_points])
+    return as_figure(loaded_data)
 
 
 def _is_series(path):
@@ -62,21 +68,16 @@ def _is_series(path):
         return False
 
 
-def _leaves(blocks):
-    leaves = blocks.recursive_iterator(skip_none=True, skip_empty=True)
-    return [block for block in leaves if block.n_points]
-
-
-def _as_mesh(thing):
-    if isinstance(thing, FigureMesh):
-        return thing
-    if is_trimesh(thing, 'Trimesh'):
-        mesh, look = as_dataset(thing)
+def _as_mesh(source):
+    if isinstance(source, FigureMesh):
+        return source
+    if is_trimesh(source, 'Trimesh'):
+        mesh, look = as_dataset(source)
         return FigureMesh(mesh, look=look)
-    if isinstance(thing, pv.DataSet):
-        (surface,), _ = series_of([thing])
+    if isinstance(source, pv.DataSet):
+        (surface,), _ = series_of([source])
         return FigureMesh(surface)
     raise TypeError(
-        f'figure is a {type(thing).__name__}: must be a pvibr.Figure, a .glb or .gltf file, a '
-        'trimesh.Scene, a mesh, or a list of meshes as a time series'
+        'figure must be a pvibr.Figure, a .glb or .gltf file, a trimesh.Scene, a '
+        f'mesh, or a list of meshes as a time series, got {type(source).__name__}'
     )

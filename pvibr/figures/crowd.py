@@ -97,56 +97,56 @@ class Crowd(Instances):
         Painted.__init__(self, max_error=max_error)
         self.name = name
         poses = posed(poses)
-        count = len(poses)
+        member_count = len(poses)
         mesh_kwargs |= {'cmap': cmap, 'clim': clim}
         self._theme = theme
-        asked = self._ask(count, scalars, colors, blend, mesh_kwargs)
+        mesh_options = self._ask(member_count, scalars, colors, blend, mesh_kwargs)
         check_one_of('skinning', skinning, ('linear', 'dual'))
-        self.figure = figure = drawn_figure(figure, asked, theme)
-        playback = Playback(count)
-        playback.clip, self._clips = self._numbers(clips, count, [])
-        playback.offset = _each('times', times, count)
-        playback.speed = _each('speeds', speeds, count)
-        playback.loop = _each('loop', loop, count, bool)
+        self.figure = figure = drawn_figure(figure, mesh_options, theme)
+        playback = Playback(member_count)
+        playback.clip, self._clips = self._clip_indices(clips, member_count, [])
+        playback.offset = _each('times', times, member_count)
+        playback.speed = _each('speeds', speeds, member_count)
+        playback.loop = _each('loop', loop, member_count, bool)
         self._crowd_state = CrowdState(
-            figure, as_mesh_actors(figure, asked, theme), skinning, playback, self._now
+            figure, as_mesh_actors(figure, mesh_options, theme), skinning, playback, self._now
         )
         self._clip_baking = {'max_error': float(max_error), 'cache': cache, 'progress': progress}
-        models = self._baked(self._clips) if count else {}
-        self._begin(poses, np.zeros(count, int), models, pickable)
+        clip_models = self._baked(self._clips) if member_count else {}
+        self._begin(poses, np.zeros(member_count, int), clip_models, pickable)
         self._share_material()
         self._shown_material = 0
         self._paint(scalars, colors)
 
-    def _numbers(self, clips, count, known) -> tuple[np.ndarray, list]:
-        """Return the index of each figure's clip, and the clips known with the new ones."""
-        one = clips is None or isinstance(clips, str | int) or hasattr(clips, 'sample')
-        wanted = [self.figure.clip(c) for c in ([clips] if one else clips)]
-        if not one and len(wanted) != count:
-            raise ValueError(
-                f'clips has {len(wanted)} entries; it must be one clip or {count} of them'
-            )
-        found = list({id(clip): clip for clip in [*known, *wanted]}.values())
-        place = {id(clip): i for i, clip in enumerate(found)}
-        numbers = np.array([place[id(clip)] for clip in wanted], int)
-        return np.broadcast_to(numbers, (count,)).copy() if one else numbers, found
+    def _clip_indices(self, clips, member_count, known_clips) -> tuple[np.ndarray, list]:
+        """Return the index of each figure's clip, and all clips, new ones last."""
+        is_single = clips is None or isinstance(clips, str | int) or hasattr(clips, 'sample')
+        member_clips = [self.figure.clip(c) for c in ([clips] if is_single else clips)]
+        if not is_single and len(member_clips) != member_count:
+            raise ValueError(f'clips must be one clip or {member_count}, got {len(member_clips)}')
+        all_clips = list({id(clip): clip for clip in [*known_clips, *member_clips]}.values())
+        clip_index = {id(clip): i for i, clip in enumerate(all_clips)}
+        clip_indices = np.array([clip_index[id(clip)] for clip in member_clips], int)
+        return np.broadcast_to(
+            clip_indices, (member_count,)
+        ).copy() if is_single else clip_indices, all_clips
 
     def _baked(self, clips) -> dict:
-        """Bake the clips, and take over their motions."""
-        state, wanted = self._crowd_state, dict(self._clip_baking)
-        with baking(wanted.pop('progress')) as advance:
+        """Bake the clips and store their motions."""
+        state, baking_options = self._crowd_state, dict(self._clip_baking)
+        with baking(baking_options.pop('progress')) as advance:
             model, motions = bake_pose_atlas(
                 self.figure,
                 state.mesh_actors,
                 clips,
                 skinning=state.skinning,
                 advance=advance,
-                **wanted,
+                **baking_options,
             )
         state.motions, state.box = motions, model.atlas.box.T.ravel()
         return {0: model}
 
-    # Posed meshes are drawn by other actors, which know neither planes nor alphas.
+    # Posed meshes are drawn by other actors, without clipping planes or alphas.
     set_clipping_planes = Painted.set_clipping_planes
 
     def _as_colors(self, colors, count=None):
@@ -164,10 +164,10 @@ class Crowd(Instances):
 
     def _replace(self, poses, index):
         if len(poses) != len(self):
-            raise ValueError(f'poses has {len(poses)} rows; a crowd keeps its {len(self)} figures')
+            raise ValueError(f'poses must have {len(self)} rows, got {len(poses)}')
         super()._replace(poses, index)
 
-    # -- what each one plays -----------------------------------------------------------------
+    # -- playback -----------------------------------------------------------------------------
 
     @property
     def times(self) -> np.ndarray:
@@ -222,14 +222,14 @@ class Crowd(Instances):
         speed = _each('speed', speed, len(ids))
         start = _each('start', self._now() if start is None else start, len(ids))
         loop = _each('loop', loop, len(ids), bool)
-        numbers, clips = self._numbers(clip, len(ids), self._clips)
-        new = len(clips) > len(self._clips)
-        models = self._baked(clips) if new else self._models  # it may be interrupted
+        clip_indices, all_clips = self._clip_indices(clip, len(ids), self._clips)
+        is_new = len(all_clips) > len(self._clips)
+        models = self._baked(all_clips) if is_new else self._models  # it may be interrupted
         playback = self._crowd_state.playback
-        playback.clip[ids], self._clips = numbers, clips
+        playback.clip[ids], self._clips = clip_indices, all_clips
         playback.speed[ids], playback.loop[ids] = speed, loop
         playback.offset[ids] = -speed * start
-        if new:
+        if is_new:
             self._models = models
             self._rebuild()
         self._moved()
@@ -254,9 +254,9 @@ class Crowd(Instances):
     def bake_into(self, scene):
         """Hand each figure as it is now to a scene without pvibr."""
         for i in np.flatnonzero(self.visible):
-            color = None if self._colors is None else self._colors[i]
+            member_color = None if self._colors is None else self._colors[i]
             for part in self._crowd_state.parts(int(i), self._now(), _matrix(self._poses[i])):
-                scene.part(self, part, color=color, multiply=self._blend == 'multiply')
+                scene.part(self, part, color=member_color, multiply=self._blend == 'multiply')
 
     # -- the life of an effect ---------------------------------------------------------------
 
@@ -289,12 +289,14 @@ def _matrix(pose) -> np.ndarray:
     return pose if pose.ndim == 2 else trs(pose)[0]
 
 
-def _each(name, values, count, dtype=float) -> np.ndarray:
+def _each(name, values, member_count, dtype=float) -> np.ndarray:
     """Return one value for each figure."""
     array = np.asarray(values)
-    good = array.dtype == bool if dtype is bool else array.dtype.kind in 'iuf'
-    if array.shape not in ((), (count,)) or not good or not np.isfinite(array).all():
-        what = 'bool' if dtype is bool else 'finite numbers'
-        found = f'shape {array.shape}, dtype {array.dtype}'
-        raise ValueError(f'{name} has {found}; it must be {what}, one or ({count},)')
-    return np.broadcast_to(array.astype(dtype), (count,)).copy()
+    is_valid = array.dtype == bool if dtype is bool else array.dtype.kind in 'iuf'
+    if array.shape not in ((), (member_count,)) or not is_valid or not np.isfinite(array).all():
+        kind = 'bool' if dtype is bool else 'finite numbers'
+        raise ValueError(
+            f'{name} must be {kind}, one or ({member_count},), '
+            f'got {array.dtype} of shape {array.shape}'
+        )
+    return np.broadcast_to(array.astype(dtype), (member_count,)).copy()

@@ -29,32 +29,32 @@ class Playback:
     def rounds(self, motions, time, ids=slice(None)) -> np.ndarray:
         """Return the normalised clip times of members, 0 to 1."""
         durations = np.array([m.duration for m in motions])[self.clip[ids]]
-        rounds = (self.offset[ids] + self.speed[ids] * time) / np.maximum(durations, 1e-12)
-        rounds[durations == 0] = 0.0
-        return np.where(self.loop[ids], rounds % 1.0, np.clip(rounds, 0.0, 1.0))
+        clip_rounds = (self.offset[ids] + self.speed[ids] * time) / np.maximum(durations, 1e-12)
+        clip_rounds[durations == 0] = 0.0
+        return np.where(self.loop[ids], clip_rounds % 1.0, np.clip(clip_rounds, 0.0, 1.0))
 
     def rows(self, motions, time) -> np.ndarray:
         """Return the playback from a time on as the GPU reads it, (n, 4) float32."""
         durations = np.array([m.duration for m in motions])[self.clip]
-        still = durations == 0
-        durations = np.where(still, 1.0, durations)
-        rounds = (self.offset + self.speed * time) / durations
-        rounds = np.where(self.loop, rounds % 1.0, rounds)
-        rate = self.speed / durations
-        rounds[still] = rate[still] = 0.0
-        return np.stack([rounds, rate, self.clip, self.loop], 1).astype(np.float32)
+        is_still = durations == 0
+        durations = np.where(is_still, 1.0, durations)
+        clip_rounds = (self.offset + self.speed * time) / durations
+        clip_rounds = np.where(self.loop, clip_rounds % 1.0, clip_rounds)
+        round_rate = self.speed / durations
+        clip_rounds[is_still] = round_rate[is_still] = 0.0
+        return np.stack([clip_rounds, round_rate, self.clip, self.loop], 1).astype(np.float32)
 
 
 class _PosedMeshes(NearMeshes):
-    """Near members, an actor for each mesh of each."""
+    """Near members, with an actor per mesh and member."""
 
     def __init__(self, levels, state):
         self._state = state
         super().__init__(levels)
 
     def _pools(self) -> list:
-        how = self._state.mesh_actors, self._state.skinning
-        return [PosedPool(level, *how) for level in self.levels]
+        pool_options = self._state.mesh_actors, self._state.skinning
+        return [PosedPool(level, *pool_options) for level in self.levels]
 
     def draw_many(self, capacity, center, binder):
         """Keep an actor each: posed vertices come from textures."""
@@ -100,25 +100,25 @@ class CrowdGroup(InstanceGroup):
     def at(self, window, time):
         """Animate all members to a time."""
         if self.atlas.animated:
-            era = _ERA * float(np.floor(time / _ERA))
-            if self._era != era:
-                self._era = era
-                self.cards.move(self.state.playback.rows(self.state.motions, era)[self.ids])
-            self.cards.uniforms['ibr_time'] = float(time - era)
+            era_start = _ERA * float(np.floor(time / _ERA))
+            if self._era != era_start:
+                self._era = era_start
+                self.cards.move(self.state.playback.rows(self.state.motions, era_start)[self.ids])
+            self.cards.uniforms['ibr_time'] = float(time - era_start)
         for pool in self.near.pools:
             if pool.lent:
-                slots = list(pool.lent)
-                clips, seconds = self.state.seconds(time, self.ids[slots])
-                pairs = zip(clips.tolist(), seconds.tolist(), strict=True)
-                keys = dict(zip(slots, pairs, strict=True))
-                pool.pose(window, keys, self.state.moments, self.matrix)
+                lent_slots = list(pool.lent)
+                clip_indices, clip_seconds = self.state.seconds(time, self.ids[lent_slots])
+                clip_times = zip(clip_indices.tolist(), clip_seconds.tolist(), strict=True)
+                key_by_slot = dict(zip(lent_slots, clip_times, strict=True))
+                pool.pose(window, key_by_slot, self.state.moments, self.matrix)
 
     def parts(self, slot) -> list:
         """Return the posed meshes of a member, as parts in the figure's space."""
         time = self.state.now()
-        key = int(self.ids[slot]), time
-        if self._posed.get('key') != key:
-            self._posed = {'key': key, 'parts': self.state.parts(*key, np.eye(4))}
+        member_key = int(self.ids[slot]), time
+        if self._posed.get('key') != member_key:
+            self._posed = {'key': member_key, 'parts': self.state.parts(*member_key, np.eye(4))}
         return self._posed['parts']
 
     def finish(self):
@@ -153,29 +153,31 @@ class CrowdState:
 
     def moments(self, keys) -> list[Moment]:
         """Return the moments of (clip, time) pairs, all of a clip at once."""
-        clips, seconds = np.array(keys).T
-        out: list = [None] * len(keys)
+        clip_indices, clip_seconds = np.array(keys).T
+        moment_list: list = [None] * len(keys)
         # If only joints move the vertices, the world matrices suffice.
-        still = not any(getattr(actor, 'shapes', None) for actor in self.mesh_actors)
-        for clip in np.unique(clips):
-            (places,) = np.nonzero(clips == clip)
-            poses = self.pose(int(clip), seconds[places])
+        joints_only = not any(getattr(actor, 'shapes', None) for actor in self.mesh_actors)
+        for clip in np.unique(clip_indices):
+            (key_indices,) = np.nonzero(clip_indices == clip)
+            poses = self.pose(int(clip), clip_seconds[key_indices])
             worlds = self.figure.world(poses)
             signs = signs_of(worlds)
-            for k, place in enumerate(places):
-                shown = worlds[k] if still else poses[k]
-                out[place] = Moment(shown, worlds[k], signs[k], self.box)
-        return out
+            for k, place in enumerate(key_indices):
+                state = worlds[k] if joints_only else poses[k]
+                moment_list[place] = Moment(state, worlds[k], signs[k], self.box)
+        return moment_list
 
     def parts(self, member, time, matrix) -> list:
         """Return the posed meshes of a member with their looks, in world units."""
-        how = matrix, self._pose_of(member, time), self.skinning
-        return [posed_part(self.figure, i, a.part, *how) for i, a in enumerate(self.mesh_actors)]
+        placement = matrix, self._pose_of(member, time), self.skinning
+        return [
+            posed_part(self.figure, i, a.part, *placement) for i, a in enumerate(self.mesh_actors)
+        ]
 
     def shown(self, member, time):
         """Return the posed mesh of a member, in the figure's space."""
         return self.figure.mesh(pose=self._pose_of(member, time), skinning=self.skinning)
 
     def _pose_of(self, member, time):
-        clips, seconds = self.seconds(time, np.array([member]))
-        return self.pose(int(clips[0]), float(seconds[0]))
+        clip_indices, clip_seconds = self.seconds(time, np.array([member]))
+        return self.pose(int(clip_indices[0]), float(clip_seconds[0]))

@@ -8,8 +8,8 @@ from functools import cached_property
 import numpy as np
 import pyvista as pv
 
-from pvibr.animation.figure_mesh import turned_by
-from pvibr.animation.normals import turned
+from pvibr.animation.figure_mesh import is_mirrored_by
+from pvibr.animation.normals import with_flipped_winding
 from pvibr.animation.splitting import split_figure
 from pvibr.core import _vtk
 from pvibr.figures.posing import MeshPose, PosedDraws, RestMesh, posed_feature
@@ -39,17 +39,17 @@ class MeshActor:
 
     @cached_property
     def _matrix(self):
-        """Matrix of what moves."""
+        """The matrix shared by the actors that move."""
         matrix = _vtk.vtkMatrix4x4()
         for actor in self._moving():
             actor.SetUserMatrix(matrix)
         return matrix
 
-    def move(self, user, moment):
-        """Move to the place of a moment."""
-        matrix = user @ self.local(moment)
-        self._matrix.DeepCopy(matrix.ravel().tolist())
-        if self.mirrors(matrix, moment) != self._turned:
+    def move(self, world_from_figure, moment):
+        """Move to the pose of a moment."""
+        world_from_mesh = world_from_figure @ self.local(moment)
+        self._matrix.DeepCopy(world_from_mesh.ravel().tolist())
+        if self.mirrors(world_from_mesh, moment) != self._turned:
             self._turned = not self._turned
             self._turn()
 
@@ -57,9 +57,9 @@ class MeshActor:
         """Return the matrix of the actor in the figure's space at a moment, shape (4, 4)."""
         raise NotImplementedError
 
-    def mirrors(self, matrix, _moment) -> bool:
+    def mirrors(self, world_from_mesh, _moment) -> bool:
         """Return whether the mesh is mirrored at a moment, with the actor's matrix (4, 4)."""
-        return bool(signs_of(matrix) < 0)
+        return bool(signs_of(world_from_mesh) < 0)
 
     def mapper(self, mirrored):
         """Return a mapper for poses that mirror the mesh, or for those that do not."""
@@ -67,7 +67,7 @@ class MeshActor:
 
     @cached_property
     def _mirror_mapper(self):
-        return self._new_mapper(turned(pv.wrap(self.actor.GetMapper().GetInput())))
+        return self._new_mapper(with_flipped_winding(pv.wrap(self.actor.GetMapper().GetInput())))
 
     def _new_mapper(self, mesh):
         mapper = self.part.polydata_mapper()
@@ -99,11 +99,11 @@ class RigidMeshActor(MeshActor):
 
     def local(self, moment) -> np.ndarray:
         """Return ``figure_from_mesh`` at a moment, shape (4, 4)."""
-        return _node(moment, self.node)
+        return _joint_matrix(moment, self.node)
 
     def _turn(self):
         mapper = self.actor.GetMapper()
-        mapper.SetInputDataObject(turned(pv.wrap(mapper.GetInput())))
+        mapper.SetInputDataObject(with_flipped_winding(pv.wrap(mapper.GetInput())))
 
 
 class WireMeshActor(RigidMeshActor):
@@ -116,11 +116,11 @@ class WireMeshActor(RigidMeshActor):
     def local(self, moment) -> np.ndarray:
         """Return the matrix to the middle of the points, which are posed."""
         points, _ = self.figure.posed(self.index, moment.pose)
-        matrix = np.eye(4)
-        matrix[:3, 3] = points.mean(0)
+        figure_from_middle = np.eye(4)
+        figure_from_middle[:3, 3] = points.mean(0)
         mesh = self.actor.GetMapper().GetInput()
-        mesh.SetPoints(pv.vtk_points(points - matrix[:3, 3]))
-        return matrix
+        mesh.SetPoints(pv.vtk_points(points - figure_from_middle[:3, 3]))
+        return figure_from_middle
 
 
 class PosedMeshActor(MeshActor):
@@ -137,7 +137,9 @@ class PosedMeshActor(MeshActor):
         self.rest_mesh = self._rest_mesh(shapes)
         self.shapes = self.rest_mesh.shapes
         self.box = np.array([1.0, -1.0] * 3)
-        self.mesh = _with_spares(part.mesh, order, self.rest_mesh.points - self.rest_mesh.origin)
+        self.mesh = _with_spare_points(
+            part.mesh, order, self.rest_mesh.points - self.rest_mesh.origin
+        )
         self.actor = self._actor(part)
         self._double = self._depth_double()
         self._colors = self._morphed_colors()
@@ -175,11 +177,11 @@ class PosedMeshActor(MeshActor):
         mapper.SetInputDataObject(self.mesh)
         mapper.ScalarVisibilityOff()
         self._watch(mapper)
-        double = pv.Actor()
-        double.SetMapper(mapper)
-        double.GetProperty().LightingOff()
-        posed_feature().attach(double)
-        return double
+        depth_double = pv.Actor()
+        depth_double.SetMapper(mapper)
+        depth_double.GetProperty().LightingOff()
+        posed_feature().attach(depth_double)
+        return depth_double
 
     def depth_actor(self):
         """Return the actor that draws depth: the double unless alpha matters."""
@@ -188,26 +190,26 @@ class PosedMeshActor(MeshActor):
             return actor
         if actor.HasTranslucentPolygonalGeometry() or self.part.alpha_cutoff is not None:
             return actor
-        ours, theirs = self._double.GetProperty(), actor.GetProperty()
-        ours.SetBackfaceCulling(theirs.GetBackfaceCulling())
-        ours.SetFrontfaceCulling(theirs.GetFrontfaceCulling())
+        double_property, shown_property = self._double.GetProperty(), actor.GetProperty()
+        double_property.SetBackfaceCulling(shown_property.GetBackfaceCulling())
+        double_property.SetFrontfaceCulling(shown_property.GetFrontfaceCulling())
         return self._double
 
     def _moving(self) -> tuple:
         return self.actor, self._double
 
     def _turn(self):
-        self.mesh.SetPolys(turned(self.mesh).GetPolys())
+        self.mesh.SetPolys(with_flipped_winding(self.mesh).GetPolys())
 
-    def mirrors(self, matrix, moment) -> bool:
+    def mirrors(self, world_from_mesh, moment) -> bool:
         """Return whether the mesh is mirrored at a moment, with the actor's matrix (4, 4)."""
-        skinned = self.figure_mesh.skin is not None  # else the matrix has the node in it
-        turns = skinned and turned_by(self.figure_mesh, moment.signs)
-        return turns != super().mirrors(matrix, moment)
+        is_skinned = self.figure_mesh.skin is not None  # else the matrix has the node in it
+        joints_mirror = is_skinned and is_mirrored_by(self.figure_mesh, moment.signs)
+        return joints_mirror != super().mirrors(world_from_mesh, moment)
 
-    def aim(self, row):
+    def aim(self, first_row):
         """Set the first row of the posed vertices."""
-        set_vertex_uniforms((self.actor, self._double), {'ibr_posed_row': row})
+        set_vertex_uniforms((self.actor, self._double), {'ibr_posed_row': first_row})
 
     def mesh_pose(self, moment) -> MeshPose:
         """Return the pose of the mesh at a moment."""
@@ -218,25 +220,26 @@ class PosedMeshActor(MeshActor):
 
     def local(self, moment) -> np.ndarray:
         """Return ``figure_from_posed`` at a moment, shape (4, 4); update the bounding box."""
-        matrix = np.eye(4)
+        figure_from_posed = np.eye(4)
         if self.figure_mesh.skin is not None:
-            matrix[:3, 3] = moment.origin
+            figure_from_posed[:3, 3] = moment.origin
             self._hold(moment.bounds - np.repeat(moment.origin, 2))
         else:
-            matrix[:3, 3] = self.rest_mesh.origin
-            matrix = _node(moment, self.figure_mesh.node) @ matrix
-            self._hold(moved_bounds(inverses(matrix), moment.bounds))
+            figure_from_posed[:3, 3] = self.rest_mesh.origin
+            figure_from_posed = _joint_matrix(moment, self.figure_mesh.node) @ figure_from_posed
+            self._hold(transformed_bounds(inverses(figure_from_posed), moment.bounds))
         self._color(moment.pose)
-        return matrix
+        return figure_from_posed
 
     def _morphed_colors(self):
         """Return the colour array that morph targets change, or None."""
         if not any(morphs.has('colors') for morphs, _ in self.figure.layers(self.index)):
             return None
         colors = self.figure.colors(self.index)
-        shown = self.mesh.point_data.get(self.figure_mesh.look.get('scalars') or '')
-        same = colors is not None and shown is not None and colors.dtype == shown.dtype
-        return shown if same and colors.shape[1:] == shown.shape[1:] else None
+        shown_colors = self.mesh.point_data.get(self.figure_mesh.look.get('scalars') or '')
+        if colors is None or shown_colors is None or colors.dtype != shown_colors.dtype:
+            return None
+        return shown_colors if colors.shape[1:] == shown_colors.shape[1:] else None
 
     def _color(self, pose):
         """Show the colours of a pose, computed on the CPU since they change rarely."""
@@ -258,24 +261,24 @@ class PosedMeshActor(MeshActor):
         if old[0] > old[1]:
             old = bounds
         low, high = np.minimum(_low(old), _low(bounds)), np.maximum(_high(old), _high(bounds))
-        room = _ROOM * (high - low).max()
-        self.box = np.stack([low - room, high + room], 1).ravel()
+        box_margin = _ROOM * (high - low).max()
+        self.box = np.stack([low - box_margin, high + box_margin], 1).ravel()
         self.mesh.points[-2:] = self.box.reshape(3, 2).T
         self.mesh.GetPoints().Modified()
         self.mesh.Modified()
 
 
-def drawn_figure(figure, looks, theme):
+def drawn_figure(figure, options, theme):
     """Return a figure as it is drawn: with sharp edges split if its look or the theme says so."""
     theme = pv.global_theme if theme is None else theme
-    angles: list = []
+    feature_angles: list = []
     for i, figure_mesh in enumerate(figure.meshes):
-        look = {key: v for key, v in (figure_mesh.look | looks).items() if v is not None}
-        smooth = look.get('smooth_shading', theme.smooth_shading or look.get('pbr'))
-        split = smooth and look.get('split_sharp_edges', theme.split_sharp_edges)
+        look = {key: v for key, v in (figure_mesh.look | options).items() if v is not None}
+        is_smooth = look.get('smooth_shading', theme.smooth_shading or look.get('pbr'))
+        splits_edges = is_smooth and look.get('split_sharp_edges', theme.split_sharp_edges)
         angle = look.get('feature_angle', theme.sharp_edges_feature_angle)
-        angles.append(angle if split and not _is_still(figure, i) else None)
-    return split_figure(figure, angles)
+        feature_angles.append(angle if splits_edges and not _is_still(figure, i) else None)
+    return split_figure(figure, feature_angles)
 
 
 def _is_still(figure, i):
@@ -284,57 +287,58 @@ def _is_still(figure, i):
     return mesh.skin is None and mesh.frames is None and not figure.layers(i)
 
 
-def as_mesh_actors(figure, looks, theme):
+def as_mesh_actors(figure, mesh_options, theme):
     """Return the meshes of a figure as actors."""
     draws = PosedDraws()
-    out: list = []
+    mesh_actors: list = []
     for i, figure_mesh in enumerate(figure.meshes):
         mesh = figure_mesh.mesh.copy(deep=False)
         mesh.point_data['Normals'] = unit_vectors(figure_mesh.normals)  # as posed ones are
         mesh.point_data.active_normals_name = 'Normals'
-        still = _is_still(figure, i)
+        is_still = _is_still(figure, i)
         # The edges of others have been split already.
-        kept = {} if still else {'split_sharp_edges': False}
-        part = as_parts(mesh, theme=theme, **(figure_mesh.look | looks | kept))[0]
-        if still:
-            out.append(RigidMeshActor(part, figure_mesh.node))
+        split_option = {} if is_still else {'split_sharp_edges': False}
+        part = as_parts(mesh, theme=theme, **(figure_mesh.look | mesh_options | split_option))[0]
+        if is_still:
+            mesh_actors.append(RigidMeshActor(part, figure_mesh.node))
         elif not part.mesh.n_cells:
-            out.append(WireMeshActor(figure, i, part))
+            mesh_actors.append(WireMeshActor(figure, i, part))
         else:
-            out.append(PosedMeshActor(figure, i, part, draws))
-    return out
+            mesh_actors.append(PosedMeshActor(figure, i, part, draws))
+    return mesh_actors
 
 
-def _node(moment, node):
-    return np.eye(4) if node < 0 else moment.world[node]
+def _joint_matrix(moment, joint_index):
+    return np.eye(4) if joint_index < 0 else moment.world[joint_index]
 
 
-def _with_spares(mesh, order, points):
+def _with_spare_points(mesh, order, points):
     """Return a mesh with two more points and a degenerate cell."""
     n = len(order) - 2
-    out = pv.PolyData()
-    out.points = points.astype(np.float32)
-    out.regular_faces = np.concatenate([mesh.regular_faces, [[n, n + 1, n + 1]]])
+    padded_mesh = pv.PolyData()
+    padded_mesh.points = points.astype(np.float32)
+    padded_mesh.regular_faces = np.concatenate([mesh.regular_faces, [[n, n + 1, n + 1]]])
     for name, values in mesh.point_data.items():
-        out.point_data[name] = np.asarray(values)[order]
+        padded_mesh.point_data[name] = np.asarray(values)[order]
     for name, values in mesh.cell_data.items():
-        out.cell_data[name] = np.concatenate([values, values[:1]])
-    for theirs, ours in ((mesh.point_data, out.point_data), (mesh.cell_data, out.cell_data)):
-        for kind in ('active_normals_name', 'active_texture_coordinates_name'):
-            if getattr(theirs, kind) is not None:
-                setattr(ours, kind, getattr(theirs, kind))
-        ours.active_scalars_name = theirs.active_scalars_name
-    return out
+        padded_mesh.cell_data[name] = np.concatenate([values, values[:1]])
+    for data_name in ('point_data', 'cell_data'):
+        source_data, padded_data = (getattr(m, data_name) for m in (mesh, padded_mesh))
+        for active_kind in ('active_normals_name', 'active_texture_coordinates_name'):
+            if getattr(source_data, active_kind) is not None:
+                setattr(padded_data, active_kind, getattr(source_data, active_kind))
+        padded_data.active_scalars_name = source_data.active_scalars_name
+    return padded_mesh
 
 
-def moved_bounds(matrix, bounds):
+def transformed_bounds(matrix, bounds):
     """Return the bounds of a transformed box."""
     if bounds[0] > bounds[1]:
         return np.asarray(bounds)
     low, high = _low(bounds), _high(bounds)
     center = matrix[:3, :3] @ (low + high) / 2 + matrix[:3, 3]
-    half = np.abs(matrix[:3, :3]) @ (high - low) / 2
-    return np.stack([center - half, center + half], 1).ravel()
+    half_size = np.abs(matrix[:3, :3]) @ (high - low) / 2
+    return np.stack([center - half_size, center + half_size], 1).ravel()
 
 
 def _low(bounds):
@@ -345,21 +349,22 @@ def _high(bounds):
     return np.asarray(bounds)[1::2]
 
 
-def moved_figure(mesh, matrix):
+def moved_figure(mesh, world_from_figure):
     """Return a posed figure, a mesh or several, moved by a matrix, a mirroring one included."""
     if isinstance(mesh, pv.PolyData):
-        return moved(mesh, matrix)
+        return moved(mesh, world_from_figure)
     for i, block in enumerate(mesh):
-        mesh.replace(i, moved(block, matrix))
+        mesh.replace(i, moved(block, world_from_figure))
     return mesh
 
 
-def posed_part(figure, index, part, matrix, pose, skinning, bulge=1.0) -> Part:
+def posed_part(figure, index, part, world_from_figure, pose, skinning, bulge=1.0) -> Part:
     """Return a posed mesh as a part in world units."""
     mesh = part.mesh.copy(deep=False)
     world = figure.world(pose)
     points, normals = figure.posed(index, pose, skinning, bulge)
-    mesh.SetPoints(pv.vtk_points(transform_points(matrix, points)))
-    mesh.point_data['Normals'] = transform_normals(matrix, normals)
-    mirrored = figure.meshes[index].mirrors(world) != (np.linalg.det(matrix[:3, :3]) < 0)
-    return replace(part, mesh=turned(mesh) if mirrored else mesh)
+    mesh.SetPoints(pv.vtk_points(transform_points(world_from_figure, points)))
+    mesh.point_data['Normals'] = transform_normals(world_from_figure, normals)
+    is_flipped = np.linalg.det(world_from_figure[:3, :3]) < 0
+    is_mirrored = figure.meshes[index].mirrors(world) != is_flipped
+    return replace(part, mesh=with_flipped_winding(mesh) if is_mirrored else mesh)

@@ -23,53 +23,53 @@ class FigureHit:
     distance: float
 
 
-def nearest_hit(meshes, start, direction, planes=None):
+def nearest_hit(meshes, ray_origin, ray_direction, clipping_planes=None):
     """Return the first hit of a ray with meshes by index, where planes keep it, or None."""
-    first, last = ClippingPlanes(planes).reach(start, direction)
-    rays = start, direction, first, last
-    hits = [_meet(i, mesh, *rays) for i, mesh in meshes.items() if mesh.n_cells and first < last]
+    near, far = ClippingPlanes(clipping_planes).reach(ray_origin, ray_direction)
+    rays = ray_origin, ray_direction, near, far
+    hits = [_intersect(i, m, *rays) for i, m in meshes.items() if m.n_cells and near < far]
     return min((h for h in hits if h is not None), key=lambda h: h.distance, default=None)
 
 
-def _meet(number, mesh, start, direction, first, last):
+def _intersect(mesh_index, mesh, origin, direction, near, far):
     bounds = np.reshape(mesh.bounds, (3, 2))
-    reach = np.linalg.norm(bounds.mean(1) - start) + np.linalg.norm(np.ptp(bounds, axis=1))
+    ray_length = np.linalg.norm(bounds.mean(1) - origin) + np.linalg.norm(np.ptp(bounds, axis=1))
     locator = _vtk.vtkStaticCellLocator()
     locator.SetDataSet(mesh)
     locator.BuildLocator()
     t, sub, cell = _vtk.reference(0.0), _vtk.reference(0), _vtk.reference(0)
     point, param = [0.0] * 3, [0.0] * 3
-    begin, end = start + first * direction, start + min(reach, last) * direction
+    begin, end = origin + near * direction, origin + min(ray_length, far) * direction
     if not locator.IntersectWithLine(begin, end, 0.0, t, point, param, sub, cell):
         return None
-    corners = mesh.regular_faces[int(cell)]
-    nearest = corners[np.linalg.norm(mesh.points[corners] - point, axis=1).argmin()]
-    distance = float((np.array(point) - start) @ direction)
-    return FigureHit(number, int(cell), int(nearest), tuple(point), distance)
+    corner_ids = mesh.regular_faces[int(cell)]
+    nearest_vertex = corner_ids[np.linalg.norm(mesh.points[corner_ids] - point, axis=1).argmin()]
+    distance = float((np.array(point) - origin) @ direction)
+    return FigureHit(mesh_index, int(cell), int(nearest_vertex), tuple(point), distance)
 
 
-def stand_in(owner, number, actor):
+def stand_in(owner, mesh_index, actor):
     """Return an invisible actor that pickers find in place of another."""
     source = _vtk.vtkProgrammableSource()
-    source.SetExecuteMethod(_filler(owner, number, source.GetPolyDataOutput()))
+    source.SetExecuteMethod(_filler(owner, mesh_index, source.GetPolyDataOutput()))
     mapper = _vtk.vtkPolyDataMapper()
     mapper.SetInputConnection(source.GetOutputPort())
     mapper.ScalarVisibilityOff()
-    made = pv.Actor()
-    made.SetMapper(mapper)
-    made.SetProperty(actor.GetProperty())
-    made.UseBoundsOff()
-    made.VisibilityOff()
-    return made
+    stand_in_actor = pv.Actor()
+    stand_in_actor.SetMapper(mapper)
+    stand_in_actor.SetProperty(actor.GetProperty())
+    stand_in_actor.UseBoundsOff()
+    stand_in_actor.VisibilityOff()
+    return stand_in_actor
 
 
-def _filler(owner, number, output):
+def _filler(owner, mesh_index, output):
     # VTK keeps the function, which must not keep the figure: a cycle through C++ leaks.
     owner = weakref.ref(owner)
 
     def fill():
         alive = owner()
         if alive is not None:
-            output.ShallowCopy(alive.posed_meshes()[number])
+            output.ShallowCopy(alive.posed_meshes()[mesh_index])
 
     return fill

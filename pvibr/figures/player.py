@@ -32,11 +32,11 @@ class Moment:
     @classmethod
     def of(cls, figure, pose, skinning):
         """Return the moment of a pose."""
-        world = figure.world(pose)
+        figure_from_joint = figure.world(pose)
         # If only joints move the vertices, the world matrices give the bounds.
-        still = not any(m.frames or m.morphs for m in figure.meshes) and not figure.correctives
-        bounds = figure.bounds(world if still else pose, skinning)
-        return cls(pose, world, signs_of(world), np.asarray(bounds, float))
+        is_still = not any(m.frames or m.morphs for m in figure.meshes) and not figure.correctives
+        bounds = figure.bounds(figure_from_joint if is_still else pose, skinning)
+        return cls(pose, figure_from_joint, signs_of(figure_from_joint), np.asarray(bounds, float))
 
     @cached_property
     def origin(self) -> np.ndarray:
@@ -55,10 +55,10 @@ class _Fade:
         return revision_of(self.before, self.after)
 
     def sample(self, time):
-        share = (time - self.start) / self.seconds
-        if share >= 1:
+        fade_share = (time - self.start) / self.seconds
+        if fade_share >= 1:
             return self.after.sample(time)
-        return crossfade(self.before.sample(time), self.after.sample(time), max(share, 0.0))
+        return crossfade(self.before.sample(time), self.after.sample(time), max(fade_share, 0.0))
 
 
 class FigurePlayer(Thing):
@@ -68,22 +68,25 @@ class FigurePlayer(Thing):
     """
 
     skinning = Param(
-        'linear', 'Linear blend or dual quaternion skinning.', choices=('linear', 'dual')
+        'linear',
+        "'linear' blending is cheapest; 'dual' quaternions keep the volume of twisted limbs.",
+        choices=('linear', 'dual'),
     )
     bulge = Param(
         1.0,
-        'Share of dual quaternions: 1 keeps the cross-section of a twist, less bulges less.',
+        "How far 'dual' skinning replaces 'linear': 1 keeps the cross-section of twists; lower it "
+        'where bent joints bulge.',
         range='[0, 1]',
     )
 
     _changes = 0
     _moment: Moment | None = None
-    _known: tuple = ()
+    _shown_key: tuple = ()
     _weights: np.ndarray | None = None
-    #: Of the figures that were posed together with this one, if it is their first.
+    #: Figures that are posed together; held by the first of them.
     ensemble: Ensemble | None = None
     _fixed: Pose | np.ndarray | None = None
-    #: When the clip ends, and what is called then.
+    #: End of the clip, and its callback.
     _finish: tuple | None = None
 
     def __init__(self, figure, clip=None, **settings):
@@ -107,14 +110,14 @@ class FigurePlayer(Thing):
     @driver.setter
     def driver(self, driver):
         if driver is not None and not callable(getattr(driver, 'sample', None)):
-            raise TypeError(f'driver = {driver!r}: must have sample(time) -> Pose')
+            raise TypeError(f'driver must have sample(time) -> Pose, got {driver!r}')
         if driver is None:
             self._fixed = self.pose
         self._driver, self._finish = driver, None
         self._show_anew()
 
     def _call_finished(self):
-        """Tell who asked for it that the clip has ended, once."""
+        """Call ``on_finished`` once when the clip has ended."""
         if self._finish is not None and self._now() >= self._finish[0]:
             (_, call), self._finish = self._finish, None
             try:
@@ -143,9 +146,9 @@ class FigurePlayer(Thing):
         speed : float
             Clip seconds per second; negative plays backwards.
         loop : bool or 'pingpong'
-            Restart the clip at its end, hold its last pose, or go there and back.
+            Restart the clip at its end, hold its last pose, or play back and forth.
         count : float, optional
-            Cycles until the last pose is held; a cycle of 'pingpong' goes there and back.
+            Cycles until the last pose is held; a 'pingpong' cycle plays forth and back.
         fade : float
             Seconds of the cross-fade from the current animation.
         start : float, optional
@@ -153,30 +156,33 @@ class FigurePlayer(Thing):
         root : str or int, optional
             Joint whose translation accumulates over the loops (root motion): a walk moves on.
         on_finished : callable, optional
-            Called with the actor before the first frame at or after the end, once; it may play
-            another clip. Playing another clip before cancels it. What it raises is a warning.
+            Called once with the actor, before the first frame at or after the end; it may play
+            another clip. Playing another clip earlier cancels it. Its errors become warnings.
 
         Raises
         ------
         TypeError
-            If ``on_finished`` is not callable, or the speed, the start or the fade is no number.
+            If ``on_finished`` is not callable, or speed, start or fade is not a number.
         ValueError
             If there is no such clip, joint or loop, the speed or the start is not finite, the fade
             is negative or the count is not above 0, or ``on_finished`` is given without an end.
         """
         speed, fade = checked_number('speed', speed), checked_number('fade', fade, 0)
         if on_finished is not None and not callable(on_finished):
-            raise TypeError(f'on_finished = {on_finished!r}: must be callable, with the actor')
+            raise TypeError(f'on_finished must be callable, with the actor, got {on_finished!r}')
         now = self._now()
         start = now if start is None else checked_number('start', start)
-        played = ClipSource(self.figure, clip, speed, -start * speed, loop, root, count)
-        if speed < 0 and np.isfinite(played.length):
-            played.offset += played.length  # backwards from its end
-        end = start + played.length / abs(speed) if speed else np.inf
-        if on_finished is not None and not np.isfinite(end):
-            raise ValueError('on_finished needs an end: give loop=False or a count, and a speed')
-        self.driver = _Fade(self._source(), played, now, fade) if fade else played
-        self._finish = None if on_finished is None else (end, on_finished)
+        source = ClipSource(self.figure, clip, speed, -start * speed, loop, root, count)
+        if speed < 0 and np.isfinite(source.length):
+            source.offset += source.length  # backwards from its end
+        end_time = start + source.length / abs(speed) if speed else np.inf
+        if on_finished is not None and not np.isfinite(end_time):
+            raise ValueError(
+                'on_finished must have an end, got endless play: give loop=False or a count, '
+                'and a speed'
+            )
+        self.driver = _Fade(self._source(), source, now, fade) if fade else source
+        self._finish = None if on_finished is None else (end_time, on_finished)
 
     def _source(self):
         """Return the source of poses, also of a fixed one."""
@@ -202,7 +208,7 @@ class FigurePlayer(Thing):
 
         Setting it replaces the driver.
         """
-        return self._now_shown().pose
+        return self._current_moment().pose
 
     @pose.setter
     def pose(self, pose):
@@ -214,19 +220,19 @@ class FigurePlayer(Thing):
             pose = self._with_weights(pose)
         shape = pose.shape if isinstance(pose, Pose) else pose.shape[:-3]
         if shape:
-            raise ValueError(f'pose holds {shape} poses; it must be a single one')
+            raise ValueError(f'pose must be a single pose, got {shape} poses')
         self._driver, self._fixed, self._finish = None, pose, None
         self._show_anew()
 
     def _with_weights(self, pose):
         """Return a pose with morph weights; default those at rest."""
-        wanted, found = self.figure.rest.weights, pose.weights
-        if found.shape == wanted.shape:
+        rest_weights, pose_weights = self.figure.rest.weights, pose.weights
+        if pose_weights.shape == rest_weights.shape:
             return pose
-        if not found.size:
-            return pose.replaced(weights=wanted)
+        if not pose_weights.size:
+            return pose.replaced(weights=rest_weights)
         raise ValueError(
-            f'the pose has {found.shape[-1]} morph weights, the figure {wanted.shape[-1]}'
+            f'pose must have {rest_weights.shape[-1]} morph weights, got {pose_weights.shape[-1]}'
         )
 
     @property
@@ -239,10 +245,11 @@ class FigurePlayer(Thing):
         if weights is not None:
             with naming('weights', weights):
                 weights = np.array(weights, np.float64)
-            wanted = self.figure.rest.weights.shape
-            if weights.shape != wanted or not np.isfinite(weights).all():
+            weight_shape = self.figure.rest.weights.shape
+            if weights.shape != weight_shape or not np.isfinite(weights).all():
                 raise ValueError(
-                    f'weights = {weights!r}: must be finite numbers of shape {wanted}, or None'
+                    f'weights must be finite numbers of shape {weight_shape}, or None, got '
+                    f'{weights!r}'
                 )
         self._weights = weights
         self._show_anew()
@@ -253,45 +260,45 @@ class FigurePlayer(Thing):
         pose_together(things, things[0].pipeline.time)
 
     def late_pose(self):
-        """Return the pose if it is not shown yet, and what shows its moment; else None.
+        """Return the pose, or its :class:`ClipSource`, and a callback that shows its moment.
 
-        In place of the pose, it may be the source of the clip that gives it.
+        None if the pose is up to date.
         """
-        asked = self._asked()
-        if asked == self._known:
+        pose_key = self._pose_key()
+        if pose_key == self._shown_key:
             return None
-        show, driver = partial(self._become, asked), self._driver
-        together = self._weights is None and self.figure.joint_boxes[self.skinning] is not None
-        if together and type(driver) is ClipSource and driver.moves_joints_only():
-            return driver, show
-        return self._sampled(self._now()), show
+        show_moment, driver = partial(self._become, pose_key), self._driver
+        joints_only = self._weights is None and self.figure.joint_boxes[self.skinning] is not None
+        if joints_only and type(driver) is ClipSource and driver.moves_joints_only():
+            return driver, show_moment
+        return self._sampled(self._now()), show_moment
 
     def follow(self):
         """Update the pose, so that bounds are right before drawing."""
         if self.pipeline is not None:
             with suppress(Exception):
-                self._now_shown()
+                self._current_moment()
 
     def _show_anew(self):
-        self._known = ()
+        self._shown_key = ()
         self.follow()
 
-    def _now_shown(self) -> Moment:
+    def _current_moment(self) -> Moment:
         """Return the moment of the current time."""
-        known = self._asked()
-        if self._moment is None or known != self._known:
+        pose_key = self._pose_key()
+        if self._moment is None or pose_key != self._shown_key:
             pose = self._sampled(self._now())
-            return self._become(known, Moment.of(self.figure, pose, self.skinning))
+            return self._become(pose_key, Moment.of(self.figure, pose, self.skinning))
         return self._moment
 
-    def _become(self, known, moment) -> Moment:
+    def _become(self, pose_key, moment) -> Moment:
         self._moment = moment
         self._changes += 1
         self._show(moment)
-        self._known = known
+        self._shown_key = pose_key
         return moment
 
-    def _asked(self) -> tuple:
+    def _pose_key(self) -> tuple:
         """Return what the pose and its bounds depend on."""
         driver = self._driver
         if driver is None:
@@ -311,26 +318,26 @@ class FigurePlayer(Thing):
 
 
 def pose_together(players, time):
-    """Update poses to a time, together where only joints move the points; those that fail stay."""
-    alike = []
+    """Update poses to a time, together where only joints move points; skip those that fail."""
+    late_players = []
     for player in players:
         with suppress(Exception):
-            late = player.late_pose()
-            if late is None:
+            late_pose = player.late_pose()
+            if late_pose is None:
                 continue
-            pose, show = late
-            figure, how = player.figure, player.skinning
-            if figure.joint_boxes[how] is None or isinstance(pose, np.ndarray):
-                show(Moment.of(figure, pose, how))
+            pose, show_moment = late_pose
+            figure, skinning_mode = player.figure, player.skinning
+            if figure.joint_boxes[skinning_mode] is None or isinstance(pose, np.ndarray):
+                show_moment(Moment.of(figure, pose, skinning_mode))
             else:
-                alike.append((player, pose, show))
-    if not alike:
+                late_players.append((player, pose, show_moment))
+    if not late_players:
         return
-    first = alike[0][0]
-    members = [(p.figure, p.skinning, getattr(pose, 'clip', None)) for p, pose, _ in alike]
-    if first.ensemble is None or first.ensemble.members != members:
-        first.ensemble = Ensemble(members)
-    moved = first.ensemble.moved([pose for _, pose, _ in alike], time)
-    for (_, _, show), moment in zip(alike, moved, strict=True):
+    first_player = late_players[0][0]
+    members = [(p.figure, p.skinning, getattr(pose, 'clip', None)) for p, pose, _ in late_players]
+    if first_player.ensemble is None or first_player.ensemble.members != members:
+        first_player.ensemble = Ensemble(members)
+    new_moments = first_player.ensemble.posed([pose for _, pose, _ in late_players], time)
+    for (_, _, show_moment), moment in zip(late_players, new_moments, strict=True):
         with suppress(Exception):
-            show(Moment(*moment))
+            show_moment(Moment(*moment))

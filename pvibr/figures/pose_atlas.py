@@ -9,7 +9,7 @@ import numpy as np
 
 from pvibr.animation.clip import Clip
 from pvibr.animation.figure import Figure
-from pvibr.animation.normals import point_normals, turned
+from pvibr.animation.normals import point_normals, with_flipped_winding
 from pvibr.core.errors import warn
 from pvibr.figures.mesh_actors import PosedMeshActor
 from pvibr.gl.offscreen import hidden_window
@@ -31,7 +31,7 @@ TILES = (64, 32, 16)
 BUDGET = 192 * 2**20
 BINS = 1024  # time steps of a clip in the texture
 _SAMPLES = 32  # time steps at which the motion of a clip is sampled
-_MEASURED = 3  # clips measured at most, in one pose each; a single clip in two
+_MEASURED = 3  # most clips measured, in one pose each; a single clip in two
 _BYTES = 8 * 3 / 2  # per texel with its mipmaps
 
 
@@ -50,25 +50,25 @@ class PoseAtlas(Atlas):
     @property
     def pages(self) -> tuple[int, int]:
         """Columns and rows of pages in the texture, one page per pose."""
-        columns = max(1, round((self.n_poses / 1.5) ** 0.5))
-        return columns, -(-self.n_poses // columns)
+        page_columns = max(1, round((self.n_poses / 1.5) ** 0.5))
+        return page_columns, -(-self.n_poses // page_columns)
 
-    def pose(self, number) -> Atlas:
+    def pose(self, pose_index) -> Atlas:
         """Return the atlas of one pose, without an error table."""
-        grid = self.center, self.radius, self.support, self.views, self.tile
-        return Atlas(self.geometry[number], self.albedo[number], *grid)
+        grid_parameters = self.center, self.radius, self.support, self.views, self.tile
+        return Atlas(self.geometry[pose_index], self.albedo[pose_index], *grid_parameters)
 
     def textures(self):
         """Return geometry and albedo with the mipmaps of all poses, page by page."""
-        columns, rows = self.pages
-        out = []
+        columns, n_rows = self.pages
+        page_textures = []
         for pictures in (self.geometry, self.albedo):
             side = pictures.shape[1]
-            texture = np.zeros((rows, side, columns, side * 3 // 2, 4), np.uint8)
+            texture = np.zeros((n_rows, side, columns, side * 3 // 2, 4), np.uint8)
             for i, picture in enumerate(pictures):
                 texture[i // columns, :, i % columns] = pyramid(picture, self.tile)
-            out.append(texture.reshape(rows * side, -1, 4))
-        return out
+            page_textures.append(texture.reshape(n_rows * side, -1, 4))
+        return page_textures
 
     def to_arrays(self) -> dict:
         """Return named arrays, for a file."""
@@ -80,16 +80,19 @@ class PoseAtlas(Atlas):
         try:
             pictures = [np.asarray(arrays[k]) for k in ('geometry', 'albedo')]
             bins = np.asarray(arrays['bins'], np.float32)
-            first = Atlas.from_arrays(
-                {**arrays, 'geometry': pictures[0][0], 'albedo': pictures[1][0]}
-            )
+            first_pictures = {'geometry': pictures[0][0], 'albedo': pictures[1][0]}
+            first = Atlas.from_arrays({**arrays, **first_pictures})
         except (KeyError, IndexError) as error:
             raise ValueError(f'not a pose atlas: {error}') from error
-        shape = (len(pictures[0]), *first.geometry.shape)
-        good = bins.ndim == 2 and np.isfinite(bins).all() and 0 <= bins.min() <= bins.max()
-        if any(p.shape != shape for p in pictures) or not good or bins.max() >= shape[0]:
+        expected_shape = len(pictures[0]), *first.geometry.shape
+        valid_bins = bins.ndim == 2 and np.isfinite(bins).all() and 0 <= bins.min() <= bins.max()
+        if (
+            any(p.shape != expected_shape for p in pictures)
+            or not valid_bins
+            or bins.max() >= expected_shape[0]
+        ):
             raise ValueError(
-                f'not a pose atlas: images must be {shape}, bins must refer to their poses'
+                f'not a pose atlas: images must be {expected_shape}, bins refer to them'
             )
         all_poses = {'geometry': pictures[0], 'albedo': pictures[1], 'bins': bins}
         return cls(**vars(first) | all_poses)
@@ -106,7 +109,7 @@ class Motion:
     figure: Figure
     clip: Clip | None
     times: np.ndarray
-    way: np.ndarray
+    travel: np.ndarray
 
     @property
     def duration(self) -> float:
@@ -114,15 +117,15 @@ class Motion:
         return float(self.times[-1])
 
     def pose(self, share):
-        """Return the pose at a fraction of the way travelled."""
-        time = np.interp(share * self.way[-1], self.way, self.times)
+        """Return the pose at a fraction of the distance travelled."""
+        time = np.interp(share * self.travel[-1], self.travel, self.times)
         return self.figure.sample(time, self.clip, loop=False)
 
     def bins(self, n_poses) -> np.ndarray:
-        """Return which of its poses is shown at equal steps of time."""
-        times = (np.arange(BINS) + 0.5) / BINS * self.duration
-        share = np.interp(times, self.times, self.way) / max(self.way[-1], 1e-300)
-        return np.minimum((share * n_poses).astype(int), n_poses - 1)
+        """Return the pose shown at each of equal time steps."""
+        bin_times = (np.arange(BINS) + 0.5) / BINS * self.duration
+        travel_share = np.interp(bin_times, self.times, self.travel) / max(self.travel[-1], 1e-300)
+        return np.minimum((travel_share * n_poses).astype(int), n_poses - 1)
 
 
 class PoseSampler:
@@ -135,77 +138,71 @@ class PoseSampler:
     def shapes(self, pose) -> list:
         """Return points and normals of each mesh, (v, 3) float64 each, and if it is mirrored."""
         world = self.figure.world(pose)
-        return [
-            self._shape(i, mesh_actor, pose, world)
-            for i, mesh_actor in enumerate(self.mesh_actors)
-        ]
+        return [self._shape(i, a, pose, world) for i, a in enumerate(self.mesh_actors)]
 
-    def _shape(self, index, mesh_actor, pose, world):
+    def _shape(self, mesh_index, mesh_actor, pose, world):
         if isinstance(mesh_actor, PosedMeshActor):
-            points, normals = self.figure.posed(index, pose, self.skinning)
+            points, normals = self.figure.posed(mesh_index, pose, self.skinning)
         else:
-            matrix = np.eye(4) if mesh_actor.node < 0 else world[mesh_actor.node]
+            figure_from_joint = np.eye(4) if mesh_actor.node < 0 else world[mesh_actor.node]
             mesh = mesh_actor.part.mesh
-            points = transform_points(matrix, mesh.points)
-            normals = transform_normals(matrix, point_normals(mesh))
-        return points - self.center, normals, self.figure.meshes[index].mirrors(world)
+            points = transform_points(figure_from_joint, mesh.points)
+            normals = transform_normals(figure_from_joint, point_normals(mesh))
+        return points - self.center, normals, self.figure.meshes[mesh_index].mirrors(world)
 
     def parts(self, pose) -> list[Part]:
         """Return the parts of the figure in a pose."""
-        parts = [_own(mesh_actor.part) for mesh_actor in self.mesh_actors]
-        self.put(parts, pose)
+        # Deep copies of the meshes: shallow ones share their points.
+        parts = [a.part.with_mesh(a.part.mesh.copy()) for a in self.mesh_actors]
+        self.set_pose(parts, pose)
         return parts
 
-    def put(self, parts, pose):
+    def set_pose(self, parts, pose):
         """Set points, normals and winding of parts that :meth:`parts` returned."""
         shapes = zip(self.mesh_actors, parts, self.shapes(pose), strict=True)
-        for mesh_actor, part, (points, normals, mirrored) in shapes:
+        for mesh_actor, part, (points, normals, is_mirrored) in shapes:
             part.mesh.points = points.astype(np.float32)
             part.mesh.point_data.active_normals = normals.astype(np.float32)
             mesh = mesh_actor.part.mesh
-            part.mesh.SetPolys((turned(mesh) if mirrored else mesh).GetPolys())
-
-
-def _own(part) -> Part:
-    """Return a part with its own copy of the mesh."""
-    return part.with_mesh(part.mesh.copy())  # deep: a shallow copy shares its points
+            part.mesh.SetPolys((with_flipped_winding(mesh) if is_mirrored else mesh).GetPolys())
 
 
 def _reach(sampler, motion):
     """Return the largest distance of a point from the centre over a motion."""
     poses = sampler.figure.sample(motion.times, motion.clip, loop=False)
-    reach = 0.0
+    largest_distance = 0.0
     for i in range(len(motion.times)):
         for points, *_ in sampler.shapes(poses[i]):
-            reach = max(reach, float((points**2).sum(1).max()) ** 0.5)
-    return reach + float(np.diff(motion.way).max(initial=0.0)) / 2
+            largest_distance = max(largest_distance, float((points**2).sum(1).max()) ** 0.5)
+    return largest_distance + float(np.diff(motion.travel).max(initial=0.0)) / 2
 
 
 def motion_of(sampler, clip):
     """Return the sampled motion of a clip, and the support of all its poses."""
     duration = 0.0 if clip is None else clip.duration
-    times = np.linspace(0.0, duration, _SAMPLES + 1 if duration else 1)
-    poses = sampler.figure.sample(times, clip, loop=False)
-    before, steps, reach = None, [0.0], []
-    for i in range(len(times)):
+    sample_times = np.linspace(0.0, duration, _SAMPLES + 1 if duration else 1)
+    poses = sampler.figure.sample(sample_times, clip, loop=False)
+    before, steps, support_tables = None, [0.0], []
+    for i in range(len(sample_times)):
         points = np.concatenate([p for p, *_ in sampler.shapes(poses[i])])
-        reach.append(support_table(points))
+        support_tables.append(support_table(points))
         if before is not None:
             steps.append(float(np.percentile(np.linalg.norm(points - before, axis=1), 99)))
         before = points
-    room = support_table(np.zeros((1, 3)), max(steps) / 2)  # motion between the samples
-    return Motion(sampler.figure, clip, times, np.cumsum(steps)), np.max(reach, 0) + room
+    margin = support_table(np.zeros((1, 3)), max(steps) / 2)  # motion between the samples
+    motion = Motion(sampler.figure, clip, sample_times, np.cumsum(steps))
+    return motion, np.max(support_tables, 0) + margin
 
 
-def pose_counts(ways, radius, max_error) -> tuple[int, list[int]]:
+def pose_counts(clip_travels, radius, max_error) -> tuple[int, list[int]]:
     """Return the tile size in texels, and the number of poses per clip."""
     for tile in TILES:
-        wanted = [max(1, int(np.ceil(w / radius * tile / (4 * max_error)))) for w in ways]
-        room = BUDGET / (_BYTES * (VIEWS * tile) ** 2)
-        share = min(1.0, room / sum(wanted))
-        if share > 0.5:
+        ideal = [max(1, int(np.ceil(w / radius * tile / (4 * max_error)))) for w in clip_travels]
+        pose_budget = BUDGET / (_BYTES * (VIEWS * tile) ** 2)
+        budget_share = min(1.0, pose_budget / sum(ideal))
+        if budget_share > 0.5:
             break
-    return tile, [max(1, int(n * share)) for n in wanted]
+    return tile, [max(1, int(n * budget_share)) for n in ideal]
 
 
 def bake_pose_atlas(
@@ -213,20 +210,20 @@ def bake_pose_atlas(
 ) -> tuple[LodModel, list[Motion]]:
     """Return the levels of an animated figure, baked or from the cache, and its motions."""
     sampler = PoseSampler(figure, mesh_actors, skinning)
-    motions, reach = zip(*[motion_of(sampler, clip) for clip in clips], strict=True)
-    reach = np.max(reach, 0)
-    box = box_of(reach)
-    sampler.center = box.mean(0)
+    motions, support_reach = zip(*[motion_of(sampler, clip) for clip in clips], strict=True)
+    support_reach = np.max(support_reach, 0)
+    figure_box = box_of(support_reach)
+    sampler.center = figure_box.mean(0)
     radius = max(_reach(sampler, motion) for motion in motions) or 1.0
-    support = (reach - support_table(sampler.center[None])) / radius
-    tile, counts = pose_counts([m.way[-1] for m in motions], radius, max_error)
+    support = (support_reach - support_table(sampler.center[None])) / radius
+    tile, counts = pose_counts([m.travel[-1] for m in motions], radius, max_error)
     poses = [m.pose((k + 0.5) / n) for m, n in zip(motions, counts, strict=True) for k in range(n)]
     levels = [MeshLevel([mesh_actor.part for mesh_actor in mesh_actors])]
     store = None if cache is False else AtlasCache(None if cache is True else cache)
-    key = '' if store is None else _key(sampler, poses, tile, counts)
-    found = None if store is None else store.load(key, PoseAtlas.from_arrays)
-    if found is not None:
-        return LodModel(levels, found), list(motions)
+    cache_key = '' if store is None else _key(sampler, poses, tile, counts)
+    cached_atlas = None if store is None else store.load(cache_key, PoseAtlas.from_arrays)
+    if cached_atlas is not None:
+        return LodModel(levels, cached_atlas), list(motions)
     try:
         atlas = _baked(sampler, motions, counts, poses, (radius, support, tile), advance)
     except RuntimeError as error:
@@ -234,61 +231,61 @@ def bake_pose_atlas(
             f'impostor cards are disabled and meshes are drawn instead: {error}. Run `pvibr '
             'doctor`, or update the graphics driver.'
         )
-        return LodModel(levels, Atlas.blank(box)), list(motions)
+        return LodModel(levels, Atlas.blank(figure_box)), list(motions)
     if store is not None:
-        store.put(key, atlas.to_arrays())
+        store.put(cache_key, atlas.to_arrays())
     return LodModel(levels, atlas), list(motions)
 
 
 def _key(sampler, poses, tile, counts):
-    values: list = ['poses', VERSION, VIEWS, tile, BINS, counts]
+    key_values: list = ['poses', VERSION, VIEWS, tile, BINS, counts]
     for mesh_actor in sampler.mesh_actors:
         mesh = mesh_actor.part.mesh
-        values += [mesh_actor.part.alpha_cutoff, np.asarray(mesh.regular_faces)]
-        values += look_values(mesh_actor.part.actor)
+        key_values += [mesh_actor.part.alpha_cutoff, np.asarray(mesh.regular_faces)]
+        key_values += look_values(mesh_actor.part.actor)
         for data in (mesh.point_data, mesh.cell_data):
             for name in sorted(data.keys()):
-                values += [name, np.ascontiguousarray(data[name])]
+                key_values += [name, np.ascontiguousarray(data[name])]
     for pose in poses:
-        values += [np.asarray(a, np.float32) for shape in sampler.shapes(pose) for a in shape]
-    return key_of(*values)
+        key_values += [np.asarray(a, np.float32) for shape in sampler.shapes(pose) for a in shape]
+    return key_of(*key_values)
 
 
-def _baked(sampler, motions, counts, poses, grid, advance):
-    start = time.perf_counter()
-    radius, support, tile = grid
+def _baked(sampler, motions, counts_by_clip, poses, grid_parameters, advance):
+    start_time = time.perf_counter()
+    radius, support, tile_size = grid_parameters
     parts = sampler.parts(poses[0])
-    pictures, frames = [], octahedral.frame(octahedral.view_directions(VIEWS))
+    pictures, view_frames = [], octahedral.frame(octahedral.view_directions(VIEWS))
     with hidden_window() as (_, renderer):
-        baker = Baker(renderer, parts, np.zeros(3), radius, (VIEWS, tile, 2))
+        baker = Baker(renderer, parts, np.zeros(3), radius, (VIEWS, tile_size, 2))
         try:
             for i, pose in enumerate(poses):
-                sampler.put(parts, pose)
-                pictures.append(baker.pictures(frames))
+                sampler.set_pose(parts, pose)
+                pictures.append(baker.pictures(view_frames))
                 if advance is not None:
                     advance((i + 1) / len(poses))
         finally:
             baker.release()
     geometry, albedo = (np.stack(p) for p in zip(*pictures, strict=True))
-    firsts = np.cumsum([0, *counts])
-    bins = [m.bins(n) + f for m, n, f in zip(motions, counts, firsts, strict=False)]
-    views = np.zeros(3), radius, support, VIEWS, tile
-    atlas = PoseAtlas(geometry, albedo, *views, bins=np.array(bins, np.float32))
-    atlas.errors = _measured(sampler, motions, counts, atlas)
+    first_poses = np.cumsum([0, *counts_by_clip])
+    bins = [m.bins(n) + f for m, n, f in zip(motions, counts_by_clip, first_poses, strict=False)]
+    view_parameters = np.zeros(3), radius, support, VIEWS, tile_size
+    atlas = PoseAtlas(geometry, albedo, *view_parameters, bins=np.array(bins, np.float32))
+    atlas.errors = _measured(sampler, motions, counts_by_clip, atlas)
     atlas.center = sampler.center
-    atlas.seconds = time.perf_counter() - start
+    atlas.seconds = time.perf_counter() - start_time
     return atlas
 
 
-def _measured(sampler, motions, counts, atlas):
+def _measured(sampler, motions, counts_by_clip, atlas):
     """Return the worst error table of some poses, measured halfway between two."""
-    tables = []
+    error_tables = []
     first = 0
-    some = 2 if len(motions) == 1 else 1
-    for motion, count in list(zip(motions, counts, strict=True))[:_MEASURED]:
-        for k in np.unique(np.linspace(0, count - 1, 2 + some).astype(int)[1:-1]):
-            between = motion.pose((k + 1) / count)
+    poses_per_clip = 2 if len(motions) == 1 else 1
+    for motion, pose_count in list(zip(motions, counts_by_clip, strict=True))[:_MEASURED]:
+        for k in np.unique(np.linspace(0, pose_count - 1, 2 + poses_per_clip).astype(int)[1:-1]):
+            between = motion.pose((k + 1) / pose_count)
             model = LodModel([MeshLevel(sampler.parts(between))], atlas.pose(first + int(k)))
-            tables.append(measure(model))
-        first += count
-    return {name: np.max([t[name] for t in tables], 0) for name in tables[0]}
+            error_tables.append(measure(model))
+        first += pose_count
+    return {name: np.max([t[name] for t in error_tables], 0) for name in error_tables[0]}

@@ -17,7 +17,7 @@ from pvibr.scene.shader_draws import pack
 
 #: Vertices of a row of the textures.
 WIDTH = 1024
-#: Fours of numbers of a row of the state of poses, a power of two.
+#: Vec4s per row of the pose state texture, a power of two.
 STATE_WIDTH = 1024
 #: Samplers of the textures that vertex shaders read.
 SAMPLERS = 'ibr_posed', 'ibr_posed_normals'
@@ -30,23 +30,23 @@ _sheets: weakref.WeakKeyDictionary[object, weakref.WeakSet[PoseSheet]] = (
 
 def shader(section, **defines) -> str:
     """Return a section of the shader of posing with its defines."""
-    head = ''.join(f'#define {name} {int(value)}\n' for name, value in defines.items())
-    return head + sections(shader_source(__file__, 'posing'))[section]
+    define_lines = ''.join(f'#define {name} {int(value)}\n' for name, value in defines.items())
+    return define_lines + sections(shader_source(__file__, 'posing'))[section]
 
 
-def sheet_with_room(window, rest_rows, rows) -> PoseSheet | None:
+def sheet_with_room(window, rest_rows, row_count) -> PoseSheet | None:
     """Return a sheet of a window with free rows, None if even a new one has too few."""
     sheets = _sheets.setdefault(window, weakref.WeakSet())
     for sheet in sheets:
-        if sheet.has(rest_rows, rows):
+        if sheet.has(rest_rows, row_count):
             return sheet
     sheet = PoseSheet(window)
     sheets.add(sheet)
-    return sheet if sheet.has(rest_rows, rows) else None
+    return sheet if sheet.has(rest_rows, row_count) else None
 
 
-class Rows:
-    """Float textures of which ranges of rows are lent: they grow by need, and shrink."""
+class RowPool:
+    """Float textures whose rows are allocated in ranges; they grow and shrink as needed."""
 
     def __init__(self, window, names):
         self.window, self.names = window, names
@@ -57,7 +57,7 @@ class Rows:
 
     @property
     def height(self) -> int:
-        """Rows of the textures now."""
+        """RowPool of the textures now."""
         return 0 if self._target is None else self._target.height
 
     @property
@@ -68,67 +68,71 @@ class Rows:
     @property
     def textures(self) -> dict[str, Texture]:
         """The textures by the names of their samplers."""
-        found = () if self._target is None else self._target.colors
-        return dict(zip(self.names, found, strict=bool(found)))
+        color_textures = () if self._target is None else self._target.colors
+        return dict(zip(self.names, color_textures, strict=bool(color_textures)))
 
-    def has(self, rows) -> bool:
-        """Return whether so many rows are free one above another."""
-        return any(end - first >= rows for first, end in self._free)
+    def has(self, row_count) -> bool:
+        """Return whether a contiguous range of rows is free."""
+        return any(end_row - first_row >= row_count for first_row, end_row in self._free)
 
-    def take(self, rows, most=None) -> int:
-        """Return the first of so many free rows; they grow ahead of need up to so many."""
-        i = next(i for i, (first, end) in enumerate(self._free) if end - first >= rows)
-        first, end = self._free[i]
-        self._free[i] = first + rows, end
-        if first + rows > self.height:
-            ahead = min(2 * self.height, most or self._limit, self._limit)
-            self._resize(max(first + rows, ahead))
-        return first
+    def take(self, row_count, max_rows=None) -> int:
+        """Allocate rows and return the first; growth is ahead of need, up to max_rows."""
+        range_index = next(
+            range_index
+            for range_index, (first_row, end_row) in enumerate(self._free)
+            if end_row - first_row >= row_count
+        )
+        first_row, end_row = self._free[range_index]
+        self._free[range_index] = first_row + row_count, end_row
+        if first_row + row_count > self.height:
+            grown_height = min(2 * self.height, max_rows or self._limit, self._limit)
+            self._resize(max(first_row + row_count, grown_height))
+        return first_row
 
-    def give(self, first, rows):
-        """Take rows back."""
-        free: list = []
-        for start, end in sorted([*self._free, (first, first + rows)]):
-            if free and free[-1][1] == start:
-                start, _ = free.pop()
-            free.append((start, end))
-        self._free = free
-        used = free[-1][0] if free[-1][1] == self._limit else self._limit
-        if not used:
+    def give(self, first_row, row_count):
+        """Free rows."""
+        free_ranges: list = []
+        for start_row, end_row in sorted([*self._free, (first_row, first_row + row_count)]):
+            if free_ranges and free_ranges[-1][1] == start_row:
+                start_row, _ = free_ranges.pop()
+            free_ranges.append((start_row, end_row))
+        self._free = free_ranges
+        used_rows = free_ranges[-1][0] if free_ranges[-1][1] == self._limit else self._limit
+        if not used_rows:
             self.release()
-        elif 4 * used <= self.height:
-            self._resize(2 * used)
+        elif 4 * used_rows <= self.height:
+            self._resize(2 * used_rows)
 
     def _resize(self, height):
-        old = self._target
+        old_target = self._target
         formats = ('rgba32f',) * len(self.names)
         self._target = Target(self.window, WIDTH, height, formats, filter='nearest')
-        if old is not None:
-            self.write(0, min(height, old.height), old.colors)
-            old.release()
+        if old_target is not None:
+            self.write(0, min(height, old_target.height), old_target.colors)
+            old_target.release()
 
-    def write(self, first, rows, textures):
+    def write(self, first_row, row_count, textures):
         """Write textures into rows."""
         if self._copy is None:
             self._copy = Quad(self.window, shader('store', TEXTURES=len(self.names)), 'rows')
         with self.drawing():
-            self.aim(first, rows)
-            parts = {f'ibr_part{i}': texture for i, texture in enumerate(textures)}
-            self._copy.draw({'ibr_first': float(first)}, parts)
+            self.aim(first_row, row_count)
+            source_textures = {f'ibr_part{i}': texture for i, texture in enumerate(textures)}
+            self._copy.draw({'ibr_first': float(first_row)}, source_textures)
 
     def drawing(self):
-        """Draw into the rows; all GL state comes back afterwards."""
+        """Draw into the rows; all GL state is restored afterwards."""
         return self._target.drawing()
 
-    def aim(self, first, rows):
+    def aim(self, first_row, row_count):
         """Draw into these rows only."""
-        state = self.window.GetState()
-        state.vtkglViewport(0, first, WIDTH, rows)
-        state.vtkglScissor(0, first, WIDTH, rows)
+        gl_state = self.window.GetState()
+        gl_state.vtkglViewport(0, first_row, WIDTH, row_count)
+        gl_state.vtkglScissor(0, first_row, WIDTH, row_count)
 
-    def download(self, first, rows) -> list[np.ndarray]:
+    def download(self, first_row, row_count) -> list[np.ndarray]:
         """Return the texels of rows of each texture, for tests."""
-        return [t.download()[first : first + rows] for t in self._target.colors]
+        return [t.download()[first_row : first_row + row_count] for t in self._target.colors]
 
     def release(self):
         """Free the GPU's memory; the context must be alive."""
@@ -141,78 +145,78 @@ class PoseSheet:
 
     def __init__(self, window):
         self.window = window
-        self.rest, self.posed = Rows(window, _AT_REST), Rows(window, SAMPLERS)
+        self.rest, self.posed = RowPool(window, _AT_REST), RowPool(window, SAMPLERS)
         self._staging = [Texture(window) for _ in _AT_REST]
         self._state, self._places = Texture(window), Texture(window)
-        self._placed = np.zeros(0)
+        self._uploaded_places = np.zeros(0)
         self._quads: dict[tuple, Quad] = {}
         self._binder = Binder()
 
-    def has(self, rest_rows, rows) -> bool:
-        """Return whether so many rows of both kinds are free."""
-        return self.rest.has(rest_rows) and self.posed.has(rows)
+    def has(self, rest_rows, row_count) -> bool:
+        """Return whether contiguous rows of both kinds are free."""
+        return self.rest.has(rest_rows) and self.posed.has(row_count)
 
     def load(self, images) -> int:
-        """Take over a mesh at rest, images of the width; return its first row."""
-        rows = max(len(image) for image in images)
+        """Load a mesh at rest from images; return its first row."""
+        row_count = max(len(image) for image in images)
         self.unbind()
-        first = self.rest.take(rows)
+        first_row = self.rest.take(row_count)
         try:
             for texture, image in zip(self._staging, images, strict=True):
-                blank = np.zeros((rows, WIDTH, 4), np.float32)
-                blank[: len(image)] = image
-                texture.upload(blank)
-            self.rest.write(first, rows, self._staging)
+                padded_image = np.zeros((row_count, WIDTH, 4), np.float32)
+                padded_image[: len(image)] = image
+                texture.upload(padded_image)
+            self.rest.write(first_row, row_count, self._staging)
         except BaseException:
-            self.rest.give(first, rows)
+            self.rest.give(first_row, row_count)
             raise
-        return first
+        return first_row
 
-    def take(self, rows) -> int:
-        """Return the first of so many rows for posed vertices."""
+    def take(self, row_count) -> int:
+        """Allocate rows for posed vertices; return the first."""
         self.unbind()
-        return self.posed.take(rows)
+        return self.posed.take(row_count)
 
-    def give(self, rest, posed):
-        """Take back rows of meshes at rest and of posed vertices, pairs of the first and a count.
+    def give(self, rest_ranges, posed_range):
+        """Free rows of meshes at rest and of posed vertices, as pairs of first row and count.
 
         With the last of them, all memory is freed.
         """
         self.unbind()
-        for pair in rest:
+        for pair in rest_ranges:
             self.rest.give(*pair)
-        self.posed.give(*posed)
+        self.posed.give(*posed_range)
         if not self.posed.height:
             release(*self._staging, self._state, self._places, *self._quads.values())
-            self._quads, self._placed = {}, np.zeros(0)
+            self._quads, self._uploaded_places = {}, np.zeros(0)
 
-    def upload(self, numbers, places):
-        """Upload fours of numbers (n, 4), and for each row what of them makes it (rows, 4)."""
-        self._state.upload(pack(numbers.astype(np.float32), STATE_WIDTH, 4))
-        if not np.array_equal(places, self._placed):
-            self._placed = places
-            self._places.upload(places[:, None].astype(np.float32))
+    def upload(self, pose_values, row_places):
+        """Upload pose state (n, 4), and for each row which of it to read (rows, 4)."""
+        self._state.upload(pack(pose_values.astype(np.float32), STATE_WIDTH, 4))
+        if not np.array_equal(row_places, self._uploaded_places):
+            self._uploaded_places = row_places
+            self._places.upload(row_places[:, None].astype(np.float32))
 
-    def draw(self, first, rows, defines, uniforms, textures):
-        """Pose the vertices of rows, within the drawing of the posed ones."""
-        self.posed.aim(first, rows)
-        key = tuple(defines.items())
-        if key not in self._quads:
-            text = shader('pose', WIDTH=WIDTH, STATE_WIDTH=STATE_WIDTH, **defines)
-            self._quads[key] = Quad(self.window, text, 'posing')
+    def draw(self, first_row, row_count, defines, uniforms, textures):
+        """Pose the vertices of rows, within ``posed.drawing()``."""
+        self.posed.aim(first_row, row_count)
+        program_key = tuple(defines.items())
+        if program_key not in self._quads:
+            shader_text = shader('pose', WIDTH=WIDTH, STATE_WIDTH=STATE_WIDTH, **defines)
+            self._quads[program_key] = Quad(self.window, shader_text, 'posing')
         uniforms['ibr_rest_share'] = 1.0 / self.rest.height
         textures = textures | self.rest.textures
         if not defines['NUMBERS']:
             uniforms['ibr_shares'] = 1.0 / self._state.size[1], 1.0 / self._places.size[1]
             textures |= {'ibr_state': self._state, 'ibr_places': self._places}
-        self._quads[key].draw(uniforms, textures)
+        self._quads[program_key].draw(uniforms, textures)
 
     def bind(self) -> dict[str, int]:
-        """Keep the posed vertices bound; return the texture units by samplers."""
+        """Bind the posed vertices; return the texture units by sampler."""
         if self._binder.owner is self:
             return self._binder.units
         return self._binder.bind(self, self.posed.textures)
 
     def unbind(self):
-        """Give the texture units back."""
+        """Release the texture units."""
         self._binder.unbind()

@@ -19,7 +19,7 @@ class _Group(list):
 
 
 class PosedPool(MeshPool):
-    """Actors of a figure, lent to near members and posed with them."""
+    """Actors of a figure, lent to near members and posed for each."""
 
     turns = False  # where a pose mirrors, faces are wound the other way
 
@@ -28,7 +28,7 @@ class PosedPool(MeshPool):
         self.mesh_actors, self.skinning = mesh_actors, skinning
         self._posed = [b for b in mesh_actors if isinstance(b, PosedMeshActor)]
         self._posing: Posing | None = None
-        self._shown: dict = {}
+        self._shown_keys: dict = {}
         self._made_so_far = 0
 
     def _made(self) -> list:
@@ -44,30 +44,30 @@ class PosedPool(MeshPool):
         return actor
 
     def show_sides(self, outside):
-        """Show both: a pose may turn triangles around."""
+        """Show both sides: a pose may flip triangles."""
 
     @property
     def nbytes(self) -> int:
         """Bytes on the GPU."""
         return 0 if self._posing is None else self._posing.nbytes
 
-    def pose(self, window, keys, moments_of, matrix_of):
+    def pose(self, window, key_by_slot, moments_of, matrix_of):
         """Pose the lent actors if any changed."""
-        shown = {self.lent[i].number: (i, key) for i, key in keys.items()}
-        if any(self._shown.get(number) != what for number, what in shown.items()):
-            moments = moments_of(list(keys.values()))
-            self._draw(window, dict(zip(keys, moments, strict=True)), matrix_of)
-        self._shown = shown  # what is lent anew has no pose yet
+        pose_keys = {self.lent[i].number: (i, key) for i, key in key_by_slot.items()}
+        if any(self._shown_keys.get(number) != pose_key for number, pose_key in pose_keys.items()):
+            moments = moments_of(list(key_by_slot.values()))
+            self._draw(window, dict(zip(key_by_slot, moments, strict=True)), matrix_of)
+        self._shown_keys = pose_keys  # newly lent actors have no pose yet
         for mesh_actor in self._posed:
             mesh_actor.draws.posing = self._posing
 
     def _draw(self, window, moments, matrix_of):
         for i, moment in moments.items():
-            world = matrix_of(i)
+            world_from_figure = matrix_of(i)
             for mesh_actor, actor in zip(self.mesh_actors, self.lent[i], strict=True):
-                matrix = world @ mesh_actor.local(moment)
-                actor.GetUserMatrix().DeepCopy(np.asarray(matrix, float).ravel().tolist())
-                mapper = mesh_actor.mapper(mesh_actor.mirrors(matrix, moment))
+                world_from_mesh = world_from_figure @ mesh_actor.local(moment)
+                actor.GetUserMatrix().DeepCopy(np.asarray(world_from_mesh, float).ravel().tolist())
+                mapper = mesh_actor.mapper(mesh_actor.mirrors(world_from_mesh, moment))
                 if actor.GetMapper() is not mapper:
                     actor.SetMapper(mapper)
         if not self._posed:
@@ -75,30 +75,27 @@ class PosedPool(MeshPool):
         if self._posing is None or self._posing.poses < self._made_so_far:
             self._release_posing()
             rest_meshes = [b.rest_mesh for b in self._posed]
-            room = max(4, 1 << (self._made_so_far - 1).bit_length())
-            self._posing = Posing(window, rest_meshes, poses=room)
+            pose_capacity = max(4, 1 << (self._made_so_far - 1).bit_length())
+            self._posing = Posing(window, rest_meshes, poses=pose_capacity)
         # Unused poses are drawn too, but never read.
-        some = next(iter(moments.values()))
-        placed = [some] * self._posing.poses
+        any_moment = next(iter(moments.values()))
+        moment_by_pose = [any_moment] * self._posing.poses
         for i, moment in moments.items():
-            placed[self.lent[i].number] = moment
-        places = []
+            moment_by_pose[self.lent[i].number] = moment
+        mesh_poses = []
         for mesh_actor in self._posed:
-            made = {id(moment): mesh_actor.mesh_pose(moment) for moment in moments.values()}
-            places.append([made[id(moment)] for moment in placed])
-        self._posing.draw(places, how=self.skinning)
+            pose_of = {id(moment): mesh_actor.mesh_pose(moment) for moment in moments.values()}
+            mesh_poses.append([pose_of[id(moment)] for moment in moment_by_pose])
+        self._posing.draw(mesh_poses, skinning_mode=self.skinning)
         for group in self.lent.values():
             self._aim(self._posing, group)
 
     def _aim(self, posing, group):
-        moved = [
-            a
-            for b, a in zip(self.mesh_actors, group, strict=True)
-            if isinstance(b, PosedMeshActor)
-        ]
-        for actor, (first, end) in zip(moved, pairwise(posing.rows), strict=True):
-            rows = (end - first) // posing.poses
-            set_vertex_uniforms((actor,), {'ibr_posed_row': first + group.number * rows})
+        pairs = zip(self.mesh_actors, group, strict=True)
+        actors = [actor for posed, actor in pairs if isinstance(posed, PosedMeshActor)]
+        for actor, (first_row, end_row) in zip(actors, pairwise(posing.rows), strict=True):
+            n_rows = (end_row - first_row) // posing.poses
+            set_vertex_uniforms((actor,), {'ibr_posed_row': first_row + group.number * n_rows})
 
     def finish(self):
         """Release the texture units."""
@@ -109,7 +106,7 @@ class PosedPool(MeshPool):
         self.finish()
         if self._posing is not None:
             self._posing.release()
-        self._posing, self._shown = None, {}
+        self._posing, self._shown_keys = None, {}
 
     def release(self, window):
         """Release all GPU resources; the context must be alive."""

@@ -15,8 +15,8 @@ from pvibr.gl.feature import Feature, sections
 from pvibr.maths import skinning
 from pvibr.scene.shader_draws import pack
 
-#: Most fours of numbers of a pose that are uniforms, and for how many meshes: OpenGL has room for
-#: 256, and the texture of many meshes is uploaded once.
+#: Most vec4s of a pose that are passed as uniforms, and for how many meshes: OpenGL has room for
+#: 256, and many meshes share one texture upload.
 _UNIFORM_NUMBERS, _UNIFORM_MESHES = 192, 4
 
 
@@ -58,25 +58,25 @@ class Posing:
 
     def __init__(self, window, rest_meshes, *, poses=1):
         self.poses = poses
-        heights = [-(-len(m.points) // WIDTH) for m in rest_meshes]
-        blocks = [max(m.n_groups, 1) * h for m, h in zip(rest_meshes, heights, strict=True)]
-        sheet = sheet_with_room(window, sum(blocks), sum(heights) * poses)
+        row_counts = [-(-len(m.points) // WIDTH) for m in rest_meshes]
+        rest_rows = [max(m.n_groups, 1) * h for m, h in zip(rest_meshes, row_counts, strict=True)]
+        sheet = sheet_with_room(window, sum(rest_rows), sum(row_counts) * poses)
         if sheet is None:
-            asked = f'{sum(len(m.points) for m in rest_meshes)} vertices in {poses} poses'
             raise ValueError(
-                f'the figure has {asked}; at most {texture_limit(window) * WIDTH} fit here.'
+                f'figure must have at most {texture_limit(window) * WIDTH} vertices in all its '
+                f'poses, got {sum(len(m.points) for m in rest_meshes)} in {poses} poses'
             )
         self._sheet = sheet
-        first = sheet.take(sum(heights) * poses)
+        first_row = sheet.take(sum(row_counts) * poses)
         #: First row of each mesh, and the end of them.
-        self.rows = np.cumsum([first, *(h * poses for h in heights)]).tolist()
+        self.rows = np.cumsum([first_row, *(h * poses for h in row_counts)]).tolist()
         self._rest: list[tuple[int, int]] = []
         self._meshes: list[_Mesh] = []
         try:
             for k, mesh in enumerate(rest_meshes):
-                at_rest = sheet.load(_images(mesh))
-                self._rest.append((at_rest, blocks[k]))
-                self._meshes.append(_Mesh(sheet, mesh, heights[k], at_rest, self.rows[k]))
+                rest_row = sheet.load(_images(mesh))
+                self._rest.append((rest_row, rest_rows[k]))
+                self._meshes.append(_Mesh(sheet, mesh, row_counts[k], rest_row, self.rows[k]))
         except BaseException:
             self.release()
             raise
@@ -84,31 +84,31 @@ class Posing:
     @property
     def nbytes(self) -> int:
         """Bytes on the GPU."""
-        rows = 2 * (self.rows[-1] - self.rows[0]) + 4 * sum(n for _, n in self._rest)
-        stored = sum(m.store.nbytes for m in self._meshes if m.store is not None)
-        return 16 * WIDTH * rows + stored
+        row_count = 2 * (self.rows[-1] - self.rows[0]) + 4 * sum(n for _, n in self._rest)
+        shape_bytes = sum(m.store.nbytes for m in self._meshes if m.store is not None)
+        return 16 * WIDTH * row_count + shape_bytes
 
-    def draw(self, places, *, how='linear', bulge=1.0):
+    def draw(self, mesh_poses, *, skinning_mode='linear', bulge=1.0):
         """Pose all meshes, each in its poses."""
-        draw_together(self.passes(places, how, bulge))
+        draw_together(self.passes(mesh_poses, skinning_mode, bulge))
 
-    def passes(self, places, how, bulge) -> list[_Pass]:
-        """Return what poses the meshes."""
-        pairs = zip(self._meshes, places, strict=True)
-        return [_Pass(mesh, mesh.numbers(poses, how), how, bulge) for mesh, poses in pairs]
+    def passes(self, mesh_poses, skinning, bulge) -> list[_Pass]:
+        """Return the passes that pose the meshes."""
+        pairs = zip(self._meshes, mesh_poses, strict=True)
+        return [_Pass(m, m.pose_states(poses, skinning), skinning, bulge) for m, poses in pairs]
 
     def bind(self) -> dict[str, int]:
-        """Keep the posed vertices bound; return the texture units by samplers."""
+        """Bind the posed vertices; return the texture units by sampler."""
         return self._sheet.bind()
 
     def unbind(self):
-        """Give the texture units back."""
+        """Release the texture units."""
         self._sheet.unbind()
 
-    def download(self, rest_mesh, pose=0):
+    def download(self, rest_mesh, pose_index=0):
         """Return posed positions and normals of a mesh, for tests."""
         mesh = self._meshes[rest_mesh]
-        texels = self._sheet.posed.download(mesh.first + pose * mesh.rows, mesh.rows)
+        texels = self._sheet.posed.download(mesh.first + pose_index * mesh.rows, mesh.rows)
         positions, normals = (t.reshape(-1, 4)[: mesh.count, :3] for t in texels)
         return positions, normals
 
@@ -120,114 +120,117 @@ class Posing:
 
 def draw_together(passes):
     """Pose meshes, of any figures in a window."""
-    sheets: dict = {}
-    for one in passes:
-        sheets.setdefault(one.mesh.sheet, []).append(one)
-    for sheet, passes in sheets.items():
+    passes_by_sheet: dict = {}
+    for pose_pass in passes:
+        passes_by_sheet.setdefault(pose_pass.mesh.sheet, []).append(pose_pass)
+    for sheet, passes in passes_by_sheet.items():
         sheet.unbind()
-        few = len(passes) <= _UNIFORM_MESHES and all(p.is_small for p in passes)
-        runs = [([p], p.own_numbers()) for p in passes] if few else _runs(passes)
-        if not few:
-            sheet.upload(*_state(passes, sheet.posed.height))
+        fits_uniforms = len(passes) <= _UNIFORM_MESHES and all(p.is_small for p in passes)
+        draw_runs = [([p], p.uniform_state()) for p in passes] if fits_uniforms else _runs(passes)
+        if not fits_uniforms:
+            sheet.upload(*_texture_state(passes, sheet.posed.height))
         with sheet.posed.drawing():
-            for (one, *others), numbers in runs:
-                rows = one.n_rows + sum(p.n_rows for p in others)
-                defines, uniforms, textures = one.settings()
-                defines['NUMBERS'] = len(numbers.get('ibr_numbers', ()))
-                sheet.draw(one.mesh.first, rows, defines, uniforms | numbers, textures)
+            for (first_pass, *more_passes), pose_uniforms in draw_runs:
+                n_rows = first_pass.n_rows + sum(p.n_rows for p in more_passes)
+                defines, uniforms, textures = first_pass.settings()
+                defines['NUMBERS'] = len(pose_uniforms.get('ibr_numbers', ()))
+                pose_uniforms |= uniforms
+                sheet.draw(first_pass.mesh.first, n_rows, defines, pose_uniforms, textures)
 
 
 def _runs(passes) -> list[tuple[list[_Pass], dict]]:
-    """Return passes that one draw does: their rows touch, and their programs are the same."""
-    runs: list = []
-    for found in sorted(passes, key=lambda p: p.mesh.first):
-        last = runs[-1][0][-1] if runs else None
-        if last and last.end == found.mesh.first and last.program == found.program:
-            runs[-1][0].append(found)
+    """Group passes into draws: adjacent rows, same program."""
+    draw_runs: list = []
+    for pose_pass in sorted(passes, key=lambda p: p.mesh.first):
+        last_pass = draw_runs[-1][0][-1] if draw_runs else None
+        place = pose_pass.mesh.first, pose_pass.program
+        if last_pass and (last_pass.end, last_pass.program) == place:
+            draw_runs[-1][0].append(pose_pass)
         else:
-            runs.append(([found], {}))
-    return runs
+            draw_runs.append(([pose_pass], {}))
+    return draw_runs
 
 
-def _state(passes, height) -> tuple[np.ndarray, np.ndarray]:
-    """Return the numbers of all poses, and for each row of the target what of them makes it."""
-    numbers = [found for p in passes for found in p.numbers]
-    sizes = [len(found) for found in numbers]
-    meshes = [(p.mesh, k) for p in passes for k in range(len(p.numbers))]
-    table = [(m.first + k * m.rows, m.rest, m.rows, m.palette) for m, k in meshes]
-    row, rest, rows, palette = np.array(table).T
-    within = np.arange(rows.sum()) - np.repeat(np.cumsum(rows) - rows, rows)
-    starts = np.cumsum(sizes) - sizes
-    places = np.zeros((height, 4))
-    columns = [np.repeat(v, rows) for v in (rest, starts, rows, palette)]
-    places[np.repeat(row, rows) + within] = np.stack(columns, 1)
-    places[np.repeat(row, rows) + within, 0] += within
-    return np.concatenate(numbers), places
+def _texture_state(passes, height) -> tuple[np.ndarray, np.ndarray]:
+    """Return the state of all poses, and for each row of the target which of it to read."""
+    all_values = [pose_values for p in passes for pose_values in p.pose_states]
+    value_counts = [len(pose_values) for pose_values in all_values]
+    posed_meshes = [(p.mesh, k) for p in passes for k in range(len(p.pose_states))]
+    table = [(m.first + k * m.rows, m.rest, m.rows, m.palette) for m, k in posed_meshes]
+    first_rows, rest_rows, counts, palette_sizes = np.array(table).T
+    within = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
+    starts = np.cumsum(value_counts) - value_counts
+    row_places = np.zeros((height, 4))
+    place_columns = [np.repeat(v, counts) for v in (rest_rows, starts, counts, palette_sizes)]
+    row_places[np.repeat(first_rows, counts) + within] = np.stack(place_columns, 1)
+    row_places[np.repeat(first_rows, counts) + within, 0] += within
+    return np.concatenate(all_values), row_places
 
 
 class _Mesh:
     """A mesh in a sheet: its rows at rest, and the first of its posed ones."""
 
-    def __init__(self, sheet, rest_mesh, rows, rest, first):
+    def __init__(self, sheet, rest_mesh, row_count, rest_row, first_row):
         self.sheet = sheet
-        self.rest_mesh, self.rows, self.rest, self.first = rest_mesh, rows, rest, first
+        self.rest_mesh, self.rows = rest_mesh, row_count
+        self.rest, self.first = rest_row, first_row
         self.count, self.origin = len(rest_mesh.points), rest_mesh.origin
         shapes = rest_mesh.shapes
         self.store = None if shapes is None else ShapeStore(sheet.window, shapes)
-        #: Fours of numbers of the joints, before the shapes.
+        #: Vec4s of the joints, before the shapes.
         self.palette = 0
 
-    def numbers(self, places, how):
+    def pose_states(self, mesh_poses, skinning_mode):
         """Return the state of each pose as rows of four: joints, then shapes."""
-        palettes = [self._palette(place, how) for place in places]
-        self.palette = len(palettes[0])
+        joint_palettes = [self._palette(place, skinning_mode) for place in mesh_poses]
+        self.palette = len(joint_palettes[0])
         if self.store is None:
-            return palettes
-        shapes = _shapes(self.store, places)
-        return [np.concatenate(pair) for pair in zip(palettes, shapes, strict=True)]
+            return joint_palettes
+        shapes = _shapes(self.store, mesh_poses)
+        return [np.concatenate(pair) for pair in zip(joint_palettes, shapes, strict=True)]
 
-    def _palette(self, place, how):
+    def _palette(self, mesh_pose, skinning_mode):
         """Return the skinning matrices as rows of four, relative to the origins."""
-        if place.matrices is None:
+        if mesh_pose.matrices is None:
             return np.zeros((0, 4))
-        matrices = np.array(place.matrices, np.float64)
-        matrices[:, :3, 3] += matrices[:, :3, :3] @ self.origin - place.origin
-        linear = matrices[:, :3]
-        if how == 'linear':
-            return linear.reshape(-1, 4)
+        matrices = np.array(mesh_pose.matrices, np.float64)
+        matrices[:, :3, 3] += matrices[:, :3, :3] @ self.origin - mesh_pose.origin
+        linear_parts = matrices[:, :3]
+        if skinning_mode == 'linear':
+            return linear_parts.reshape(-1, 4)
         centers = self.rest_mesh.centers - self.origin
         real, dual, stretch = skinning.dual_parts(matrices, centers)
-        joints = (stretch, linear, real[:, None], dual[:, None])
-        return np.concatenate(joints, 1).reshape(-1, 4)
+        joint_rows = stretch, linear_parts, real[:, None], dual[:, None]
+        return np.concatenate(joint_rows, 1).reshape(-1, 4)
 
 
-def _shapes(store, places):
+def _shapes(store, mesh_poses):
     """Return counts and shapes of each pose as rows of four; load missing shapes."""
-    where = store.places({int(i) for place in places for i in place.shapes})
-    out = []
-    for place in places:
-        rows = np.zeros((1 + len(place.shapes), 4))
-        rows[0, :2] = place.frames, len(place.shapes)
-        rows[1:, 0] = [where[int(i)] for i in place.shapes]
-        rows[1:, 1] = place.amounts
-        out.append(rows)
-    return out
+    row_by_shape = store.places({int(i) for mesh_pose in mesh_poses for i in mesh_pose.shapes})
+    shape_rows = []
+    for mesh_pose in mesh_poses:
+        pose_rows = np.zeros((1 + len(mesh_pose.shapes), 4))
+        pose_rows[0, :2] = mesh_pose.frames, len(mesh_pose.shapes)
+        pose_rows[1:, 0] = [row_by_shape[int(i)] for i in mesh_pose.shapes]
+        pose_rows[1:, 1] = mesh_pose.amounts
+        shape_rows.append(pose_rows)
+    return shape_rows
 
 
 class _Pass:
     """How a mesh is posed, once or in several poses."""
 
-    def __init__(self, mesh, numbers, how, bulge):
-        self.mesh, self.numbers, self.bulge = mesh, numbers, float(bulge)
-        groups = mesh.rest_mesh.n_groups
-        self._dual = how == 'dual' and groups > 0
-        #: What must be the same to be drawn together.
-        self.program = groups, self._dual and self.bulge, mesh.store
+    def __init__(self, mesh, pose_states, skinning_mode, bulge):
+        self.mesh, self.pose_states, self.bulge = mesh, pose_states, float(bulge)
+        group_count = mesh.rest_mesh.n_groups
+        self._dual = skinning_mode == 'dual' and group_count > 0
+        #: Key of the passes that one draw can combine.
+        self.program = group_count, self._dual and self.bulge, mesh.store
 
     @property
     def n_rows(self) -> int:
         """Rows of all poses."""
-        return self.mesh.rows * len(self.numbers)
+        return self.mesh.rows * len(self.pose_states)
 
     @property
     def end(self) -> int:
@@ -237,15 +240,15 @@ class _Pass:
     @property
     def is_small(self) -> bool:
         """Whether its state fits into uniforms."""
-        return len(self.numbers) == 1 and len(self.numbers[0]) <= _UNIFORM_NUMBERS
+        return len(self.pose_states) == 1 and len(self.pose_states[0]) <= _UNIFORM_NUMBERS
 
-    def own_numbers(self) -> dict:
-        """Return its state as uniforms, a power of two of them to share programs."""
-        (found,), mesh = self.numbers, self.mesh
-        block = np.zeros((4 << (-(-len(found) // 4) - 1).bit_length(), 4))
-        block[: len(found)] = found
+    def uniform_state(self) -> dict:
+        """Return its state as uniforms, padded to a power of two to share programs."""
+        (pose_values,), mesh = self.pose_states, self.mesh
+        value_block = np.zeros((4 << (-(-len(pose_values) // 4) - 1).bit_length(), 4))
+        value_block[: len(pose_values)] = pose_values
         return {
-            'ibr_numbers': block.reshape(-1, 4, 4).swapaxes(1, 2),
+            'ibr_numbers': value_block.reshape(-1, 4, 4).swapaxes(1, 2),
             'ibr_place': (mesh.rest - mesh.first, 0, mesh.rows, mesh.palette),
         }
 
@@ -274,17 +277,17 @@ def _influences(rest_mesh):
     """Return joints and weights as images, heaviest first, four per texel, stacked."""
     if rest_mesh.joints is None:
         return [np.zeros((1, WIDTH, 4), np.float32)] * 2
-    order = np.argsort(-rest_mesh.weights, axis=1, kind='stable')
-    tables = []
+    weight_order = np.argsort(-rest_mesh.weights, axis=1, kind='stable')
+    images = []
     for values in (rest_mesh.joints, rest_mesh.weights):
-        padded = _four(np.take_along_axis(values, order, 1))
-        columns = [padded[:, i : i + 4] for i in range(0, padded.shape[1], 4)]
-        tables.append(np.concatenate([pack(np.ascontiguousarray(c), WIDTH, 4) for c in columns]))
-    return tables
+        padded_values = _four(np.take_along_axis(values, weight_order, 1))
+        columns = [padded_values[:, i : i + 4] for i in range(0, padded_values.shape[1], 4)]
+        images.append(np.concatenate([pack(np.ascontiguousarray(c), WIDTH, 4) for c in columns]))
+    return images
 
 
 class PosedDraws:
-    """Binds the textures of a posing to the draws of some mappers, each time anew.
+    """Binds the textures of a posing whenever one of its mappers draws.
 
     There are far fewer texture units than figures in a scene.
     """
@@ -301,7 +304,7 @@ class PosedDraws:
                 program.SetUniformi(name, unit)
 
     def unbind(self):
-        """Give the texture units back."""
+        """Release the texture units."""
         if self.posing is not None:
             self.posing.unbind()
 
@@ -309,13 +312,13 @@ class PosedDraws:
 @lru_cache(maxsize=1)
 def posed_feature() -> Feature:
     """Return the shader feature that fetches posed vertices."""
-    text = sections(shader_source(__file__))
+    shader_sections = sections(shader_source(__file__))
     samplers = ''.join(f'uniform sampler2D {name};\n' for name in SAMPLERS)
-    declare = f'//VTK::CustomUniforms::Dec\n{samplers}{text["vertex.declare"]}'
-    begin = f'#define WIDTH {WIDTH}u\n{text["vertex.begin"]}'
+    declarations = f'//VTK::CustomUniforms::Dec\n{samplers}{shader_sections["vertex.declare"]}'
+    vertex_begin = f'#define WIDTH {WIDTH}u\n{shader_sections["vertex.begin"]}'
     vertex = {
-        'VTK::CustomUniforms::Dec': declare,
-        'VTK::CustomBegin::Impl': begin,
-        'VTK::Normal::Impl': text['vertex.normal'],
+        'VTK::CustomUniforms::Dec': declarations,
+        'VTK::CustomBegin::Impl': vertex_begin,
+        'VTK::Normal::Impl': shader_sections['vertex.normal'],
     }
     return Feature('posed', vertex)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from pvibr.figures.pose_sheet import WIDTH, Rows
+from pvibr.figures.pose_sheet import WIDTH, RowPool
 from pvibr.gl import Texture, nbytes_of, release
 from pvibr.scene.shader_draws import pack
 
@@ -14,7 +14,7 @@ _ATTRIBUTES = ('positions', 'normals')
 
 
 class MeshShapes:
-    """The shapes of a mesh: key frames, then morph targets, then correctives."""
+    """Shapes of a mesh: key frames, then morph targets, then correctives."""
 
     def __init__(self, figure, index, order):
         self.figure, self.index, self.order = figure, index, order
@@ -47,33 +47,33 @@ class MeshShapes:
         number -= self.n_frames
         for morphs in self._layers:
             if number < len(morphs):
-                return tuple(self._dense(morphs, what, number) for what in _ATTRIBUTES)
+                return tuple(self._dense(morphs, attribute, number) for attribute in _ATTRIBUTES)
             number -= len(morphs)
         raise IndexError(number)
 
-    def _dense(self, morphs, what, number):
-        target = morphs.target(what, number)
+    def _dense(self, morphs, attribute, shape_index):
+        target = morphs.target(attribute, shape_index)
         if target is None:
             return None
-        weights = np.zeros(len(morphs))
-        weights[number] = 1.0
-        return morphs.total(what, weights, len(self.figure_mesh.points))[self.order]
+        one_hot = np.arange(len(morphs)) == shape_index
+        return morphs.total(attribute, one_hot, len(self.figure_mesh.points))[self.order]
 
     def active(self, pose):
         """Return active shapes, their weights, and the number of key frames among them."""
-        shapes, amounts, frames = [], [], 0
+        shapes, amounts, frame_count = [], [], 0
         if self.n_frames:
-            found, weights = self.figure_mesh.frames.at(getattr(pose, 'time', 0.0))
-            shown = np.flatnonzero(weights)
-            shapes, amounts, frames = [found[shown]], [weights[shown]], len(shown)
-        first = self.n_frames
+            frame_indices, weights = self.figure_mesh.frames.at(getattr(pose, 'time', 0.0))
+            active_indices = np.flatnonzero(weights)
+            shapes, amounts = [frame_indices[active_indices]], [weights[active_indices]]
+            frame_count = len(active_indices)
+        first_shape = self.n_frames
         for morphs, weights in self.figure.layers(self.index, pose):
-            shown = np.flatnonzero(weights)
-            shapes.append(first + shown)
-            amounts.append(weights[shown])
-            first += len(morphs)
-        joined = np.concatenate([np.zeros(0, int), *shapes]), np.concatenate([[], *amounts])
-        return *joined, frames
+            active_indices = np.flatnonzero(weights)
+            shapes.append(first_shape + active_indices)
+            amounts.append(weights[active_indices])
+            first_shape += len(morphs)
+        all_shapes = np.concatenate([np.zeros(0, int), *shapes]), np.concatenate([[], *amounts])
+        return *all_shapes, frame_count
 
 
 class ShapeStore:
@@ -83,9 +83,9 @@ class ShapeStore:
         self.shapes = shapes
         #: Rows of a shape.
         self.rows = -(-shapes.n_points // WIDTH)
-        self._held = Rows(window, ('ibr_shapes', 'ibr_shape_normals'))
+        self._row_pool = RowPool(window, ('ibr_shapes', 'ibr_shape_normals'))
         self._room = BUDGET // (WIDTH * 32)
-        self._where: dict[int, int] = {}  # first row by shape, least recently used first
+        self._row_by_shape: dict[int, int] = {}  # first row by shape, least recently used first
         #: Number of uploads so far.
         self.loads = 0
         self._staging = [Texture(window), Texture(window)]
@@ -93,47 +93,49 @@ class ShapeStore:
     @property
     def nbytes(self) -> int:
         """Bytes on the GPU."""
-        return nbytes_of(self._held, *self._staging)
+        return nbytes_of(self._row_pool, *self._staging)
 
     @property
     def share(self) -> float:
-        """A row relative to all rows."""
-        return 1.0 / max(self._held.height, 1)
+        """Height of a row as a fraction of the texture."""
+        return 1.0 / max(self._row_pool.height, 1)
 
     @property
     def textures(self) -> dict:
         """Positions and normals, by the names of their samplers."""
-        return self._held.textures
+        return self._row_pool.textures
 
-    def places(self, wanted) -> dict[int, int]:
+    def places(self, required) -> dict[int, int]:
         """Return the first rows of shapes, loading missing ones."""
-        for shape in wanted & self._where.keys():
-            self._where[shape] = self._where.pop(shape)  # most recently used
-        for shape in sorted(wanted - self._where.keys()):
-            self._load(shape, self._free(wanted))
-        return self._where
+        for shape in required & self._row_by_shape.keys():
+            self._row_by_shape[shape] = self._row_by_shape.pop(shape)  # most recently used
+        for shape in sorted(required - self._row_by_shape.keys()):
+            self._load(shape, self._free(required))
+        return self._row_by_shape
 
-    def _free(self, wanted) -> int:
+    def _free(self, required) -> int:
         """Return the first of free rows, or of those of the least recently used shape."""
-        held, most = len(self._where), max(self._room, len(wanted) * self.rows)
-        if (held + 1) * self.rows <= most and self._held.has(self.rows):
-            return self._held.take(self.rows, most)
-        oldest = next((shape for shape in self._where if shape not in wanted), None)
-        if oldest is None:
-            size = f'{len(wanted)} shapes of {self.rows * WIDTH} vertices at once'
-            raise ValueError(f'{size}; {held} fit here.')
-        return self._where.pop(oldest)
+        stored, max_rows = len(self._row_by_shape), max(self._room, len(required) * self.rows)
+        if (stored + 1) * self.rows <= max_rows and self._row_pool.has(self.rows):
+            return self._row_pool.take(self.rows, max_rows)
+        oldest_shape = next((shape for shape in self._row_by_shape if shape not in required), None)
+        if oldest_shape is None:
+            raise ValueError(
+                f'active shapes must be at most {stored}, got {len(required)} of '
+                f'{self.rows * WIDTH} vertices'
+            )
+        return self._row_by_shape.pop(oldest_shape)
 
-    def _load(self, shape, first):
-        empty = np.zeros((self.shapes.n_points, 3), np.float32)
-        for texture, found in zip(self._staging, self.shapes[shape], strict=True):
-            values = empty if found is None else found.astype(np.float32)
+    def _load(self, shape, first_row):
+        no_difference = np.zeros((self.shapes.n_points, 3), np.float32)
+        for texture, difference in zip(self._staging, self.shapes[shape], strict=True):
+            values = no_difference if difference is None else difference.astype(np.float32)
             texture.upload(pack(np.ascontiguousarray(values), WIDTH, 3))
-        self._held.write(first, self.rows, self._staging)
-        self._where[shape] = first
+        self._row_pool.write(first_row, self.rows, self._staging)
+        self._row_by_shape[shape] = first_row
         self.loads += 1
 
     def release(self):
         """Release all GPU resources; the context must be alive."""
-        release(self._held, *self._staging)
-        self._where = {}
+        release(self._row_pool, *self._staging)
+        self._row_by_shape = {}

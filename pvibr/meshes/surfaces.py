@@ -7,7 +7,7 @@ from contextlib import contextmanager
 import numpy as np
 import pyvista as pv
 
-from pvibr.animation.normals import turned
+from pvibr.animation.normals import with_flipped_winding
 from pvibr.core import _vtk
 from pvibr.maths.transforms import transform_normals, transform_points
 
@@ -102,7 +102,7 @@ def moved(mesh, matrix):
         if old.active_normals is not None:
             data.active_normals = transform_normals(matrix, old.active_normals)
     # A mirroring matrix reverses the winding.
-    return turned(new) if np.linalg.det(matrix[:3, :3]) < 0 else new
+    return with_flipped_winding(new) if np.linalg.det(matrix[:3, :3]) < 0 else new
 
 
 def clipped(mesh, planes):

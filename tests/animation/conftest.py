@@ -13,6 +13,12 @@ TYPES = {1: 'SCALAR', 2: 'VEC2', 3: 'VEC3', 4: 'VEC4', 16: 'MAT4'}
 SQUARE = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]
 
 
+def refused(message, call, *args, kind=ValueError, **kwargs):
+    """Check that a call raises an error whose message matches."""
+    with pytest.raises(kind, match=message):
+        call(*args, **kwargs)
+
+
 class Glb:
     """A glTF file that grows: things are added to `json` and `blob`."""
 

@@ -5,10 +5,11 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from pvibr.animation.blending import added, crossfade, difference, joint_mask, mix
+from pvibr.animation.blending import crossfade, difference, joint_mask, mix, with_additive
 from pvibr.animation.pose import Pose
 from pvibr.animation.skeleton import Skeleton
 from pvibr.maths import quaternions
+from tests.animation.conftest import refused
 
 seeds = st.integers(0, 2**32 - 1)
 parts = st.floats(0, 1)
@@ -88,9 +89,9 @@ def test_fades_within_fades_add_up(seed, first, second):
 def test_a_difference_leads_back(seed, weight):
     pose, reference, base = some(seed), some(seed + 1), some(seed + 2)
     extra = difference(pose, reference)
-    same(added(reference, extra), pose)
-    same(added(base, extra, 0.0), base)
-    again = added(added(base, extra, weight), extra, -weight)
+    same(with_additive(reference, extra), pose)
+    same(with_additive(base, extra, 0.0), base)
+    again = with_additive(with_additive(base, extra, weight), extra, -weight)
     np.testing.assert_allclose(again.translation, base.translation, atol=1e-9)
     np.testing.assert_allclose(again.weights, base.weights, atol=1e-9)
     assert angle(again.rotation, base.rotation).max() < 1e-5
@@ -99,7 +100,7 @@ def test_a_difference_leads_back(seed, weight):
 def test_an_additive_pose_is_scaled_by_its_angle():
     rest = Pose(np.zeros((1, 3)))
     up = Pose(np.zeros((1, 3)), quaternions.from_axis_angle([[0, 0, 1]], np.radians(20)))
-    three = added(rest, difference(up, rest), 3.0)
+    three = with_additive(rest, difference(up, rest), 3.0)
     assert angle(three.rotation, rest.rotation)[0] == pytest.approx(60)
 
 
@@ -112,7 +113,7 @@ def test_masked_joints_stay(seed, part):
     np.testing.assert_allclose(faded.matrices()[1], whole.matrices()[1], atol=1e-12)
     np.testing.assert_allclose(faded.matrices()[2], half.matrices()[2], atol=1e-12)
     np.testing.assert_array_equal(faded.weights, a.weights)
-    on_top = added(a, b, part, [0.0, 1.0, 0.5])
+    on_top = with_additive(a, b, part, [0.0, 1.0, 0.5])
     np.testing.assert_allclose(on_top.matrices()[0], a.matrices()[0], atol=1e-12)
 
 
@@ -124,7 +125,7 @@ def test_many_poses_and_weights_at_once():
     one = Pose(a.translation[2, 3], a.rotation[2, 3], a.scale[2, 3], a.weights[2, 3])
     same(whole[2][3], mix([one, b, c[3]], weights[2, 3]))
     assert crossfade(b, c, np.zeros((4, 1))).shape == (4, 5)
-    assert added(b, difference(c, b), np.ones((4, 1)), [1, 0, 1]).shape == (4, 5)
+    assert with_additive(b, difference(c, b), np.ones((4, 1)), [1, 0, 1]).shape == (4, 5)
 
 
 def test_the_time_is_that_of_the_heaviest():
@@ -146,19 +147,12 @@ def test_masks_grow_down_the_tree():
 
 def test_bad_input_is_named():
     a, b = some(1), some(2)
-    with pytest.raises(ValueError, match=r'weights has the shape \(3,\) for 2 poses'):
-        mix([a, b], [1, 1, 1])
+    refused(r'weights must have shape \(..., 2\), got \(3,\)', mix, [a, b], [1, 1, 1])
     for weights in ([-1, 2], [0, 0], [np.nan, 1]):
-        with pytest.raises(ValueError, match='weights must be finite, not negative'):
-            mix([a, b], weights)
-    with pytest.raises(ValueError, match=r'weight is 1\.5'):
-        crossfade(a, b, 1.5)
-    with pytest.raises(ValueError, match='mask is nan'):
-        crossfade(a, b, 0.5, [np.nan, 1, 1])
-    with pytest.raises(ValueError, match=r'mask has the shape \(2,\); there are 3'):
-        added(a, b, 1.0, [1, 1])
+        refused('weights must be finite, not negative', mix, [a, b], weights)
+    refused(r'weight must be from 0 to 1, got 1\.5', crossfade, a, b, 1.5)
+    refused('mask must be from 0 to 1, got nan', crossfade, a, b, 0.5, [np.nan, 1, 1])
+    refused(r'mask must have shape \(3,\), got \(2,\)', with_additive, a, b, 1.0, [1, 1])
     tree = Skeleton([-1], Pose(np.zeros((1, 3))), ['hip'])
-    with pytest.raises(ValueError, match="no joint 'nose'; joints: hip"):
-        joint_mask(tree, ['nose'])
-    with pytest.raises(ValueError, match='feather is -1'):
-        joint_mask(tree, ['hip'], -1)
+    refused(r"joint must be in the skeleton \(hip.*, got 'nose'", joint_mask, tree, ['nose'])
+    refused('feather must be 0 or more, got -1', joint_mask, tree, ['hip'], -1)

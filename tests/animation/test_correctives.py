@@ -15,6 +15,7 @@ from pvibr.animation.morphs import Morphs
 from pvibr.animation.pose import Pose
 from pvibr.animation.skeleton import Skeleton
 from pvibr.maths import quaternions
+from tests.animation.conftest import refused
 
 RNG = np.random.default_rng(0)
 REST = Pose([[0.0, 0, 0], [1.0, 0, 0], [1.0, 0, 0]])
@@ -194,28 +195,21 @@ def test_many_poses_at_once():
 
 
 def test_bad_input_is_named():
-    with pytest.raises(ValueError, match='key0 and key1 are equal poses'):
-        space([30.0, 30.0])
-    with pytest.raises(ValueError, match='neutral pose and key0 are equal'):
-        space([0.0])
-    with pytest.raises(ValueError, match=r'too large to separate'):
-        space([10.0, 10.1, 10.2, 10.3], radius=100.0)
-    with pytest.raises(ValueError, match=r'radius is -1.0'):
-        space([10.0], radius=-1.0)
-    with pytest.raises(ValueError, match=r'joints is \[3\].*3 joints'):
-        PoseSpace([3], bent([10.0]), REST)
-    with pytest.raises(ValueError, match=r'keys holds poses \(\)'):
-        PoseSpace([1], REST, REST)
-    with pytest.raises(ValueError, match='2 names for 1'):
-        space([10.0], names=['a', 'b'])
-    with pytest.raises(ValueError, match=r'shapes\[0\] has 1 shapes; there are 2'):
+    refused('got equal key0 and key1', space, [30.0, 30.0])
+    refused('got equal the neutral pose and key0', space, [0.0])
+    refused('small enough to separate', space, [10.0, 10.1, 10.2, 10.3], radius=100.0)
+    refused(r'radius must be positive.* got -1.0', space, [10.0], radius=-1.0)
+    refused(r'one of the 3 joints, got \[3\]', PoseSpace, [3], bent([10.0]), REST)
+    refused(r'keys must be .* got \(\)', PoseSpace, [1], REST, REST)
+    refused(r'must hold 1 names.* got 2', space, [10.0], names=['a', 'b'])
+    with pytest.raises(ValueError, match=r'shapes\[0\] must have 2 shapes.* got 1'):
         Correctives(space([10.0, 20.0]), {0: Morphs([[[0, 0, 1.0]]])})
-    with pytest.raises(ValueError, match=r'the pose has 1 joints; joint 1'):
+    with pytest.raises(ValueError, match=r'pose must have joints up to 1, got 1'):
         space([10.0]).weights(Pose([[0.0, 0, 0]]))
-    with pytest.raises(ValueError, match='points has the shape'):
+    with pytest.raises(ValueError, match='points must be'):
         Correctives.from_sculpted(arm(), [1], bent([90.0]), np.zeros((1, 2, 3)))
     bare, twist = arm(), bent([180.0], axis=(1, 0, 0))
-    with pytest.raises(ValueError, match=r'linear skinning collapses 12 vertices'):
+    with pytest.raises(ValueError, match=r'linear skinning must .* got 12, first'):
         Correctives.from_sculpted(bare, [1], twist, bare.posed(0, twist[0])[0][None])
 
 

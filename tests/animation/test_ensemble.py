@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import pyvista as pv
-from scipy.interpolate import CubicHermiteSpline
 
 from pvibr import Figure
 from pvibr.animation import Clip, ClipSource, FigureMesh, Pose, Skeleton, Track
@@ -47,33 +46,13 @@ def test_figures_are_posed_together_as_alone(seed):
     clips = [getattr(pose, 'clip', None) for pose in poses]
     together = Ensemble(list(zip(figures, ['linear'] * 6, clips, strict=True)))
     for time in (-1.0, 0.0, 0.77, 3.3, 50.0):
-        for i, (pose, world, signs, bounds) in enumerate(together.moved(poses, time)):
+        for i, (pose, world, signs, bounds) in enumerate(together.posed(poses, time)):
             wanted = alone if poses[i] is alone else poses[i].sample(time)
             for part in ('translation', 'rotation', 'scale', 'time'):
                 assert np.allclose(getattr(pose, part), getattr(wanted, part), atol=1e-12)
             assert np.allclose(world, figures[i].world(wanted), atol=1e-9)
             assert np.allclose(bounds, figures[i].bounds(wanted), atol=1e-9)
             assert np.array_equal(signs, np.sign(np.linalg.det(world[:, :3, :3])))
-
-
-def test_each_track_of_a_clip_has_keys_of_its_own():
-    rng = np.random.default_rng(3)
-    a, b = np.cumsum(rng.uniform(0.1, 1, (2, 6)), 1)
-    line, spline = rng.normal(size=(6, 3)), rng.normal(size=(6, 3, 3))
-    spline[:, 0] = spline[:, 2]  # one tangent per key
-    more = rng.normal(size=(6, 3))
-    tracks = [
-        Track(0, 'translation', a, line),
-        Track(1, 'translation', b, more),
-        Track(1, 'scale', b, spline, 'cubic'),
-    ]
-    times = rng.uniform(a[0], a[-1], 9)
-    pose = Clip('x', tracks).sample(times, Pose(np.zeros((2, 3))), loop=False)
-    for node, keys, values in ((0, a, line), (1, b, more)):
-        wanted = np.stack([np.interp(times, keys, v) for v in values.T], -1)
-        assert np.allclose(pose.translation[:, node], wanted)
-    inside = np.clip(times, b[0], b[-1])
-    assert np.allclose(pose.scale[:, 1], CubicHermiteSpline(b, spline[:, 1], spline[:, 0])(inside))
 
 
 @pytest.mark.parametrize('loop', [True, False, 'pingpong'])

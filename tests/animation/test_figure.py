@@ -12,6 +12,7 @@ from pvibr import Figure
 from pvibr.animation import Clip, FigureMesh, Morphs, Pose, Skeleton, Skin, Track
 from pvibr.animation.vertex_animation import VertexAnimation
 from pvibr.maths.transforms import transform_normals, transform_points
+from tests.animation.conftest import refused
 from tests.makers import sheet
 
 SEEDS = st.integers(0, 2**32 - 1)
@@ -138,40 +139,33 @@ def test_clips_are_found_by_name_number_and_self():
     clips = [Clip('Walk', []), Clip('Run', [])]
     figure = Figure([], clips=clips)
     assert [figure.clip(c) for c in ('Run', 1, clips[1], None)] == [clips[1]] * 3 + [clips[0]]
-    with pytest.raises(ValueError, match="there is no clip 'Fly'; clips: 'Walk', 'Run'"):
-        figure.sample(0.0, 'Fly')
-    with pytest.raises(ValueError, match='there is no clip 0; clips: none'):
-        Figure([]).sample(0.0, 0)
+    refused(r"clip must be in the figure \('Walk', 'Run'\), got 'Fly'", figure.sample, 0.0, 'Fly')
+    refused(r'clip must be in the figure \(none\), got 0', Figure([]).sample, 0.0, 0)
 
 
 def test_skins_refuse_joints_out_of_range():
     one = np.eye(4)[None]
-    with pytest.raises(ValueError, match=r'joints\[1, 0\] is 1; the skin has 1 joints'):
+    with pytest.raises(ValueError, match=r'joints\[1, 0\] must be from 0 to 0, got 1'):
         Skin([0], one, [[0], [1]], [[1.0], [1.0]])
-    with pytest.raises(ValueError, match='whole numbers'):
-        Skin([0], one, [[0.0]], [[1.0]])
-    with pytest.raises(ValueError, match=r'inverse_bind must be \(2, 4, 4\)'):
-        Skin([0, 1], one, [[0]], [[1.0]])
+    refused('whole numbers', Skin, [0], one, [[0.0]], [[1.0]])
+    refused(r'inverse_bind must be \(2, 4, 4\)', Skin, [0, 1], one, [[0]], [[1.0]])
 
 
 def test_a_figure_refuses_what_does_not_fit():
     mesh = sheet(np.eye(3))
-    with pytest.raises(ValueError, match=r'meshes\[0\] uses the joints 2 to 2'):
-        Figure([FigureMesh(mesh, 2)])
-    with pytest.raises(ValueError, match='the skin has 1 vertices, the mesh 3'):
+    refused(r'joints of meshes\[0\] must be from -1 to -1, got 2', Figure, [FigureMesh(mesh, 2)])
+    with pytest.raises(ValueError, match='skin must have 3 vertices, got 1'):
         FigureMesh(mesh, skin=Skin([0], [np.eye(4)], [[0]], [[1.0]]))
-    with pytest.raises(ValueError, match=r'positions\[0\] has 4 rows; the mesh has 3'):
+    with pytest.raises(ValueError, match=r'positions\[0\] must have 3 rows, got 4'):
         FigureMesh(mesh, morphs=Morphs(np.zeros((1, 4, 3))))
-    with pytest.raises(ValueError, match='frames have 4 vertices, the mesh 3'):
+    with pytest.raises(ValueError, match='frames must have 3 vertices, got 4'):
         FigureMesh(mesh, frames=VertexAnimation([0.0], np.zeros((1, 4, 3))))
     figure = Figure([FigureMesh(mesh, 0)], Skeleton([-1], [np.eye(4)]))
-    with pytest.raises(ValueError, match='pose has 2 matrices, the skeleton 1'):
+    with pytest.raises(ValueError, match='pose must have 1 matrices, one per joint, got 2'):
         figure.posed(0, np.tile(np.eye(4), (2, 1, 1)))
-    with pytest.raises(ValueError, match='skinning must be'):
-        random_figure(np.random.default_rng(0)).posed(0, skinning='cubic')
-    with pytest.raises(ValueError, match='one is posed at a time'):
-        figure.posed(0, figure.sample([0.0, 1.0]))
-    with pytest.raises(ValueError, match='the pose has 1 morph weights, the figure 0'):
+    refused('skinning is', random_figure(np.random.default_rng(0)).posed, 0, skinning='cubic')
+    refused('pose must be a single pose', figure.posed, 0, figure.sample([0.0, 1.0]))
+    with pytest.raises(ValueError, match='pose must have 0 morph weights, got 1'):
         figure.weights(0, figure.rest.replaced(weights=[1.0]))
 
 

@@ -16,6 +16,7 @@ from pvibr.animation.mixer import AnimationLayer, ClipSource, Mixer, PoseSource,
 from pvibr.animation.pose import Pose
 from pvibr.animation.skeleton import Skeleton
 from pvibr.maths import quaternions
+from tests.animation.conftest import refused
 
 REST = Pose(np.array([[0.0, 0, 0], [0, 0, 1], [0, 0, 1]]))
 
@@ -159,18 +160,14 @@ def test_a_crowd_is_one_call():
 
 def test_bad_input_is_named():
     fox, rest = figure(), PoseSource(REST)
-    with pytest.raises(ValueError, match=r"no clip 'fly'.*'walk'"):
-        ClipSource(fox, 'fly')
-    with pytest.raises(ValueError, match=r'weight is 2\.0'):
-        AnimationLayer(rest, 2.0)
-    with pytest.raises(ValueError, match=r'values\[0\] must be finite, got nan'):
-        AnimationLayer(rest, np.nan)
-    with pytest.raises(ValueError, match=r'values have the shape \(1, 2\) for 3 times'):
+    refused(r"clip must .*'walk'.* got 'fly'", ClipSource, fox, 'fly')
+    refused(r'weight must be from 0 to 1, got 2\.0', AnimationLayer, rest, 2.0)
+    refused(r'values\[0\] is nan', AnimationLayer, rest, np.nan)
+    with pytest.raises(ValueError, match=r'values must be \(3, ...\), got \(1, 2\)'):
         SyncedClips(fox, ['walk', 'run'], [0.5, 0.5], [0, 1, 2])
-    with pytest.raises(ValueError, match=r'weights has the shape \(1, 1\) for 2 clips'):
+    with pytest.raises(ValueError, match=r'weights must have shape \(..., 2\), got \(1, 1\)'):
         SyncedClips(fox, ['walk', 'run'], [0.5])
-    with pytest.raises(ValueError, match=r'weights has the shape \(3,\) for 2 clips'):
+    with pytest.raises(ValueError, match=r'weights must have shape \(2,\), got \(3,\)'):
         SyncedClips(fox, ['walk', 'run'], [0.5, 0.5]).go([1, 1, 1], 2.0)
     still = Figure(fox.meshes, fox.skeleton, [Clip('still', [])])
-    with pytest.raises(ValueError, match="'still' has no duration"):
-        SyncedClips(still, ['still'], [1.0])
+    refused("'still' must have a duration above 0", SyncedClips, still, ['still'], [1.0])

@@ -9,6 +9,7 @@ import trimesh
 
 from pvibr import Figure, PvibrWarning
 from pvibr.animation import Pose
+from tests.animation.conftest import refused
 
 QUAD = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], float)
 FACES = [[0, 1, 2], [0, 2, 3]]
@@ -36,21 +37,21 @@ def test_a_column_per_joint_is_a_skin_too():
 @pytest.mark.parametrize(
     ('arguments', 'words'),
     [
-        ({'faces': [[0, 1, 9]]}, 'faces hold the points 0 to 9; there are 4'),
-        ({'faces': [[0, 1, -1]]}, 'faces hold the points -1 to 1'),
+        ({'faces': [[0, 1, 9]]}, 'faces must be from 0 to 3, got 0 to 9'),
+        ({'faces': [[0, 1, -1]]}, 'faces must .* got -1 to 1'),
         ({'faces': [[0.5, 1, 2]]}, 'faces must be whole numbers'),
         ({'points': np.zeros((4, 2))}, r'points must be finite numbers of shape \(v, 3\)'),
         ({'points': np.full((4, 3), np.nan)}, 'points must be finite'),
-        ({'parents': [-1]}, 'parents and rest define the skeleton'),
-        ({'joints': np.zeros((4, 1), int)}, 'joints are given without weights'),
-        ({'weights': np.ones((4, 1))}, 'weights need a skeleton'),
+        ({'parents': [-1]}, 'parents and rest must be given together'),
+        ({'joints': np.zeros((4, 1), int)}, 'weights must be given with joints'),
+        ({'weights': np.ones((4, 1))}, 'parents and rest must be given with weights'),
         (
             {'weights': np.ones((4, 2)), 'parents': [-1], 'rest': [np.eye(4)]},
             r'weights without joints must be \(v, 1\)',
         ),
         (
             {'weights': np.ones((4, 9)), 'parents': [-1] * 9, 'rest': [np.eye(4)] * 9},
-            r'weights\[0\] has 9 joints; at most 8',
+            r'weights\[0\] must have at most 8 joints, got 9',
         ),
         (
             {
@@ -64,8 +65,7 @@ def test_a_column_per_joint_is_a_skin_too():
     ],
 )
 def test_unusable_arrays_are_named(arguments, words):
-    with pytest.raises(ValueError, match=words):
-        Figure.from_arrays(**({'points': QUAD, 'faces': FACES} | arguments))
+    refused(words, Figure.from_arrays, **({'points': QUAD, 'faces': FACES} | arguments))
 
 
 def growing():
@@ -105,23 +105,17 @@ def test_a_series_comes_in_many_ways(tmp_path):
 
 def test_series_that_cannot_be_used_are_named(tmp_path):
     meshes = growing()
-    with pytest.raises(ValueError, match=r'meshes\[1\]'):
-        Figure.from_series([meshes[0], pv.Sphere()])
+    refused(r'meshes\[1\]', Figure.from_series, [meshes[0], pv.Sphere()])
     other = meshes[1].copy()
     other.regular_faces = other.regular_faces[:, ::-1]
-    with pytest.raises(ValueError, match='faces'):
-        Figure.from_series([meshes[0], other])
-    with pytest.raises(ValueError, match=r'meshes\[0\] holds 2 meshes'):
+    refused('faces', Figure.from_series, [meshes[0], other])
+    with pytest.raises(ValueError, match=r'meshes\[0\] must hold one mesh, got 2'):
         Figure.from_series([pv.MultiBlock(meshes[:2])])
-    with pytest.raises(ValueError, match='times of a series must not be negative'):
-        Figure.from_series(meshes, [-1, 0, 1])
-    with pytest.raises(FileNotFoundError, match='nowhere'):
-        Figure.from_series(tmp_path / 'nowhere.pvd')
+    refused(r'times\[0\] must be 0 or later', Figure.from_series, meshes, [-1, 0, 1])
+    refused('nowhere', Figure.from_series, tmp_path / 'nowhere.pvd', kind=FileNotFoundError)
     meshes[0].save(tmp_path / 'one.vtp')
-    with pytest.raises(ValueError, match='reads a single mesh, not a series'):
-        Figure.from_series(tmp_path / 'one.vtp')
-    with pytest.raises(ValueError, match='empty'):
-        Figure.from_series([])
+    refused('which reads a single mesh', Figure.from_series, tmp_path / 'one.vtp')
+    refused('at least one mesh', Figure.from_series, [])
 
 
 def test_a_scene_keeps_its_graph():

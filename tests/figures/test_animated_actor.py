@@ -10,6 +10,7 @@ import pvibr
 from pvibr import Figure
 from pvibr.animation import FigureMesh, Pose, Skeleton
 from tests import pictures
+from tests.animation.conftest import refused
 from tests.figures.makers import bend, bending, growing, worm
 
 pytestmark = pytest.mark.sampled
@@ -169,10 +170,8 @@ def test_play_and_stop():
     actor.stop()
     pl.ibr.time = 100.0
     assert np.allclose(figure.world(actor.pose), figure.world(middle))
-    with pytest.raises(ValueError, match='bend'):
-        actor.play('walk')
-    with pytest.raises(ValueError, match='speed'):
-        actor.play('bend', speed=np.inf)
+    refused('bend', actor.play, 'walk')
+    refused('speed', actor.play, 'bend', speed=np.inf)
 
 
 def test_a_fade_goes_from_what_is_shown_to_the_clip():
@@ -202,8 +201,7 @@ def test_any_sampler_drives_it():
     actor.driver = Wave()
     pl.ibr.time = 1.0
     assert np.allclose(actor.pose.rotation, bend(figure, 0.3 * np.sin(1.0)).rotation)
-    with pytest.raises(TypeError, match='sample'):
-        actor.driver = 'Wave'
+    refused('sample', setattr, actor, 'driver', 'Wave', kind=TypeError)
 
 
 def test_an_error_of_a_driver_puts_it_off_and_says_so():
@@ -229,10 +227,8 @@ def test_matrices_of_a_simulator():
     by_matrices = shot(pl)
     actor.pose = bend(figure, 0.3)
     assert differing(by_matrices, shot(pl)) == 0
-    with pytest.raises(ValueError, match='matrices'):
-        actor.pose = np.eye(4)[None]
-    with pytest.raises(ValueError, match='must be a single one'):
-        actor.pose = figure.sample([0.0, 1.0])
+    refused('matrices', setattr, actor, 'pose', np.eye(4)[None])
+    refused('must be a single pose', setattr, actor, 'pose', figure.sample([0.0, 1.0]))
 
 
 def test_weights_win_over_the_clip():
@@ -245,8 +241,7 @@ def test_weights_win_over_the_clip():
     assert np.allclose(actor.pose.rotation, figure.sample(0.5).rotation)
     actor.weights = None
     assert actor.weights.tolist() == [0.0, 0.0, 0.0]
-    with pytest.raises(ValueError, match='weights'):
-        actor.weights = [1.0]
+    refused('weights', setattr, actor, 'weights', [1.0])
 
 
 def test_a_pose_without_weights_rests_its_morphs():
@@ -256,7 +251,7 @@ def test_a_pose_without_weights_rests_its_morphs():
     bent = bend(figure, 0.2)
     actor.pose = Pose(bent.translation, bent.rotation)
     assert actor.weights.tolist() == [0.0, 0.0]
-    with pytest.raises(ValueError, match='3 morph weights, the figure 2'):
+    with pytest.raises(ValueError, match='must have 2 morph weights, got 3'):
         actor.pose = Pose(bent.translation, bent.rotation, weights=[1, 2, 3])
 
 
@@ -437,8 +432,7 @@ def test_skinning_can_be_changed():
     linear = shot(pl)
     actor.skinning = 'dual'
     assert differing(linear, shot(pl)) > 5
-    with pytest.raises(ValueError, match='skinning'):
-        actor.skinning = 'cubic'
+    refused('skinning', setattr, actor, 'skinning', 'cubic')
 
 
 def test_report_counts():

@@ -5,6 +5,7 @@ import pyvista as pv
 from pvibr import Figure
 from pvibr.animation import FigureMesh
 from pvibr.figures.as_figure import as_figure
+from tests.animation.conftest import refused
 
 
 def series():
@@ -39,8 +40,7 @@ def test_files(tmp_path, kind):
     Figure([FigureMesh(pv.Cube().triangulate())]).save(saved)
     saved.rename(path)
     np.testing.assert_allclose(as_figure(kind(path)).mesh().bounds, pv.Cube().bounds)
-    with pytest.raises(FileNotFoundError, match='nothing'):
-        as_figure(kind(tmp_path / 'nothing.glb'))
+    refused('nothing', as_figure, kind(tmp_path / 'nothing.glb'), kind=FileNotFoundError)
 
 
 @pytest.mark.parametrize(
@@ -53,8 +53,7 @@ def test_files(tmp_path, kind):
     ],
 )
 def test_files_that_must_be_converted(name, words):
-    with pytest.raises(ValueError, match=f'{name} is not read: .*{words}'):
-        as_figure(name)
+    refused(f'got .*{name}: .*{words}', as_figure, name)
 
 
 @pytest.mark.parametrize('name', ['ball.vtp', 'ball.stl', 'ball.obj', 'ball.vtu'])
@@ -63,8 +62,7 @@ def test_files_of_one_mesh(tmp_path, name):
     (ball if name != 'ball.vtu' else ball.cast_to_unstructured_grid()).save(tmp_path / name)
     figure = as_figure(tmp_path / name)
     np.testing.assert_allclose(figure.mesh().bounds, ball.bounds, atol=1e-5)
-    with pytest.raises(FileNotFoundError, match='nothing'):
-        as_figure(tmp_path / f'nothing{name[4:]}')
+    refused('nothing', as_figure, tmp_path / f'nothing{name[4:]}', kind=FileNotFoundError)
 
 
 def test_files_of_trimesh_and_of_several_meshes(tmp_path):
@@ -89,8 +87,7 @@ def test_a_figure_is_itself():
 
 @pytest.mark.parametrize('wrong', [None, 3, object(), pv.Actor()])
 def test_what_is_no_figure_is_said(wrong):
-    with pytest.raises(TypeError, match=type(wrong).__name__):
-        as_figure(wrong)
+    refused(type(wrong).__name__, as_figure, wrong, kind=TypeError)
 
 
 def test_what_is_animated_grows_with_time():
@@ -99,7 +96,6 @@ def test_what_is_animated_grows_with_time():
     assert growing.bounds[1] == pytest.approx(1.0, rel=1e-2)
     pl.ibr.time = 1.0
     assert growing.bounds[1] == pytest.approx(2.0, rel=1e-2)
-    with pytest.raises(TypeError, match='NoneType'):
-        pl.ibr.add_animated(None)
+    refused('NoneType', pl.ibr.add_animated, None, kind=TypeError)
     assert len(pl.ibr.effects) == 1
     pl.close()

@@ -10,6 +10,7 @@ import pvibr
 from pvibr import Figure
 from pvibr.animation import ClipSource, FigureMesh, Morphs
 from pvibr.animation.pose import Pose
+from tests.animation.conftest import refused
 from tests.figures.makers import bend, bending, worm
 from tests.figures.test_animated_actor import differing, plotter, shot
 
@@ -139,12 +140,9 @@ def test_it_is_placed_as_actors_are():
 
 def test_places_that_are_none_are_refused():
     actor = pv.Plotter().ibr.add_animated(worm())
-    with pytest.raises(ValueError, match='position'):
-        actor.position = (0, np.nan, 0)
-    with pytest.raises(ValueError, match='user_matrix'):
-        actor.user_matrix = np.eye(3)
-    with pytest.raises(AttributeError, match='colour'):
-        actor.colour = 'red'
+    refused('position', setattr, actor, 'position', (0, np.nan, 0))
+    refused('user_matrix', setattr, actor, 'user_matrix', np.eye(3))
+    refused('colour', setattr, actor, 'colour', 'red', kind=AttributeError)
 
 
 def test_data_of_it_bulge_as_it_does():

@@ -9,6 +9,7 @@ import pyvista as pv
 from pvibr import Figure
 from pvibr.animation import Clip, FigureMesh, Pose, Skeleton, Track
 from pvibr.animation.gltf.lights import FigureCamera, FigureLight
+from tests.animation.conftest import refused
 
 DOWN = np.sqrt([0.5, 0.5])
 
@@ -68,12 +69,10 @@ def test_cameras_by_index_and_name(lit):
     assert camera.position == (0, 0, 9)
     assert camera.view_angle == 60
     assert lit.camera('above', lit.sample(0.5)).position == (0, 0, 9)
-    with pytest.raises(ValueError, match="there is no camera 3; cameras: 'above'"):
-        lit.camera(3)
+    refused(r"camera must be in the figure \('above'\), got 3", lit.camera, 3)
 
 
 def test_an_actor_in_no_plotter_has_no_place_for_lights(lit):
     from pvibr import AnimatedActor
 
-    with pytest.raises(ValueError, match='add_lights needs a plotter'):
-        AnimatedActor(lit).add_lights()
+    refused('must be in a plotter to add its lights', AnimatedActor(lit).add_lights)

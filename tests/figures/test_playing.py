@@ -8,6 +8,7 @@ import pyvista as pv
 
 from pvibr import Figure, PvibrWarning
 from pvibr.animation import Clip, ClipSource, FigureMesh, Pose, Skeleton, Track
+from tests.animation.conftest import refused
 
 STEP = Clip('step', [Track(0, 'translation', [0, 2], [[0, 0, 0], [4, 0, 0]])])
 TURN = Clip('turn', [Track(1, 'rotation', [0, 1], [[1, 0, 0, 0], [1, 0, 0, 1]])])
@@ -67,8 +68,7 @@ def test_a_root_moves_on_and_stops_with_the_count(walker):
 
 @pytest.mark.parametrize('count', [0, -1, np.inf, np.nan])
 def test_counts_that_are_none(walker, count):
-    with pytest.raises(ValueError, match='count is'):
-        ClipSource(walker, 'step', count=count)
+    refused('count is', ClipSource, walker, 'step', count=count)
 
 
 def test_an_actor_plays_backwards_from_the_end(walker, plotter):
@@ -120,24 +120,17 @@ def test_what_fails_at_the_end_is_named(walker, plotter):
 
 def test_bad_ends(walker, plotter):
     actor = plotter.ibr.add_animated(walker)
-    with pytest.raises(ValueError, match='on_finished needs an end'):
-        actor.play('step', on_finished=print)
-    with pytest.raises(ValueError, match=r'start must be a finite.* got nan'):
-        actor.play('step', start=np.nan)
+    refused('on_finished must have an end', actor.play, 'step', on_finished=print)
+    refused('start is nan; it must be a finite', actor.play, 'step', start=np.nan)
     for name in ('start', 'speed', 'fade'):
-        with pytest.raises(TypeError, match=rf"{name} must be .* got 'x'"):
-            actor.play('step', **{name: 'x'})
+        refused(f"{name} is 'x'", actor.play, 'step', **{name: 'x'}, kind=TypeError)
     for name in ('pose', 'weights'):
-        with pytest.raises(ValueError, match=f"{name} = 'x'"):
-            setattr(actor, name, 'x')
-    with pytest.raises(ValueError, match='pose must be'):
-        actor.pose = None
-    with pytest.raises(TypeError, match='on_finished = 3'):
+        refused(f"{name} = 'x'", setattr, actor, name, 'x')
+    refused('pose must have shape', setattr, actor, 'pose', None)
+    with pytest.raises(TypeError, match=r'on_finished must be callable.* got 3'):
         actor.play('step', loop=False, on_finished=3)
-    with pytest.raises(ValueError, match=r"loop must be .* got 'x'"):
-        actor.play('step', loop='x')
-    with pytest.raises(ValueError, match='there is no joint'):
-        actor.play('step', root='tail')
+    refused("loop is 'x'", actor.play, 'step', loop='x')
+    refused('joint must be in the skeleton', actor.play, 'step', root='tail')
 
 
 def test_many_fades_keep_only_the_last_two_clips(walker, plotter):
@@ -181,11 +174,7 @@ def test_props_follow_a_joint(walker, plotter):
 
 def test_props_that_cannot_be_held(walker, plotter):
     actor = plotter.ibr.add_animated(walker)
-    with pytest.raises(TypeError, match='must be an actor, a light'):
-        actor.attach_prop('sword', 'hand')
-    with pytest.raises(TypeError, match='must be an actor, a light'):
-        actor.attach_prop(actor, 'hand')
-    with pytest.raises(ValueError, match="no joint 'tail'"):
-        actor.attach_prop(pv.Actor(), 'tail')
-    with pytest.raises(ValueError, match='offset must have shape'):
-        actor.attach_prop(pv.Actor(), 'hand', [1, 2, 3])
+    refused('must be an actor, a light', actor.attach_prop, 'sword', 'hand', kind=TypeError)
+    refused('must be an actor, a light', actor.attach_prop, actor, 'hand', kind=TypeError)
+    refused("got 'tail'", actor.attach_prop, pv.Actor(), 'tail')
+    refused('offset has the shape', actor.attach_prop, pv.Actor(), 'hand', [1, 2, 3])

@@ -7,10 +7,11 @@ import pytest
 import pyvista as pv
 
 from pvibr.figures import animated_actor
-from pvibr.figures.pose_sheet import WIDTH, PoseSheet, Rows
+from pvibr.figures.pose_sheet import WIDTH, PoseSheet, RowPool
 from pvibr.figures.posing import Posing
 from pvibr.gl import Texture
 from pvibr.gl.offscreen import hidden_window
+from tests.animation.conftest import refused
 from tests.figures.makers import bend, growing, worm
 
 
@@ -31,7 +32,7 @@ def check(actor):
 def test_rows_keep_their_texels_while_others_come_and_go():
     rng = np.random.default_rng(5)
     with hidden_window() as (window, _):
-        rows, held = Rows(window, ('a', 'b')), {}
+        rows, held = RowPool(window, ('a', 'b')), {}
         staging = Texture(window), Texture(window)
         for turn in range(60):
             if held and rng.random() < (0.3 if turn < 30 else 0.8):
@@ -56,8 +57,8 @@ def test_rows_keep_their_texels_while_others_come_and_go():
 
 def test_one_pass_poses_all_that_moved(monkeypatch):
     passes = []
-    drawing = Rows.drawing
-    monkeypatch.setattr(Rows, 'drawing', lambda rows: passes.append(rows) or drawing(rows))
+    drawing = RowPool.drawing
+    monkeypatch.setattr(RowPool, 'drawing', lambda rows: passes.append(rows) or drawing(rows))
     figures = [worm(k=k) for k in (1, 2, 3, 4, 5)] + [worm(n_morphs=2), growing()]
     pl, actors = shown(figures)
     assert len({actor._posing._sheet for actor in actors}) == 1
@@ -193,7 +194,6 @@ def test_what_cannot_be_loaded_leaves_no_rows(successes, monkeypatch):
         sheet = PoseSheet(window)
         monkeypatch.setattr('pvibr.figures.posing.sheet_with_room', lambda *_: sheet)
         monkeypatch.setattr(Texture, 'upload', refuse)
-        with pytest.raises(RuntimeError, match='the driver refused'):
-            Posing(window, rest)
+        refused('the driver refused', Posing, window, rest, kind=RuntimeError)
         assert sheet.posed.height == sheet.rest.height == 0
         assert sheet.posed.nbytes == sheet.rest.nbytes == 0

@@ -10,6 +10,7 @@ from pvibr import Figure
 from pvibr.animation import FigureMesh, Morphs
 from pvibr.animation.vertex_animation import VertexAnimation
 from pvibr.figures import shapes as shapes_module
+from tests.animation.conftest import refused
 from tests.figures.makers import bend, growing, morphs, skeleton, skin, tube, worm
 
 
@@ -68,8 +69,7 @@ def test_bulge(bulge):
 
 def test_mirrored_joints_keep_normals_outward():
     figure = worm()
-    world = figure.world(bend(figure, 0.2))
-    check(figure, np.diag([-1.0, 1, 1, 1]) @ world)
+    check(figure, np.diag([-1.0, 1, 1, 1]) @ figure.world(bend(figure, 0.2)))
 
 
 def test_morphs_and_joints():
@@ -77,17 +77,15 @@ def test_morphs_and_joints():
     check(figure, bend(figure, 0.3, weights=[0.5, 0, -0.7, 0, 1.5]))
 
 
-def test_morphs_alone():
-    mesh = tube()
-    figure = Figure([FigureMesh(mesh, morphs=morphs(mesh.n_points))])
-    check(figure, figure.rest.replaced(weights=[1.0, -0.5, 0.25]))
+SPARSE = Morphs([(np.array([3, 5]), np.ones((2, 3))), None])
 
 
-def test_sparse_morphs():
-    mesh = tube()
-    shapes = [(np.array([3, 5]), np.ones((2, 3))), None]
-    figure = Figure([FigureMesh(mesh, morphs=Morphs(shapes))])
-    check(figure, figure.rest.replaced(weights=[2.0, 1.0]))
+@pytest.mark.parametrize(
+    ('targets', 'weights'), [(morphs(tube().n_points), [1.0, -0.5, 0.25]), (SPARSE, [2.0, 1.0])]
+)
+def test_morphs_alone(targets, weights):
+    figure = Figure([FigureMesh(tube(), morphs=targets)])
+    check(figure, figure.rest.replaced(weights=weights))
 
 
 @pytest.mark.parametrize('interpolation', ['step', 'linear', 'quadratic', 'cubic'])
@@ -192,6 +190,5 @@ def test_too_many_vertices_are_said():
     one = RestMesh(np.zeros((1, 3)), np.zeros((1, 3)))
     pl = pv.Plotter(off_screen=True, window_size=(64, 64))
     pl.show(auto_close=False)
-    with pytest.raises(ValueError, match='vertices in 100000 poses'):
-        Posing(pl.render_window, [one], poses=100000)
+    refused('in 100000 poses', Posing, pl.render_window, [one], poses=100000)
     pl.close()

@@ -27,11 +27,11 @@ class FigureCamera:
 
     def placed(self, world) -> pv.Camera:
         """Return the camera at the joint, from world matrices (n, 4, 4)."""
-        matrix = np.asarray(world, dtype=np.float64)[self.node]
-        _, up, back = unit_vectors(matrix[:3, :3].T)
+        figure_from_joint = np.asarray(world, dtype=np.float64)[self.node]
+        _, up, back = unit_vectors(figure_from_joint[:3, :3].T)
         camera = pv.Camera()
-        camera.position = tuple(matrix[:3, 3])
-        camera.focal_point = tuple(matrix[:3, 3] - back)
+        camera.position = tuple(figure_from_joint[:3, 3])
+        camera.focal_point = tuple(figure_from_joint[:3, 3] - back)
         camera.up = tuple(up)
         if self.view_angle is not None:
             camera.view_angle = self.view_angle
@@ -63,10 +63,10 @@ class FigureLight:
         """Return the light in the joint's space: its ``transform_matrix`` moves it."""
         return self._at(np.eye(4), exposure)
 
-    def _at(self, matrix, exposure):
-        back = unit_vectors(matrix[:3, 2])
+    def _at(self, figure_from_light, exposure):
+        back = unit_vectors(figure_from_light[:3, 2])
         directional = self.kind == 'directional'
-        position = back if directional else matrix[:3, 3]
+        position = back if directional else figure_from_light[:3, 3]
         light = pv.Light(
             position=tuple(position),
             focal_point=tuple(position - back),
@@ -76,55 +76,55 @@ class FigureLight:
         )
         light.positional = not directional
         if not directional:
-            light.attenuation_values = (0.0, 0.0, 1.0)
+            light.attenuation_values = 0.0, 0.0, 1.0
             # VTK: from 90 degrees on a light is a point light.
             light.cone_angle = self.cone[1] if self.kind == 'spot' else 90.0
         return light
 
 
-def cameras_of(file: GltfFile, nodes):
+def cameras_of(gltf_file: GltfFile, nodes):
     """Return the cameras of some nodes."""
     cameras = []
     for node in nodes:
-        index = file.document.nodes[node].camera
+        index = gltf_file.document.nodes[node].camera
         if index is not None:
-            camera = follow(file.document.cameras, index, f'nodes[{node}].camera', 'cameras')
+            camera = follow(gltf_file.document.cameras, index, f'nodes[{node}].camera', 'cameras')
             cameras.append(_camera(camera, node, f'cameras[{index}]'))
     return cameras
 
 
-def lights_of(file: GltfFile, nodes):
+def lights_of(gltf_file: GltfFile, nodes):
     """Return the lights of some nodes."""
-    known = file.document.extensions.lights.lights
+    file_lights = gltf_file.document.extensions.lights.lights
     lights = []
     for node in nodes:
-        at = file.document.nodes[node].extensions.lights
-        if at is not None:
-            place = f'nodes[{node}].extensions.KHR_lights_punctual.light'
-            light = follow(known, at.light, place, 'lights')
+        light_reference = gltf_file.document.nodes[node].extensions.lights
+        if light_reference is not None:
+            json_path = f'nodes[{node}].extensions.KHR_lights_punctual.light'
+            light = follow(file_lights, light_reference.light, json_path, 'lights')
             if light.type in _KINDS:
                 lights.append(_light(light, node))
             else:
-                file.leave_out(f'a light of type {light.type[:40]!r}', place)
+                gltf_file.leave_out(f'a light of type {light.type[:40]!r}', json_path)
     return lights
 
 
-def _camera(camera, node, place):
+def _camera(camera, node, json_path):
     lens = getattr(camera, camera.type)
     if lens is None:
-        raise GltfError(f'{place} is {camera.type}, but has no {camera.type!r}.')
-    clipping = (lens.znear, math.inf if lens.zfar is None else lens.zfar)
+        raise GltfError(f'{json_path} must have {camera.type!r}, its type, got none')
+    clipping = lens.znear, math.inf if lens.zfar is None else lens.zfar
     name = camera.name or ''
     if camera.type == 'perspective':
-        angle = math.degrees(lens.yfov)
-        return FigureCamera(node, name, angle, None, lens.aspect_ratio, clipping)
-    height = abs(lens.ymag)
-    aspect = abs(lens.xmag) / height if height else None
-    return FigureCamera(node, name, None, height, aspect, clipping)
+        view_angle = math.degrees(lens.yfov)
+        return FigureCamera(node, name, view_angle, None, lens.aspect_ratio, clipping)
+    half_height = abs(lens.ymag)
+    aspect = abs(lens.xmag) / half_height if half_height else None
+    return FigureCamera(node, name, None, half_height, aspect, clipping)
 
 
 def _light(light, node):
     inner, outer = light.spot.inner_cone_angle, light.spot.outer_cone_angle
-    cone = (math.degrees(inner), math.degrees(outer))
+    cone = math.degrees(inner), math.degrees(outer)
     name = light.name or ''
     return FigureLight(node, light.type, name, light.color, light.intensity, light.range, cone)

@@ -18,9 +18,9 @@ _CLAMP, _MIRROR, _REPEAT = 33071, 33648, 10497
 _WRAPS = {_CLAMP: 'CLAMP_TO_EDGE', _MIRROR: 'MIRRORED_REPEAT', _REPEAT: 'REPEAT'}
 #: Image formats that Pillow may try; others are unsafe (EPS starts Ghostscript).
 _PICTURES = ('PNG', 'JPEG', 'WEBP')
-#: How files of formats begin that need a decoder of their own.
+#: Signatures of formats that need another decoder.
 _OTHERS = {b'\xabKTX 20': 'KTX2', b'DDS ': 'DDS'}
-#: Most copies of a picture that stand for a wrap mode.
+#: Most copies of a picture that emulate a wrap mode.
 _MOST_TILES = 16
 
 
@@ -39,126 +39,125 @@ class Tiles(NamedTuple):
 
     def tiled(self, pixels, wrap):
         """Return a picture, top row first, with the copies that a wrap mode asks for."""
-        rows = pixels[::-1] if self.axis else pixels.swapaxes(0, 1)  # along the axis
-        parts = [_copy(rows, k, wrap) for k in range(self.first, self.first + self.copies)]
-        rows = np.concatenate(parts)
-        return rows[::-1] if self.axis else rows.swapaxes(0, 1)
+        lines = pixels[::-1] if self.axis else pixels.swapaxes(0, 1)  # along the axis
+        parts = [_tile_copy(lines, k, wrap) for k in range(self.first, self.first + self.copies)]
+        lines = np.concatenate(parts)
+        return lines[::-1] if self.axis else lines.swapaxes(0, 1)
 
 
 class Pictures:
     """The textures of a file, each read once; one that cannot be read is left out."""
 
-    def __init__(self, file: GltfFile):
-        self._file = file
+    def __init__(self, gltf_file: GltfFile):
+        self._file = gltf_file
         self._textures: dict[tuple, pv.Texture | None] = {}
-        self._known: dict[int, np.ndarray | None] = {}
+        self._pixels_by_image: dict[int, np.ndarray | None] = {}
 
-    def texture(self, info: TextureInfo, opaque, srgb=False, channels='RGB', tiles=None):
+    def texture(self, texture_info: TextureInfo, opaque, srgb=False, channels='RGB', tiles=None):
         """Return a texture, or None if its picture is left out."""
-        scale = getattr(info, 'scale', 1.0)
-        key = (info.index, opaque, srgb, channels, tiles, scale)
-        if key not in self._textures:
-            self._textures[key] = self._made(*key)
-        return self._textures[key]
+        normal_scale = getattr(texture_info, 'scale', 1.0)
+        cache_key = texture_info.index, opaque, srgb, channels, tiles, normal_scale
+        if cache_key not in self._textures:
+            self._textures[cache_key] = self._new_texture(*cache_key)
+        return self._textures[cache_key]
 
-    def tiles(self, info: TextureInfo, coordinates):
+    def tiles(self, texture_info: TextureInfo, coordinates):
         """Return the tiles that a texture needs for its coordinates (n, 2), or None."""
-        sampler = self._sampler(info.index)
+        sampler = self._sampler(texture_info.index)
         if sampler.wrap_s == sampler.wrap_t:
             return None
-        first = np.floor(coordinates.min(0))
-        count = np.maximum(np.ceil(coordinates.max(0)) - first, 1)
-        axis = int(count.argmin())
-        if count[axis] > _MOST_TILES:
-            place = f'textures[{info.index}].sampler'
-            self._file.leave_out('wrapT other than wrapS', place)
+        first_tile = np.floor(coordinates.min(0))
+        tile_counts = np.maximum(np.ceil(coordinates.max(0)) - first_tile, 1)
+        tiled_axis = int(tile_counts.argmin())
+        if tile_counts[tiled_axis] > _MOST_TILES:
+            json_path = f'textures[{texture_info.index}].sampler'
+            self._file.leave_out('wrapT different from wrapS', json_path)
             return None
-        return Tiles(axis, int(first[axis]), int(count[axis]))
+        return Tiles(tiled_axis, int(first_tile[tiled_axis]), int(tile_counts[tiled_axis]))
 
-    def _sampler(self, index):
+    def _sampler(self, texture_index):
         document = self._file.document
-        texture = follow(document.textures, index, 'texture.index', 'textures')
+        texture = follow(document.textures, texture_index, 'texture.index', 'textures')
         if texture.sampler is None:
             return Sampler()
-        place = f'textures[{index}].sampler'
-        return follow(document.samplers, texture.sampler, place, 'samplers')
+        json_path = f'textures[{texture_index}].sampler'
+        return follow(document.samplers, texture.sampler, json_path, 'samplers')
 
-    def _made(self, index, opaque, srgb, channels, tiles, scale):
-        sampler = self._sampler(index)
-        pixels = self._pixels(index)
+    def _new_texture(self, texture_index, opaque, srgb, channels, tiles, normal_scale):
+        sampler = self._sampler(texture_index)
+        pixels = self._pixels(texture_index)
         if pixels is None:
             return None
         if channels != 'RGB':
             pixels = pixels.copy()
             pixels[..., [i for i, name in enumerate('RGB') if name not in channels]] = 255
-        if scale != 1:
-            pixels = _scaled_normals(pixels, scale)
+        if normal_scale != 1:
+            pixels = _scaled_normals(pixels, normal_scale)
         wraps = sampler.wrap_s, sampler.wrap_t
         wrap = wraps[0]
         if tiles is not None:
-            self._file.spend(pixels.nbytes * tiles.copies, f'textures[{index}]')
+            self._file.spend(pixels.nbytes * tiles.copies, f'textures[{texture_index}]')
             pixels, wrap = tiles.tiled(pixels, wraps[tiles.axis]), wraps[1 - tiles.axis]
         # OPAQUE means that alpha is ignored; VTK would blend it.
-        made = pv.Texture(np.ascontiguousarray(pixels[..., :3] if opaque else pixels))
-        made.SetUseSRGBColorSpace(srgb)
-        made.interpolate = sampler.mag_filter != _NEAREST
-        made.mipmap = sampler.min_filter in _MIPMAPS
-        made.wrap = pv.Texture.WrapType[_WRAPS[wrap]]
-        return made
+        texture = pv.Texture(np.ascontiguousarray(pixels[..., :3] if opaque else pixels))
+        texture.SetUseSRGBColorSpace(srgb)
+        texture.interpolate = sampler.mag_filter != _NEAREST
+        texture.mipmap = sampler.min_filter in _MIPMAPS
+        texture.wrap = pv.Texture.WrapType[_WRAPS[wrap]]
+        return texture
 
     def _pixels(self, index):
         """Return the pixels of a texture, or None."""
         texture, document = self._file.document.textures[index], self._file.document
         webp = texture.extensions.webp
-        source = texture.source if webp is None or webp.source is None else webp.source
-        if source is None:
+        image_index = texture.source if webp is None or webp.source is None else webp.source
+        if image_index is None:
             self._file.leave_out(f'textures[{index}]', 'it has no PNG, JPEG or WebP picture')
             return None
-        follow(document.images, source, f'textures[{index}].source', 'images')
-        if source not in self._known:
-            self._known[source] = self._or_left_out(source)
-        return self._known[source]
+        follow(document.images, image_index, f'textures[{index}].source', 'images')
+        if image_index not in self._pixels_by_image:
+            self._pixels_by_image[image_index] = self._read_or_leave_out(image_index)
+        return self._pixels_by_image[image_index]
 
-    def _or_left_out(self, index):
+    def _read_or_leave_out(self, image_index):
         try:
-            return self._read(index)
+            return self._read(image_index)
         except TooLargeError:
             raise
         except GltfError as error:  # models often come without their pictures
-            self._file.leave_out(f'images[{index}]', str(error).rstrip('.'))
+            self._file.leave_out(f'images[{image_index}]', str(error).rstrip('.'))
             return None
 
-    def _read(self, index):
-        image, place = self._file.document.images[index], f'images[{index}]'
+    def _read(self, image_index):
+        image, json_path = self._file.document.images[image_index], f'images[{image_index}]'
         if image.buffer_view is not None:
-            data = bytes(self._file.view(image.buffer_view, f'{place}.bufferView'))
+            data = bytes(self._file.view(image.buffer_view, f'{json_path}.bufferView'))
         elif image.uri is not None:
-            data = self._file.resource(image.uri, f'{place}.uri')
+            data = self._file.resource(image.uri, f'{json_path}.uri')
         else:
-            raise GltfError(f'{place} has neither uri nor bufferView.')
-        return self._decoded(data, place)
+            raise GltfError(f'{json_path} must have uri or bufferView, got neither')
+        return self._decoded(data, json_path)
 
-    def _decoded(self, data, place):
+    def _decoded(self, data, json_path):
         from PIL import Image, UnidentifiedImageError  # only textured files need it
 
         try:
-            with warnings.catch_warnings(), io.BytesIO(data) as held:
-                warnings.simplefilter('ignore')  # of damage in what describes a picture
-                picture: Image.Image = Image.open(held, formats=_PICTURES)
+            with warnings.catch_warnings(), io.BytesIO(data) as data_stream:
+                warnings.simplefilter('ignore')  # about damaged metadata
+                picture: Image.Image = Image.open(data_stream, formats=_PICTURES)
                 width, height = picture.size
-                self._file.spend(8 * width * height, place)
+                self._file.spend(8 * width * height, json_path)
                 if picture.mode.startswith('I'):  # 16-bit grey, which Pillow would clip
                     picture = Image.fromarray((np.asarray(picture) >> 8).astype(np.uint8))
                 return np.asarray(picture.convert('RGBA'))
         except GltfError:
             raise
         except UnidentifiedImageError as error:
-            known = (f'is {name}' for start, name in _OTHERS.items() if data.startswith(start))
-            raise GltfError(
-                f'{place} {next(known, "is in another format")}, not PNG, JPEG or WebP.'
-            ) from error
+            names = (name for start, name in _OTHERS.items() if data.startswith(start))
+            kind = next(names, 'another format')
+            raise GltfError(f'{json_path} must be PNG, JPEG or WebP, got {kind}') from error
         except Exception as error:  # decoders raise any exception at broken bytes
-            raise GltfError(f'{place} cannot be read: {error}.') from error
+            raise GltfError(f'{json_path} cannot be read: {error}') from error
 
 
 def _scaled_normals(pixels, scale):
@@ -166,14 +165,14 @@ def _scaled_normals(pixels, scale):
     scaled = pixels.copy()
     leaning = (pixels[..., :2].astype(np.float32) - 127.5) * scale
     up = pixels[..., 2].astype(np.float32) - 127.5
-    size = np.sqrt((leaning**2).sum(-1) + up**2)[..., None]
-    whole = np.concatenate([leaning, up[..., None]], -1) / np.maximum(size, 1e-6)
-    scaled[..., :3] = np.clip(127.5 * whole + 128.0, 0, 255).astype(np.uint8)
+    lengths = np.sqrt((leaning**2).sum(-1) + up**2)[..., None]
+    unit_normals = np.concatenate([leaning, up[..., None]], -1) / np.maximum(lengths, 1e-6)
+    scaled[..., :3] = np.clip(127.5 * unit_normals + 128.0, 0, 255).astype(np.uint8)
     return scaled
 
 
-def _copy(rows, number, wrap):
+def _tile_copy(lines, tile_index, wrap_mode):
     """Return the copy of a picture at a whole number of coordinates."""
-    if wrap == _CLAMP and number:
-        return np.broadcast_to(rows[-1:] if number > 0 else rows[:1], rows.shape)
-    return rows[::-1] if wrap == _MIRROR and number % 2 else rows
+    if wrap_mode == _CLAMP and tile_index:
+        return np.broadcast_to(lines[-1:] if tile_index > 0 else lines[:1], lines.shape)
+    return lines[::-1] if wrap_mode == _MIRROR and tile_index % 2 else lines

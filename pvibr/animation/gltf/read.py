@@ -15,10 +15,10 @@ from pvibr.animation.gltf.nodes import (
     INSTANCING,
     clips_of,
     copies_of,
-    drawn_nodes,
     parents_of,
-    shown_nodes,
+    scene_nodes,
     skeleton_of,
+    visible_nodes,
     with_copies,
 )
 from pvibr.formats.gltf_accessors import Accessors
@@ -40,8 +40,8 @@ EXTENSIONS = (
     'KHR_node_visibility',
     'KHR_texture_transform',
 )
-#: How the names of extensions begin that change looks alone: a figure is read without them.
-_SEEN_ONLY = (
+#: Prefixes of extensions that change only looks: a figure is read without them.
+_LOOKS_ONLY = (
     'KHR_materials_',
     'KHR_texture_',
     'EXT_texture_',
@@ -49,7 +49,7 @@ _SEEN_ONLY = (
     'KHR_technique',
     'KHR_xmp',
 )
-#: Most instances that become meshes of their own.
+#: Most instances that become separate meshes.
 _MOST_COPIES = 100
 #: Bytes of a FigureMesh, whose arrays are shared.
 _MESH = 4096
@@ -73,11 +73,10 @@ def read_gltf(path, *, scene=None, up='y', pbr=False):
         Up axis of the figure. 'y', as in glTF, keeps the file's coordinates; 'z' appends a root
         joint ``'upright'`` that turns the figure by 90 degrees about x.
     pbr : bool, optional
-        Use physically based looks, as the file asks. They are dark without an environment texture
-        (``plotter.set_environment_texture``). Looks then hold ``pbr``, ``metallic`` and
-        ``roughness`` of ``add_mesh``. Looks of either kind may hold ``pbr_textures`` (maps of
-        normals and of emitted light, too) and ``emissive_factor``, which ``add_animated`` and
-        ``add_instances`` draw.
+        Use physically based looks (``pbr``, ``metallic`` and ``roughness`` of ``add_mesh``), as
+        the file specifies. They are dark without ``plotter.set_environment_texture``. Looks of
+        either kind may hold ``pbr_textures`` (maps of normals and of emitted light, too) and
+        ``emissive_factor``, which ``add_animated`` and ``add_instances`` draw.
 
     Returns
     -------
@@ -106,63 +105,69 @@ def read_gltf(path, *, scene=None, up='y', pbr=False):
     >>> fox.mesh(0.5, 'Walk').plot()  # doctest: +SKIP
     """
     check_one_of('up', up, ('y', 'z'))
-    file = GltfFile(path)
-    _check_extensions(file, EXTENSIONS)
-    nodes, drawn, skeleton = _graph(file, scene, up)
-    accessors = Accessors(file)
-    skeleton, joints = with_copies(skeleton, _few(file, copies_of(file, accessors, drawn)))
-    meshes, targets = _Meshes(file, accessors, pbr).read(drawn, joints)
-    clips = clips_of(file, accessors, targets)
+    gltf_file = GltfFile(path)
+    _check_extensions(gltf_file, EXTENSIONS)
+    node_indices, visible_indices, skeleton = _graph(gltf_file, scene, up)
+    accessors = Accessors(gltf_file)
+    skeleton, joints_by_node = with_copies(
+        skeleton, _affordable_copies(gltf_file, copies_of(gltf_file, accessors, visible_indices))
+    )
+    meshes, targets = _Meshes(gltf_file, accessors, pbr).read(visible_indices, joints_by_node)
+    clips = clips_of(gltf_file, accessors, targets)
     with naming('the figure'):
-        cameras, lights = cameras_of(file, nodes), lights_of(file, nodes)
-        figure = Figure(meshes, skeleton, clips, None, cameras, lights, file.path.stem)
-    file.warn()
+        cameras, lights = cameras_of(gltf_file, node_indices), lights_of(gltf_file, node_indices)
+        figure = Figure(meshes, skeleton, clips, None, cameras, lights, gltf_file.path.stem)
+    gltf_file.warn()
     return figure
 
 
-def _few(file, copies):
-    """Return instances, or none if these are too many for actors of their own."""
-    count = sum(len(moves) for moves, _, _ in copies.values())
+def _affordable_copies(gltf_file, instance_copies):
+    """Return instances, or none if there are too many for separate actors."""
+    count = sum(len(moves) for moves, _, _ in instance_copies.values())
     if count <= _MOST_COPIES:
-        return copies
-    file.leave_out(f'{count} instances', f'{INSTANCING}: add_instances(path) draws them')
+        return instance_copies
+    gltf_file.leave_out(f'{count} instances', f'{INSTANCING}: add_instances(path) draws them')
     return {}
 
 
 def read_scene(path, pbr=False):
     """Return a figure of the default scene without clips, and instances (k, 4, 4) by node."""
-    file = GltfFile(path)
-    _check_extensions(file, EXTENSIONS)
-    _, nodes, skeleton = _graph(file, None, 'y')
-    accessors = Accessors(file)
-    copies = {node: trs(*parts) for node, parts in copies_of(file, accessors, nodes).items()}
-    meshes, _ = _Meshes(file, accessors, pbr, wires=False).read(nodes)
+    gltf_file = GltfFile(path)
+    _check_extensions(gltf_file, EXTENSIONS)
+    _, nodes, skeleton = _graph(gltf_file, None, 'y')
+    accessors = Accessors(gltf_file)
+    copies = copies_of(gltf_file, accessors, nodes)
+    meshes, _ = _Meshes(gltf_file, accessors, pbr, wires=False).read(nodes)
     with naming('the scene'):
         figure = Figure(meshes, skeleton)
-    file.warn()
-    return figure, copies
+    gltf_file.warn()
+    return figure, {node: trs(*parts) for node, parts in copies.items()}
 
 
-def _graph(file, scene, up):
+def _graph(gltf_file, scene, up):
     """Return the nodes of the scene, those that are visible, and all nodes as a skeleton."""
-    parents = parents_of(file)
-    nodes = shown_nodes(file, parents, scene)
-    return nodes, drawn_nodes(file, parents, nodes), skeleton_of(file, parents, up)
+    parents = parents_of(gltf_file)
+    nodes = scene_nodes(gltf_file, parents, scene)
+    return nodes, visible_nodes(gltf_file, parents, nodes), skeleton_of(gltf_file, parents, up)
 
 
-def _check_extensions(file, supported):
-    document = file.document
-    needed = [name for name in document.extensions_required if not name.startswith(_SEEN_ONLY)]
-    unknown = [name for name in needed if name not in supported]
-    if unknown:
-        asked, known = ', '.join(unknown)[:200], ', '.join(supported)
-        raise GltfError(f'extensionsRequired asks for {asked}; supported are {known}.')
+def _check_extensions(gltf_file, supported):
+    document = gltf_file.document
+    unsupported_names = [
+        name
+        for name in document.extensions_required
+        if name not in supported and not name.startswith(_LOOKS_ONLY)
+    ]
+    if unsupported_names:
+        unsupported = ', '.join(unsupported_names)[:200]
+        known = ', '.join(supported)
+        raise GltfError(f'extensionsRequired must be among {known}, got {unsupported}')
     for name in document.extensions_used:
         if name not in supported:
-            file.leave_out(name[:80], 'extensionsUsed')
-    for name in file.extensions():
+            gltf_file.leave_out(name[:80], 'extensionsUsed')
+    for name in gltf_file.extensions():
         if name not in supported:
-            file.leave_out(name, 'not in extensionsUsed')
+            gltf_file.leave_out(name, 'not in extensionsUsed')
 
 
 class _Meshes:
@@ -171,49 +176,53 @@ class _Meshes:
     def __init__(self, file, accessors, pbr, wires=True):
         self._file = file
         self._looks = Looks(file, pbr)
-        self._first: dict[Surface, FigureMesh] = {}
-        self._known: dict[tuple, dict] = {}
+        self._first_meshes: dict[Surface, FigureMesh] = {}
+        self._look_cache: dict[tuple, dict] = {}
         self._primitives = Primitives(file, accessors, self._looks, wires)
 
-    def read(self, nodes, joints=None):
+    def read(self, nodes, joints_by_node=None):
         """Return the meshes, and (first column, width, meshes) of weights by node.
 
         Nodes with instances have a mesh for each of their joints.
         """
-        joints = joints or {}
+        joints_by_node = joints_by_node or {}
         document = self._file.document
         meshes: list[FigureMesh] = []
-        targets: dict[int, tuple[int, int, int]] = {}
-        columns = 0
-        nodes = [number for number in nodes if document.nodes[number].mesh is not None]
-        self._check(nodes, joints)
-        for number in nodes:
-            node = document.nodes[number]
+        weight_columns: dict[int, tuple[int, int, int]] = {}
+        column_count = 0
+        nodes = [node_index for node_index in nodes if document.nodes[node_index].mesh is not None]
+        self._check(nodes, joints_by_node)
+        for node_index in nodes:
+            node = document.nodes[node_index]
             mesh = document.meshes[node.mesh]
-            weights = self._weights(node, mesh, number)
-            shown = self._of_node(node, mesh, number, weights)
-            shown = [_on(m, joint) for joint in joints.get(number, (number,)) for m in shown]
-            if len(weights) and shown:
-                targets[number] = (columns, len(weights), len(shown))
-                columns += len(weights) * len(shown)
-            meshes += shown
-        return meshes, targets
+            weights = self._weights(node, mesh, node_index)
+            node_meshes = self._of_node(node, mesh, node_index, weights)
+            node_meshes = [
+                _on_joint(m, joint)
+                for joint in joints_by_node.get(node_index, (node_index,))
+                for m in node_meshes
+            ]
+            if len(weights) and node_meshes:
+                weight_columns[node_index] = column_count, len(weights), len(node_meshes)
+                column_count += len(weights) * len(node_meshes)
+            meshes += node_meshes
+        return meshes, weight_columns
 
-    def _check(self, nodes, joints):
+    def _check(self, node_indices, joints_by_node):
         """Check all references, and that the number of meshes is plausible."""
         document = self._file.document
-        for number in nodes:
-            node, place = document.nodes[number], f'nodes[{number}]'
-            mesh = follow(document.meshes, node.mesh, f'{place}.mesh', 'meshes')
-            copies = len(joints.get(number, (number,)))
-            self._file.spend(_MESH * len(mesh.primitives) * copies, f'{place}.mesh')
+        for node_index in node_indices:
+            node, json_path = document.nodes[node_index], f'nodes[{node_index}]'
+            mesh = follow(document.meshes, node.mesh, f'{json_path}.mesh', 'meshes')
+            instance_copies = len(joints_by_node.get(node_index, (node_index,)))
+            self._file.spend(_MESH * len(mesh.primitives) * instance_copies, f'{json_path}.mesh')
             if node.skin is not None:
-                follow(document.skins, node.skin, f'{place}.skin', 'skins')
+                follow(document.skins, node.skin, f'{json_path}.skin', 'skins')
 
-    def _of_node(self, node, mesh, number, weights):
+    def _of_node(self, node, mesh, node_index, weights):
         meshes = []
         for i in range(len(mesh.primitives)):
-            place = f'meshes[{node.mesh}].primitives[{i}]'
+            json_path = f'meshes[{node.mesh}].primitives[{i}]'
             surface = self._primitives.surface(node.mesh, i)
             if surface is None:
                 continue
@@ -221,54 +230,57 @@ class _Meshes:
             if node.skin is not None:
                 skin = self._primitives.skin(node.mesh, i, node.skin)
             look = self._look(node.mesh, i, surface)
-            name = node.name or mesh.name or f'node{number}'
+            name = node.name or mesh.name or f'node{node_index}'
             name = name if len(mesh.primitives) == 1 else f'{name}.{i}'
-            with naming(place):
+            with naming(json_path):
                 morphs = _resting(surface.morphs, weights)
-                if surface not in self._first:
-                    self._first[surface] = FigureMesh(surface.mesh)
+                if surface not in self._first_meshes:
+                    self._first_meshes[surface] = FigureMesh(surface.mesh)
                 # All nodes with this primitive share its points.
-                figure_mesh = copy.copy(self._first[surface])
-                figure_mesh.node, figure_mesh.skin, figure_mesh.morphs = number, skin, morphs
+                figure_mesh = copy.copy(self._first_meshes[surface])
+                figure_mesh.node, figure_mesh.skin, figure_mesh.morphs = node_index, skin, morphs
                 figure_mesh.look, figure_mesh.name = look, name
             meshes.append(figure_mesh)
         return meshes
 
-    def _look(self, mesh, number, surface):
-        primitive = self._file.document.meshes[mesh].primitives[number]
+    def _look(self, mesh_index, primitive_index, surface):
+        primitive = self._file.document.meshes[mesh_index].primitives[primitive_index]
         kind = surface.coordinates, surface.colors, surface.tiles, surface.wires, surface.lit
-        key = primitive.material, *kind
-        if key not in self._known:
-            place = f'meshes[{mesh}].primitives[{number}]'
-            self._known[key] = self._looks.look(
-                self._looks.material(primitive.material, f'{place}.material'),
-                place,
+        look_key = primitive.material, *kind
+        if look_key not in self._look_cache:
+            json_path = f'meshes[{mesh_index}].primitives[{primitive_index}]'
+            self._look_cache[look_key] = self._looks.look(
+                self._looks.material(primitive.material, f'{json_path}.material'),
+                json_path,
                 surface,
             )
-        return dict(self._known[key])
+        return dict(self._look_cache[look_key])
 
-    def _weights(self, node, mesh, number):
+    def _weights(self, node, mesh, node_index):
         """Return the rest weights of a node's morph targets."""
-        n = len(mesh.primitives[0].targets)
+        target_count = len(mesh.primitives[0].targets)
         for i, primitive in enumerate(mesh.primitives):
-            if len(primitive.targets) != n:
-                place = f'meshes[{node.mesh}].primitives[{i}]'
+            if len(primitive.targets) != target_count:
+                json_path = f'meshes[{node.mesh}].primitives[{i}]'
                 raise GltfError(
-                    f'{place} has {len(primitive.targets)} targets, the first primitive {n}.'
+                    f'{json_path} must have {target_count} targets, as the first primitive, got '
+                    f'{len(primitive.targets)}'
                 )
         weights = node.weights if node.weights is not None else mesh.weights
-        if weights and len(weights) != n:
-            raise GltfError(f'nodes[{number}] has {len(weights)} morph weights for {n} targets.')
-        self._file.spend(8 * n * len(mesh.primitives), f'nodes[{number}].mesh')
-        return np.array(weights or np.zeros(n), dtype=np.float64)
+        if weights and len(weights) != target_count:
+            raise GltfError(
+                f'nodes[{node_index}] must have {target_count} weights, got {len(weights)}'
+            )
+        self._file.spend(8 * target_count * len(mesh.primitives), f'nodes[{node_index}].mesh')
+        return np.array(weights or np.zeros(target_count), dtype=np.float64)
 
 
-def _on(mesh, joint):
+def _on_joint(mesh, joint_index):
     """Return a mesh that shares all arrays, on a joint."""
-    if mesh.node == joint:
+    if mesh.node == joint_index:
         return mesh
     mesh = copy.copy(mesh)
-    mesh.node, mesh.look = joint, dict(mesh.look)
+    mesh.node, mesh.look = joint_index, dict(mesh.look)
     return mesh
 
 

@@ -32,7 +32,7 @@ def write_glb(figure, path):
 
 
 class _FigureWriter:
-    """The parts of a figure as those of a document."""
+    """Writes the parts of a figure into a glTF document."""
 
     def __init__(self, figure):
         self._figure = figure
@@ -40,24 +40,24 @@ class _FigureWriter:
         self._left_out = {}
         self._skins = {}
         self._textures = {}
-        self._hung = set()  # further nodes that hang on a joint
+        self._joint_children = set()  # extra nodes parented to a joint
 
     def document(self):
         figure = self._figure
         for name in ('correctives', 'cameras', 'lights'):
             if getattr(figure, name):
                 self._left_out[name] = None
-        nodes = self._nodes()
-        hosts = [self._host(nodes, mesh) for mesh in figure.meshes]
+        node_entries = self._nodes()
+        host_nodes = [self._host(node_entries, mesh) for mesh in figure.meshes]
         clips = figure.clips
         if not clips and any(mesh.frames for mesh in figure.meshes):
-            last = max(mesh.frames.times[-1] for mesh in figure.meshes if mesh.frames)
-            clips = [Clip(figure.name or 'series', [], last)]
+            last_time = max(mesh.frames.times[-1] for mesh in figure.meshes if mesh.frames)
+            clips = [Clip(figure.name or 'series', [], last_time)]
         for clip in clips:
-            self._animation(clip, hosts)
-        self._scene(nodes)
+            self._animation(clip, host_nodes)
+        self._scene(node_entries)
         if self._left_out:
-            warn(f'left out, since it is not written as glTF: {", ".join(self._left_out)}.')
+            warn(f'not written as glTF and left out: {", ".join(self._left_out)}.')
         return self._glb
 
     def _nodes(self):
@@ -71,40 +71,40 @@ class _FigureWriter:
             self._glb.add('nodes', node)
         return self._glb.document.setdefault('nodes', [])
 
-    def _host(self, nodes, mesh):
+    def _host(self, node_entries, mesh):
         """Return the node of a mesh: its joint, or a new node if another mesh has that one."""
-        number = self._mesh(mesh)
-        if number is None:
+        mesh_index = self._mesh(mesh)
+        if mesh_index is None:
             return None
-        host = mesh.node
-        if host < 0 or 'mesh' in nodes[host]:
-            host = self._glb.add('nodes', {'name': mesh.name or f'mesh{len(nodes)}'})
+        host_node = mesh.node
+        if host_node < 0 or 'mesh' in node_entries[host_node]:
+            host_node = self._glb.add('nodes', {'name': mesh.name or f'mesh{len(node_entries)}'})
             if mesh.node >= 0 and mesh.skin is None:
-                nodes[mesh.node].setdefault('children', []).append(host)
-                self._hung.add(host)
-        nodes[host]['mesh'] = number
+                node_entries[mesh.node].setdefault('children', []).append(host_node)
+                self._joint_children.add(host_node)
+        node_entries[host_node]['mesh'] = mesh_index
         if mesh.skin is not None:
-            nodes[host]['skin'] = self._skin(mesh.skin)
-        return host
+            node_entries[host_node]['skin'] = self._skin(mesh.skin)
+        return host_node
 
-    def _scene(self, nodes):
+    def _scene(self, node_entries):
         parents = self._figure.skeleton.parents
         for joint, parent in enumerate(parents):
             if parent >= 0:
-                nodes[parent].setdefault('children', []).append(joint)
-        more = range(len(parents), len(nodes))
-        roots = [int(i) for i in np.flatnonzero(parents < 0)]
-        roots += [i for i in more if i not in self._hung]
-        self._glb.scene(roots, **({'name': self._figure.name} if self._figure.name else {}))
-        if not nodes:
+                node_entries[parent].setdefault('children', []).append(joint)
+        extra_nodes = range(len(parents), len(node_entries))
+        root_nodes = [int(i) for i in np.flatnonzero(parents < 0)]
+        root_nodes += [i for i in extra_nodes if i not in self._joint_children]
+        self._glb.scene(root_nodes, **({'name': self._figure.name} if self._figure.name else {}))
+        if not node_entries:
             del self._glb.document['nodes']
 
     def _skin(self, skin):
         if skin not in self._skins:
-            matrices = np.swapaxes(skin.inverse_bind, 1, 2).reshape(-1, 16)  # column by column
-            bind = self._glb.accessor(matrices)
-            thing = {'joints': skin.nodes.tolist(), 'inverseBindMatrices': bind}
-            self._skins[skin] = self._glb.add('skins', thing)
+            column_major = np.swapaxes(skin.inverse_bind, 1, 2).reshape(-1, 16)  # column by column
+            bind_accessor = self._glb.accessor(column_major)
+            skin_entry = {'joints': skin.nodes.tolist(), 'inverseBindMatrices': bind_accessor}
+            self._skins[skin] = self._glb.add('skins', skin_entry)
         return self._skins[skin]
 
     def _mesh(self, mesh):
@@ -124,36 +124,43 @@ class _FigureWriter:
         if mesh.skin is not None:
             primitive['attributes'] |= self._influences(mesh.skin)
         primitive['material'] = self._material(mesh.look)
-        entry = {'name': mesh.name} if mesh.name else {}
-        entry['primitives'] = [primitive]
-        targets, weights, names = self._targets(mesh, normals.any())
+        mesh_entry = {'name': mesh.name} if mesh.name else {}
+        mesh_entry['primitives'] = [primitive]
+        targets, target_weights, target_names = self._targets(mesh, normals.any())
         if targets:
             primitive['targets'] = targets
-            entry |= {'weights': weights, 'extras': {'targetNames': names}}
-        return self._glb.add('meshes', entry)
+            mesh_entry |= {'weights': target_weights, 'extras': {'targetNames': target_names}}
+        return self._glb.add('meshes', mesh_entry)
 
     def _colors(self, mesh):
         if mesh.look.get('scalars') is None:
             return {}
-        values = mesh.mesh.point_data.get(mesh.look['scalars'])
-        if not mesh.look.get('rgb') or values is None:
-            self._left_out['scalars that are no colours of points'] = None
+        color_values = mesh.mesh.point_data.get(mesh.look['scalars'])
+        if not mesh.look.get('rgb') or color_values is None:
+            self._left_out['scalars other than point colours'] = None
             return {}
-        values = np.asarray(values)
-        values = values / 255.0 if values.dtype == np.uint8 else values.astype(float)
-        light = _light(mesh.look, values[:, :3])
-        return {'COLOR_0': np.hstack([light, values[:, 3:]])}
+        color_values = np.asarray(color_values)
+        color_values = (
+            color_values / 255.0 if color_values.dtype == np.uint8 else color_values.astype(float)
+        )
+        linear_colors = _light(mesh.look, color_values[:, :3])
+        return {'COLOR_0': np.hstack([linear_colors, color_values[:, 3:]])}
 
     def _influences(self, skin):
         """Add joints and weights in sets of four."""
-        v, k = skin.joints.shape
-        kind = np.uint8 if len(skin.nodes) <= 256 else np.uint16
+        vertex_count, influence_count = skin.joints.shape
+        index_type = np.uint8 if len(skin.nodes) <= 256 else np.uint16
         if len(skin.nodes) > 65536:
-            raise ValueError(f'a skin has {len(skin.nodes)} joints; glTF counts them up to 65536.')
-        joints, weights = np.zeros((v, -k % 4 + k), kind), np.zeros((v, -k % 4 + k))
+            raise ValueError(
+                f'skin must have at most 65536 joints to be written as glTF, got {len(skin.nodes)}'
+            )
+        joints, weights = (
+            np.zeros((vertex_count, -influence_count % 4 + influence_count), index_type),
+            np.zeros((vertex_count, -influence_count % 4 + influence_count)),
+        )
         # A joint without weight is to be 0 in glTF.
-        joints[:, :k] = np.where(skin.weights > 0, skin.joints, 0)
-        weights[:, :k] = skin.weights
+        joints[:, :influence_count] = np.where(skin.weights > 0, skin.joints, 0)
+        weights[:, :influence_count] = skin.weights
         sets = {}
         for i in range(joints.shape[1] // 4):
             columns = slice(4 * i, 4 * i + 4)
@@ -163,14 +170,14 @@ class _FigureWriter:
 
     def _targets(self, mesh, has_normals):
         """Add morph targets; frames but the first one are the first of them."""
-        what = {'POSITION': 'positions'} | ({'NORMAL': 'normals'} if has_normals else {})
+        attribute_keys = {'POSITION': 'positions'} | ({'NORMAL': 'normals'} if has_normals else {})
         targets, weights, names = [], [], []
         if mesh.frames is not None:
-            targets = self._frame_targets(mesh, what)
+            targets = self._frame_targets(mesh, attribute_keys)
             weights = one_hot(mesh.frames)[0].tolist()
             names = [f'frame{i + 1}' for i in range(len(targets))]
         if mesh.morphs is not None:
-            targets += [self._target(mesh, what, i) for i in range(len(mesh.morphs))]
+            targets += [self._target(mesh, attribute_keys, i) for i in range(len(mesh.morphs))]
             weights += mesh.morphs.weights.tolist()
             names += mesh.morphs.names
             for name in ('tangents', 'colors'):
@@ -178,36 +185,36 @@ class _FigureWriter:
                     self._left_out[f'{name} of morph targets'] = None
         return targets, weights, names
 
-    def _frame_targets(self, mesh, what):
+    def _frame_targets(self, mesh, attribute_keys):
         frames = mesh.frames
-        first = dict(zip(what, _neutral(mesh), strict=False))
+        first_frame = dict(zip(attribute_keys, _neutral(mesh), strict=False))
         return [
             {
-                key: self._delta(slice(None), getattr(frames, name)[i] - first[key])
-                for key, name in what.items()
+                key: self._delta(slice(None), getattr(frames, name)[i] - first_frame[key])
+                for key, name in attribute_keys.items()
             }
             for i in range(1, len(frames.times))
         ]
 
-    def _target(self, mesh, what, i):
+    def _target(self, mesh, attribute_keys, target_index):
         target = {}
-        for key, name in what.items():
+        for key, name in attribute_keys.items():
             if key == 'POSITION' or mesh.morphs.has(name):
-                where, values = mesh.morphs.target(name, i) or _NOTHING
-                target[key] = self._delta(where, values, len(mesh.points))
+                vertex_indices, values = mesh.morphs.target(name, target_index) or _NOTHING
+                target[key] = self._delta(vertex_indices, values, len(mesh.points))
         return target
 
-    def _delta(self, where, values, n=0):
-        if isinstance(where, slice):
+    def _delta(self, vertex_indices, values, point_count=0):
+        if isinstance(vertex_indices, slice):
             return self._glb.accessor(values, limits=True)
-        rows, place = np.unique(where, return_inverse=True)
-        total = np.zeros((len(rows), values.shape[1]))
-        np.add.at(total, place, values)
-        return self._glb.sparse(rows, total, n)
+        unique_vertices, sum_rows = np.unique(vertex_indices, return_inverse=True)
+        summed_values = np.zeros((len(unique_vertices), values.shape[1]))
+        np.add.at(summed_values, sum_rows, values)
+        return self._glb.sparse(unique_vertices, summed_values, point_count)
 
-    def _animation(self, clip, hosts):
+    def _animation(self, clip, host_nodes):
         channels, samplers = [], []
-        for node, path, track in self._channels(lasting(clip), hosts):
+        for node, path, track in self._channels(lasting(clip), host_nodes):
             sampler = {
                 'input': self._glb.accessor(track.times, limits=True),
                 'output': self._glb.accessor(_output(track)),
@@ -222,19 +229,19 @@ class _FigureWriter:
         else:
             self._left_out[f'the empty clip {clip.name!r}'] = None
 
-    def _channels(self, clip, hosts):
+    def _channels(self, clip, host_nodes):
         """Return node, path and track of each channel."""
-        found = {}
+        channel_by_target = {}
         for track in clip.tracks:
             if track.path != 'weights':  # of two for the same, the later one holds
-                found[track.node, track.path] = (int(track.node), track.path, track)
-        first = 0
-        for mesh, host in zip(self._figure.meshes, hosts, strict=True):
-            track = weights_track(clip, first, mesh)
-            first += mesh.n_targets
-            if track is not None and host is not None:
-                found[host, 'weights'] = (host, 'weights', track)
-        return list(found.values())
+                channel_by_target[track.node, track.path] = int(track.node), track.path, track
+        first_column = 0
+        for mesh, host_node in zip(self._figure.meshes, host_nodes, strict=True):
+            track = weights_track(clip, first_column, mesh)
+            first_column += mesh.n_targets
+            if track is not None and host_node is not None:
+                channel_by_target[host_node, 'weights'] = host_node, 'weights', track
+        return list(channel_by_target.values())
 
     def _material(self, look):
         color = _light(look, np.array(pv.Color(look.get('color', 'white')).float_rgb))
@@ -249,20 +256,20 @@ class _FigureWriter:
             if name not in _TEXTURES:
                 self._left_out[f'textures of the kind {name}'] = None
             textures |= dict.fromkeys(_TEXTURES.get(name, ()), texture)
-        indices = {
+        entries = {
             name: {'index': self._texture(texture)}
             for name, texture in textures.items()
             if texture is not None
         }
-        own = ('baseColorTexture', 'metallicRoughnessTexture')
-        reflection |= {name: indices.pop(name) for name in own if name in indices}
+        names = 'baseColorTexture', 'metallicRoughnessTexture'
+        reflection |= {name: entries.pop(name) for name in names if name in entries}
         if 'emissive_factor' in look:
             if max(look['emissive_factor']) > 1:
                 self._left_out['light above 1'] = None
-            indices['emissiveFactor'] = np.clip(look['emissive_factor'], 0, 1).tolist()
+            entries['emissiveFactor'] = np.clip(look['emissive_factor'], 0, 1).tolist()
         return self._glb.material(
             reflection,
-            **indices,
+            **entries,
             cutoff=look.get('alpha_cutoff'),
             blends=alpha < 1 or _translucent(look.get('texture')),
             two_sided=look.get('culling') not in ('back', True),
@@ -279,8 +286,8 @@ def _neutral(mesh):
     """Return points and normals that morph targets are added to."""
     if mesh.frames is None:
         return mesh.points, mesh.normals
-    shapes = mesh.frames.positions, mesh.frames.normals
-    return tuple(np.asarray(shape[0], dtype=np.float64) for shape in shapes)
+    frame_arrays = mesh.frames.positions, mesh.frames.normals
+    return tuple(np.asarray(shape[0], dtype=np.float64) for shape in frame_arrays)
 
 
 def _translucent(texture):

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import pvibr
+from tests.animation.conftest import refused
 
 RNG = np.random.default_rng(5)
 POINTS = RNG.normal(size=(5, 3)).astype(np.float32)
@@ -91,8 +92,7 @@ def test_a_mesh_of_the_decoder_itself(glb):
 )
 def test_compressed_meshes_that_lie(glb, decoder, data, attributes, said):
     packed(glb, data or b'\0', attributes)
-    with pytest.raises(pvibr.animation.GltfError, match=said):
-        pvibr.read_gltf(glb.write())
+    refused(said, pvibr.read_gltf, glb.write(), kind=pvibr.animation.GltfError)
 
 
 def test_accessors_of_another_shape(glb, decoder):
@@ -113,5 +113,4 @@ def test_bytes_beside_the_compressed_ones_are_read_without_a_decoder(glb, monkey
 def test_the_extra_is_named(glb, monkeypatch):
     monkeypatch.setitem(sys.modules, 'DracoPy', None)
     packed(glb, sequential() + bytes(9))
-    with pytest.raises(ImportError, match=r"pip install 'pvibr\[draco\]'"):
-        pvibr.read_gltf(glb.write())
+    refused(r"pip install 'pvibr\[draco\]'", pvibr.read_gltf, glb.write(), kind=ImportError)

@@ -9,6 +9,7 @@ import pvibr
 from pvibr.animation import GltfError
 from pvibr.maths.transforms import trs
 from pvibr.meshes.gltf_meshes import gltf_instances
+from tests.animation.conftest import refused
 
 RNG = np.random.default_rng(8)
 
@@ -68,8 +69,7 @@ def test_many_instances_are_refused(glb):
     zeros = glb.add('accessors', componentType=5126, type='VEC3', count=10**9)
     extensions = {'EXT_mesh_gpu_instancing': {'attributes': {'TRANSLATION': zeros}}}
     glb.shown(glb.primitive(), extensions=extensions)
-    with pytest.raises(GltfError, match='may need'):
-        pvibr.read_gltf(glb.write())
+    refused('may need', pvibr.read_gltf, glb.write(), kind=GltfError)
 
 
 def test_more_than_a_hundred_instances_are_left_to_add_instances(glb):

@@ -10,6 +10,7 @@ from pvibr.animation import GltfError, Pose, Skeleton
 from pvibr.animation.gltf import meshes as gltf_meshes
 from pvibr.animation.gltf import nodes as gltf_nodes
 from pvibr.formats import gltf_file
+from tests.makers import png
 
 FLAT = {'NORMAL': None}
 
@@ -66,7 +67,7 @@ def test_equal_targets_share_their_differences(glb, calls):
     target = {'POSITION': glb.array(np.ones((4, 3)))}
     other = {'POSITION': glb.array(np.eye(4)[:, 1:])}
     glb.shown(glb.primitive(targets=[target, other] * 5000, attributes=FLAT))
-    flat = calls(gltf_meshes, '_flat')
+    flat = calls(gltf_meshes, '_flat_normals')
     figure = pvibr.read_gltf(glb.write())
     (mesh,) = figure.meshes
     assert len(mesh.morphs) == 10_000
@@ -114,7 +115,7 @@ def test_names_of_targets_and_joints_of_skins_are_read_once(glb, calls):
 def test_pictures_are_decoded_once(glb, calls):
     from pvibr.animation.gltf.pictures import Pictures
 
-    image = glb.add('images', bufferView=glb.view(_png()))
+    image = glb.add('images', bufferView=glb.view(png([[[255, 0, 0]]])))
     for k in range(20):
         glb.add('samplers', magFilter=9728)
         glb.add('textures', source=image, sampler=k)
@@ -127,16 +128,6 @@ def test_pictures_are_decoded_once(glb, calls):
     figure = pvibr.read_gltf(glb.write())
     assert len({id(mesh.look['texture']) for mesh in figure.meshes}) == 20
     assert len(decoded) == 1
-
-
-def _png():
-    import io
-
-    from PIL import Image
-
-    file = io.BytesIO()
-    Image.new('RGB', (2, 2), 'red').save(file, 'PNG')
-    return file.getvalue()
 
 
 @pytest.mark.parametrize('seed', range(3))

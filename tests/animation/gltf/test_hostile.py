@@ -20,6 +20,7 @@ from hypothesis import strategies as st
 
 import pvibr
 from pvibr.animation import GltfError
+from tests.animation.conftest import refused
 from tests.animation.gltf.fuzz import places
 
 SQUARE = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
@@ -102,7 +103,7 @@ def test_the_file_itself_is_sound(rich):
         ('bufferViews.4.byteOffset', 10**6, r'bufferViews\[4\] ends at byte 1000048 of a buffer'),
         ('bufferViews.4.byteLength', 10**15, r'bufferViews\[4\] ends at byte'),
         ('accessors.4.byteOffset', 4, r'accessors\[4\] ends at byte 52 of a bufferView of 48'),
-        ('accessors.4.count', 2**40, r'POSITION 1099511627776'),
+        ('accessors.4.count', 2**40, r'must have 1099511627776 elements, as POSITION'),
         ('accessors.6.count', 2**40, r'accessors\[6\] ends at byte'),
         ('bufferViews.4.byteStride', 8, r'byteStride 8 is less than an element of 12'),
         ('bufferViews.4.byteStride', 2, r'bufferViews\[4\].byteStride: Expected `int` >= 4'),
@@ -112,24 +113,28 @@ def test_the_file_itself_is_sound(rich):
         ('accessors.4.componentType', 5124, r'accessors\[4\].componentType: Invalid enum value'),
         ('accessors.4.type', 'VEC5', r'attributes.POSITION is accessors\[4\] of VEC5'),
         ('accessors.4.type', 'VEC2', r'attributes.POSITION is accessors\[4\] of VEC2'),
-        ('accessors.5.count', 3, r'attributes.NORMAL has 3 elements, POSITION 4'),
-        ('accessors.3.count', 3, r'targets\[0\].POSITION has 3 elements of 4'),
+        ('accessors.5.count', 3, r'attributes.NORMAL must have 4 elements, as POSITION'),
+        ('accessors.3.count', 3, r'targets\[0\].POSITION must have 4 elements, got 3'),
         ('accessors.6.componentType', 5126, r'accessors\[6\], which must hold unsigned'),
-        ('accessors.7.count', 1, r'inverseBindMatrices has 1 matrices for 2 joints'),
+        ('accessors.7.count', 1, r'inverseBindMatrices must have 2 matrices'),
         ('meshes.0.primitives.0.mode', 9, r'mode: Expected `int` <= 6'),
         # Graph
-        ('nodes.3.children', [2], r'nodes\[3\].children\[0\] is 2, which is a child of nodes'),
-        ('nodes.3.children', [1], r'nodes\[1\] is in or below a cycle'),
-        ('nodes.3.children', [3], r'nodes\[3\].children\[0\] is 3, which is a child'),
-        ('nodes.1.matrix', [0.0] * 16, r'nodes\[1\].matrix is not affine'),
-        ('nodes.1.matrix', [1, 0, 0, 0, 1, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1], r'matrix is sheared'),
+        ('nodes.3.children', [2], r'nodes\[3\].children\[0\] .* got 2, a child of'),
+        ('nodes.3.children', [1], r'nodes\[1\] must not be in or below a cycle'),
+        ('nodes.3.children', [3], r'nodes\[3\].children\[0\] must .* got 3, a child'),
+        ('nodes.1.matrix', [0.0] * 16, r'nodes\[1\].matrix must be affine'),
+        (
+            'nodes.1.matrix',
+            [1, 0, 0, 0, 1, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1],
+            r'must be free of shear',
+        ),
         ('nodes.1.matrix', [1.0] * 15, r'nodes\[1\].matrix: Expected `array` of length >?=? ?16'),
         ('nodes.1.rotation', [0, 0, 0, 0], r'nodes: '),
         ('nodes.1.scale', [1e31, 1, 1], r'nodes\[1\].scale\[0\]: Expected `float` <= 1e'),
         # Morphs and clips
-        ('nodes.0.weights', [1, 2], r'nodes\[0\] has 2 morph weights for 1 targets'),
+        ('nodes.0.weights', [1, 2], r'nodes\[0\] must have 1 weights, got 2'),
         ('animations.0.samplers.0.output', 0, r'output is accessors\[0\] of VEC2'),
-        ('animations.0.samplers.0.interpolation', 'CUBICSPLINE', r'2 keys need 24'),
+        ('animations.0.samplers.0.interpolation', 'CUBICSPLINE', r'24 numbers for 2 keys'),
         ('animations.0.samplers.0.interpolation', 'SPLINE', r'samplers\[0\].interpolation'),
         # What is not glTF 2.0, or no JSON
         ('asset.version', '1.0', r"asset.version is '1.0'"),
@@ -137,14 +142,13 @@ def test_the_file_itself_is_sound(rich):
         ('asset', {}, r'asset: Object missing required field `version`'),
         ('nodes', None, r'nodes: Expected `array`, got `null`'),
         ('nodes.1.translation', [0, '1', 0], r'nodes\[1\].translation\[1\]'),
-        ('cameras.0.perspective', None, r'cameras\[0\] is perspective, but has no'),
-        ('cameras.0.type', 'orthographic', r'cameras\[0\] is orthographic, but has no'),
+        ('cameras.0.perspective', None, r"cameras\[0\] must have 'perspective'"),
+        ('cameras.0.type', 'orthographic', r"cameras\[0\] must have 'orthographic'"),
     ],
 )
 def test_an_error_names_the_place(rich, place, value, said):
     put(rich.json, place, value)
-    with pytest.raises(GltfError, match=said):
-        pvibr.read_gltf(rich.write())
+    refused(said, pvibr.read_gltf, rich.write(), kind=GltfError)
 
 
 @pytest.mark.parametrize(
@@ -156,33 +160,30 @@ def test_an_error_names_the_place(rich, place, value, said):
         (8, 1, 'nan', r'accessors\[8\] holds nan'),
         (9, 0, '-inf', r'accessors\[9\] holds -inf'),
         (2, 0, 'nan', r'accessors\[2\] holds nan in element 0'),
-        (7, 3, '0.5', r'skins\[0\].inverseBindMatrices: matrix 0 is not affine'),
+        (7, 3, '0.5', r'inverseBindMatrices\[0\] must be affine'),
     ],
 )
 def test_numbers_that_are_none(rich, accessor, element, value, said):
     view = rich.json['bufferViews'][rich.json['accessors'][accessor]['bufferView']]
     at = view['byteOffset'] + 4 * element
     rich.blob = rich.blob[:at] + struct.pack('<f', float(value)) + rich.blob[at + 4 :]
-    with pytest.raises(GltfError, match=said):
-        pvibr.read_gltf(rich.write())
+    refused(said, pvibr.read_gltf, rich.write(), kind=GltfError)
 
 
 def test_joints_and_indices_out_of_range(rich):
     primitive = rich.json['meshes'][0]['primitives'][0]
     sound = primitive['attributes']['JOINTS_0']
     primitive['attributes']['JOINTS_0'] = rich.array([[0, 2, 0, 0]] * 4, 'B')
-    with pytest.raises(GltfError, match=r'skins\[0\]: joints\[0, 1\] is 2'):
+    with pytest.raises(GltfError, match=r'skins\[0\]: joints\[0, 1\] must be from 0 to 1, got 2'):
         pvibr.read_gltf(rich.write())
     primitive['attributes']['JOINTS_0'] = sound
     primitive['indices'] = rich.array([0, 1, 4], 'H')
-    with pytest.raises(GltfError, match=r'indices: index 2 is 4; there are 4 vertices'):
-        pvibr.read_gltf(rich.write())
+    refused(r'indices\[2\] must be below 4', pvibr.read_gltf, rich.write(), kind=GltfError)
 
 
 def test_corners_that_make_no_triangles(rich):
     rich.json['meshes'][0]['primitives'][0]['indices'] = rich.array([0, 1, 2, 3], 'H')
-    with pytest.raises(GltfError, match='4 indices'):
-        pvibr.read_gltf(rich.write())
+    refused('indices, got 4', pvibr.read_gltf, rich.write(), kind=GltfError)
 
 
 def test_keys_out_of_order(glb):
@@ -194,7 +195,7 @@ def test_keys_out_of_order(glb):
 def test_one_thing_driven_twice(rich):
     channels = rich.json['animations'][0]['channels']
     channels.append(channels[0])
-    with pytest.raises(GltfError, match=r'channels\[1\] drives the rotation of nodes\[2\]'):
+    with pytest.raises(GltfError, match=r'channels\[1\] .* got rotation of nodes\[2\] again'):
         pvibr.read_gltf(rich.write())
 
 
@@ -220,8 +221,7 @@ def test_sparse_accessors_that_lie(glb, fault):
         'values': {'bufferView': values},
     }
     glb.shown(glb.primitive(attributes={'POSITION': glb.array(SQUARE, sparse=sparse)}))
-    with pytest.raises(GltfError, match=r'accessors\[0\].sparse'):
-        pvibr.read_gltf(glb.write())
+    refused(r'accessors\[0\].sparse', pvibr.read_gltf, glb.write(), kind=GltfError)
 
 
 # What must not be allocated
@@ -308,7 +308,7 @@ def test_a_small_picture_that_unpacks_to_a_huge_one(glb):
 def test_scales_that_overflow_together(rich):
     for node in (1, 2):
         rich.json['nodes'][node]['scale'] = [1e20] * 3
-    with pytest.raises(GltfError, match=r'nodes\[2\] is translated or scaled by more than 1e\+30'):
+    with pytest.raises(GltfError, match=r'nodes\[2\] must .* by less than 1e\+30'):
         pvibr.read_gltf(rich.write())
 
 
@@ -325,7 +325,7 @@ def test_very_deep_nodes(glb):
     for i in range(3000):
         glb.add('nodes', children=[i + 1])
     glb.add('nodes')
-    with pytest.raises(GltfError, match=r'more than \d+ nodes below its root'):
+    with pytest.raises(GltfError, match=r'must be less than \d+ nodes below its root'):
         pvibr.read_gltf(glb.write())
 
 
@@ -354,8 +354,7 @@ def test_very_deep_nodes(glb):
 def test_files_that_are_none(tmp_path, content, said):
     path = tmp_path / 'a.glb'
     path.write_bytes(content)
-    with pytest.raises(GltfError, match=said):
-        pvibr.read_gltf(path)
+    refused(said, pvibr.read_gltf, path, kind=GltfError)
 
 
 def test_a_file_cut_off_anywhere(rich):
@@ -375,36 +374,34 @@ def test_no_such_file(tmp_path):
 # URIs
 
 
-@pytest.mark.parametrize(
-    'uri',
-    [
-        '/etc/hostname',
-        '../secret.bin',
-        'folder/../../secret.bin',
-        '%2e%2e/secret.bin',
-        '..%2Fsecret.bin',
-        '%2Fetc%2Fhostname',
-        'file:///etc/hostname',
-        'http://localhost/a.bin',
-        'FILE:a.bin',
-        '//localhost/a.bin',
-        'C:\\a.bin',
-        '..\\secret.bin',
-        'link.bin',
-        'linked/secret.bin',
-        'a%00.bin',
-        '',
-        'circle.bin',
-        'a' * 5000,
-        'gone.bin',
-        '.',
-        'pipe',
-        'data:application/octet-stream,abc',
-        'data:application/octet-stream;base64,a',
-        'data:application/octet-stream;base64,!!!!',
-        'data:;base64',
-    ],
-)
+URIS = [
+    r'/etc/hostname',
+    r'../secret.bin',
+    r'folder/../../secret.bin',
+    r'%2e%2e/secret.bin',
+    r'..%2Fsecret.bin',
+    r'%2Fetc%2Fhostname',
+    r'file:///etc/hostname',
+    r'http://localhost/a.bin',
+    r'FILE:a.bin',
+    r'//localhost/a.bin',
+    r'C:\a.bin',
+    r'..\secret.bin',
+    r'link.bin',
+    r'linked/secret.bin',
+    r'a%00.bin',
+    r'circle.bin',
+    r'gone.bin',
+    r'.',
+    r'pipe',
+    r'data:application/octet-stream,abc',
+    r'data:application/octet-stream;base64,a',
+    r'data:application/octet-stream;base64,!!!!',
+    r'data:;base64',
+]
+
+
+@pytest.mark.parametrize('uri', [*URIS, '', 'a' * 5000])
 @pytest.mark.parametrize('kind', ['buffers', 'images'])
 def test_uris_that_lead_elsewhere(rich, uri, kind):
     inner = rich.folder / 'inner'
@@ -449,8 +446,7 @@ def test_a_buffer_without_bytes(glb):
     glb.shown(glb.primitive())
     path = glb.folder / 'a.gltf'
     path.write_text(json.dumps(glb.json | {'buffers': [{'byteLength': 4}]}), encoding='utf-8')
-    with pytest.raises(GltfError, match=r'buffers\[0\] has no uri'):
-        pvibr.read_gltf(path)
+    refused(r'buffers\[0\] has no uri', pvibr.read_gltf, path, kind=GltfError)
 
 
 # Anything at all
@@ -471,9 +467,7 @@ def survives(path):
 
 
 FUZZ = settings(
-    max_examples=200,
-    deadline=None,
-    suppress_health_check=[HealthCheck.function_scoped_fixture],
+    max_examples=200, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
 )
 
 
