@@ -1,4 +1,4 @@
-"""Meshes and scenes of trimesh as PyVista meshes with the looks of their materials."""
+"""Meshes and scenes of trimesh as PyVista meshes with their materials."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ COLORS = 'trimesh_colors'
 _INSTANCING = 'EXT_mesh_gpu_instancing'
 
 
-def is_trimesh(thing, kind):
-    """Return True if a thing is of a class of trimesh, without importing trimesh."""
+def is_trimesh(value, kind):
+    """Return whether a value is an instance of a trimesh class, without importing trimesh."""
     module = sys.modules.get('trimesh')
-    return module is not None and isinstance(thing, getattr(module, kind))
+    return module is not None and isinstance(value, getattr(module, kind))
 
 
 def read_trimesh(path):
@@ -25,7 +25,7 @@ def read_trimesh(path):
 
     scene = trimesh.load_scene(path, process=False)
     if not scene.geometry:
-        raise ValueError('no geometry in it')
+        raise ValueError('the file has no geometry')
     return scene
 
 
@@ -42,7 +42,7 @@ def trimesh_instances(scene):
         matrices.append(matrix)
         index.append(names.setdefault(name, len(names)))
     if not names:
-        raise ValueError('the trimesh scene has no triangle mesh in it.')
+        raise ValueError('the trimesh scene has no triangle mesh')
     meshes = [scene.geometry[name] for name in names]
     return meshes, np.array(index), np.array(matrices)
 
@@ -50,7 +50,7 @@ def trimesh_instances(scene):
 def as_dataset(mesh, pbr=False, textures=None):
     """Return a trimesh as PolyData, and the add_mesh keywords of its material."""
     dataset = pv.PolyData.from_regular_faces(np.array(mesh.vertices), np.array(mesh.faces))
-    # Only normals from the file: the public property computes missing ones.
+    # Only normals of the file, as the public property computes missing ones.
     normals = mesh._cache.cache.get('vertex_normals')  # noqa: SLF001
     if normals is not None and len(normals) == dataset.n_points:
         dataset.point_data.active_normals = np.array(normals)
@@ -70,13 +70,13 @@ def _warn_dropped(scene, node):
     metadata = scene.graph.transforms.edge_data.get((parent, node), {}).get('metadata') or {}
     if _INSTANCING in metadata.get('gltf_extensions', {}):
         warn(
-            f'node {node!r} has {_INSTANCING}, which trimesh drops: one instance is drawn. '
-            'Give the path of the file instead of the trimesh scene.'
+            f'trimesh drops {_INSTANCING} of node {node!r}, so one instance is drawn: pass the '
+            'path of the file instead of the trimesh scene'
         )
 
 
 def _warn_skipped(name, geometry):
-    warn(f'geometry {name!r} ({type(geometry).__name__}) has no triangles and is not drawn.')
+    warn(f'geometry {name!r} ({type(geometry).__name__}) has no triangles and is not drawn')
 
 
 def _colored(data, colors):
@@ -140,7 +140,7 @@ def _as_bytes(colors):
 def _texture(image, mode, textures):
     key = (hash(image.tobytes()), image.size, mode == 'OPAQUE')
     if key not in textures:
-        # OPAQUE means that alpha is ignored; VTK would blend it.
+        # OPAQUE ignores alpha, which VTK would blend.
         pixels = np.asarray(image.convert('RGB' if mode == 'OPAQUE' else 'RGBA'))
         textures[key] = pv.Texture(pixels)
         textures[key].interpolate = True

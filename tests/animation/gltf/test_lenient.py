@@ -247,7 +247,7 @@ def test_whole_numbers_may_be_written_as_floats(glb):
 def test_files_of_version_1_say_so(tmp_path):
     path = tmp_path / 'old.gltf'
     path.write_text('{"asset": {"version": "1.0"}, "accessors": {}}')
-    with pytest.raises(pvibr.animation.GltfError, match=r"asset.version is '1.0'; only 2.x"):
+    with pytest.raises(pvibr.animation.GltfError, match=r"asset.version must be 2.x, got '1.0'"):
         pvibr.read_gltf(path)
 
 
