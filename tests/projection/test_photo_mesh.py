@@ -228,10 +228,10 @@ def test_a_choice_made_anew_forgets_the_view(gloss):
     """Its points are others: the next frame at rest finds their shares."""
     mesh, photos = gloss
     pl, painted = window(mesh, photos, max_angle=40.0)
-    assert painted._shown
+    assert painted._view_photos
     painted.max_angle = 85.0
-    painted._make()
-    assert not painted._shown
+    painted._choose()
+    assert not painted._view_photos
     pl.render()
     shown = pl.screenshot(return_img=True).astype(int)
     pl.close()
@@ -265,7 +265,7 @@ def test_photographs_of_a_view_show_what_they_see_and_never_jump(gloss):
     assert max(steps) < 0.01
     points, normals = views.surface.points, views.surface.outward
     for number in needs:
-        rows, part = views._part(number)
+        rows, part = views._coverage(number)
         rows = rows[part > 0]
         assert len(rows) > 100
         toward = photos[number].camera.toward(points[rows])
@@ -405,7 +405,7 @@ def test_bad_input_is_refused(made):
         pvibr.PhotoMesh(mesh, ['a.jpg'])
     with pytest.raises(ValueError, match='at least one'):
         pvibr.PhotoMesh(mesh, [])
-    with pytest.raises(ValueError, match='masks has 1 entries'):
+    with pytest.raises(ValueError, match='masks must have'):
         pvibr.PhotoMesh(mesh, photos, masks=[None])
     with pytest.raises(ValueError, match='has no picture'):
         pvibr.PhotoMesh(mesh, pvibr.Photo('a.jpg', photos[0].camera))
@@ -436,7 +436,7 @@ def test_that_much_faces_inwards_is_said(made, method, recwarn):
         found.append([str(warning.message) for warning in recwarn.list])
         recwarn.clear()
     assert found[:2] == [[], []]
-    assert re.match(r'[1-4]\d% of the surface that photographs see is bare', found[2][0])
+    assert re.match(r'[1-4]\d% of the surface in view of photographs is bare', found[2][0])
 
 
 @pytest.mark.parametrize('seed', [1, 2])
@@ -469,8 +469,8 @@ def test_agreement_is_that_of_the_neighbourhood(monkeypatch):
     pairs = pairs[pairs[:, 0] < pairs[:, 1]]
     edges = np.concatenate([pairs, pairs[:, ::-1]])
     values = rng.random(numbers.shape).astype(np.float32)
-    monkeypatch.setattr(photo_choice, '_EVEN', 1)
-    found = photo_choice._even(values.copy(), numbers, edges)
+    monkeypatch.setattr(photo_choice, '_AGREEMENT_ROUNDS', 1)
+    found = photo_choice._smoothed(values.copy(), numbers, edges)
     for vertex, place in np.argwhere(numbers >= 0):
         near = [vertex, *edges[edges[:, 0] == vertex, 1]]
         alike = values[near][numbers[near] == numbers[vertex, place]]
