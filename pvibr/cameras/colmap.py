@@ -55,14 +55,14 @@ def read(path):
     return entries
 
 
-def _entry(place, name, pose, origin, model, size, numbers):
+def _entry(place, name, image_pose, origin, model, size, numbers):
     with place.named():
-        R = to_matrices(pose[:4])
+        R = to_matrices(image_pose[:4])
     return Entry(
         place,
         name,
         size,
-        lambda size: model_camera(origin, model, numbers, (R, np.array(pose[4:])), size),
+        lambda size: model_camera(origin, model, numbers, (R, np.array(image_pose[4:])), size),
     )
 
 
@@ -163,22 +163,20 @@ class _Binary(_Tables):
         """Yield id, (place, model, size, parameters)."""
         models_by_id = {row[0]: name for name, row in MODELS.items()}
         models_by_id[EQUIRECTANGULAR[1]] = EQUIRECTANGULAR[0]
-        cursor, count = self._open('cameras', 24)
-        for _ in range(count):
+        cursor, camera_count = self._open('cameras', 24)
+        for _ in range(camera_count):
             place = cursor.place
             camera_id, model_id, width, height = cursor.take('IiQQ')
             if model_id not in models_by_id:
-                raise place.error(
-                    f'camera model must be 0 to {EQUIRECTANGULAR[1]}, got {model_id}'
-                )
+                raise place.error(f'model must be 0 to {EQUIRECTANGULAR[1]}, got {model_id}')
             model = models_by_id[model_id]
             numbers = np.atleast_1d(cursor.take(f'{_param_count(model)}d'))
             yield camera_id, (place, model, (width, height), numbers)
 
     def images(self):
         """Yield place, image id, pose, camera id and name."""
-        cursor, count = self._open('images', _IMAGE_SIZE)
-        for _ in range(count):
+        cursor, image_count = self._open('images', _IMAGE_SIZE)
+        for _ in range(image_count):
             place = cursor.place
             image_id, *pose, camera_id = cursor.take('I7dI')
             name = cursor.text()
@@ -187,24 +185,24 @@ class _Binary(_Tables):
 
     def rigs(self):
         """Yield rig, sensor, and the pose of the sensor in the rig if known."""
-        cursor, count = self._open('rigs', 8)
-        for _ in range(count):
-            rig, sensors = cursor.take('II')
+        cursor, rig_count = self._open('rigs', 8)
+        for _ in range(rig_count):
+            rig_id, sensors = cursor.take('II')
             for k in range(sensors):
-                sensor = cursor.take('iI')
+                sensor_id = cursor.take('iI')
                 if k == 0:
-                    yield rig, sensor, (1.0, 0, 0, 0, 0, 0, 0)
+                    yield rig_id, sensor_id, (1.0, 0, 0, 0, 0, 0, 0)
                 elif cursor.take('B'):
-                    yield rig, sensor, cursor.take('7d')
+                    yield rig_id, sensor_id, cursor.take('7d')
 
     def frames(self):
         """Yield rig, pose and (sensor, image) of each frame."""
-        cursor, count = self._open('frames', 68)
-        for _ in range(count):
-            _, rig, *pose = cursor.take('II7d')
+        cursor, frame_count = self._open('frames', 68)
+        for _ in range(frame_count):
+            _, rig_id, *pose = cursor.take('II7d')
             images = [cursor.take('iIQ') for _ in range(cursor.count(16, 'I'))]
             yield (
-                rig,
+                rig_id,
                 pose,
                 [((kind, sensor), image) for kind, sensor, image in images if not kind],
             )
@@ -251,26 +249,26 @@ class _Text(_Tables):
         """Yield rig, sensor, and the pose of the sensor in the rig if known."""
         for line in self._lines('rigs'):
             tokens = line.text.split()
-            rig, sensor_count = line.numbers(tokens[:2], 2, int)
+            rig_id, sensor_count = line.numbers(tokens[:2], 2, int)
             start = 2
             for k in range(min(sensor_count, len(tokens))):
                 kind = tokens[start] if start < len(tokens) else ''
                 (sensor_id,) = line.numbers(tokens[start + 1 : start + 2], 1, int)
                 sensor, start = (0 if kind == 'CAMERA' else 1, sensor_id), start + 2
                 if k == 0:
-                    yield rig, sensor, (1.0, 0, 0, 0, 0, 0, 0)
+                    yield rig_id, sensor, (1.0, 0, 0, 0, 0, 0, 0)
                     continue
                 (has_pose,) = line.numbers(tokens[start : start + 1], 1, int)
                 start += 1
                 if has_pose:
-                    yield rig, sensor, line.numbers(tokens[start : start + 7], 7)
+                    yield rig_id, sensor, line.numbers(tokens[start : start + 7], 7)
                     start += 7
 
     def frames(self):
         """Yield rig, pose and (sensor, image) of each frame."""
         for line in self._lines('frames'):
             tokens = line.text.split()
-            _, rig = line.numbers(tokens[:2], 2, int)
+            _, rig_id = line.numbers(tokens[:2], 2, int)
             pose = line.numbers(tokens[2:9], 7)
             (image_count,) = line.numbers(tokens[9:10], 1, int)
             rest = tokens[10:]
@@ -280,4 +278,4 @@ class _Text(_Tables):
             images = [
                 ((0, s), i) for (s, i), k in zip(ids, rest[::3], strict=True) if k == 'CAMERA'
             ]
-            yield rig, pose, images
+            yield rig_id, pose, images

@@ -95,9 +95,9 @@ class Cursor:
 class Line(Place):
     """A line of a text file."""
 
-    def __init__(self, path, number, text):
-        super().__init__(path, f'line {number}')
-        self.number, self.text = number, text
+    def __init__(self, path, line_number, text):
+        super().__init__(path, f'line {line_number}')
+        self.number, self.text = line_number, text
 
     def numbers(self, tokens, count=None, kind=float) -> list:
         """Return finite numbers, as many as required."""
@@ -114,8 +114,8 @@ class Line(Place):
 def lines_of(path):
     """Yield the lines of a text file."""
     with Path(path).open(encoding='utf-8-sig', errors='surrogateescape') as file:
-        for number, text in enumerate(file, start=1):
-            yield Line(path, number, text.strip())
+        for line_number, text in enumerate(file, start=1):
+            yield Line(path, line_number, text.strip())
 
 
 def data_lines(path):
@@ -258,8 +258,8 @@ def _line_of(path, trail) -> int:
 class Element(Line):
     """An element of an XML file."""
 
-    def __init__(self, path, number, tag, attributes):
-        super().__init__(path, number, '')
+    def __init__(self, path, line_number, tag, attributes):
+        super().__init__(path, line_number, '')
         self.tag, self.attributes, self.children = tag, attributes, []
 
     def find(self, tag):

@@ -24,22 +24,24 @@ def fly(plotter, camera, frames):
     moving.parallel_projection = target.parallel_projection
     for t in (np.arange(frames) + 1) / frames:
         eased = t * t * (3 - 2 * t)
-        state = {k: (1 - eased) * start_state[k] + eased * end_state[k] for k in start_state}
-        _set(moving, state, to_matrices(slerp(rotations[0], rotations[1], eased)))
+        current_state = {
+            k: (1 - eased) * start_state[k] + eased * end_state[k] for k in start_state
+        }
+        _set(moving, current_state, to_matrices(slerp(rotations[0], rotations[1], eased)))
         plotter.renderer.ResetCameraClippingRange()
         plotter.render()
 
 
 def _state(camera):
     """Return the animated state of a camera."""
-    position, focus = np.array(camera.position), np.array(camera.focal_point)
-    distance = np.linalg.norm(position - focus)
-    back = (position - focus) / distance
-    right = np.cross(camera.up, back)
+    position, focal_point = np.array(camera.position), np.array(camera.focal_point)
+    distance = np.linalg.norm(position - focal_point)
+    backward = (position - focal_point) / distance
+    right = np.cross(camera.up, backward)
     right /= np.linalg.norm(right)
     return {
         'position': position,
-        'axes': np.array([right, np.cross(back, right), back]),
+        'axes': np.array([right, np.cross(backward, right), backward]),
         'distance': distance,
         'angle': camera.view_angle,
         'scale': camera.parallel_scale,

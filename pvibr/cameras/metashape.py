@@ -25,7 +25,7 @@ def read(path):
     for chunk in [document] if document.tag == 'chunk' else document.all('chunk'):
         sensors = {s.get('id'): s for s in chunk.all('sensor')}
         cameras = {c.get('id'): c for c in chunk.all('camera')}
-        worlds = _worlds(chunk)
+        worlds_by_id = _worlds(chunk)
         for camera in cameras.values():
             matrix = _matrix(camera, cameras, sensors)
             if matrix is None:
@@ -34,7 +34,7 @@ def read(path):
             if sensor.attributes.get('type', 'frame') not in _KINDS:
                 unknown_labels.append(camera.get('label'))
                 continue
-            world = worlds.get(camera.attributes.get('component_id'), worlds[None])
+            world = worlds_by_id.get(camera.attributes.get('component_id'), worlds_by_id[None])
             entries.append(_entry(camera, sensor, world @ matrix))
     if unknown_labels:
         count, label = len(unknown_labels), unknown_labels[0]
@@ -101,19 +101,24 @@ def _entry(camera, sensor, matrix):
     sides = [resolution.get('width'), resolution.get('height')]
     size = tuple(resolution.numbers(sides, 2, int))
     label = camera.get('label')
-    return Entry(camera, label, size, lambda size: _camera(sensor, calibration, pose, size))
+    return Entry(
+        camera,
+        label,
+        size,
+        lambda size: _camera(sensor, calibration, pose, size),
+    )
 
 
 def _camera(sensor, calibration, pose, size):
-    kind = _KINDS[sensor.attributes.get('type', 'frame')]
+    lens_kind = _KINDS[sensor.attributes.get('type', 'frame')]
     center = np.array(size) / 2 - 0.5
-    if kind == 'spherical':
+    if lens_kind == 'spherical':
         focal = size[0] / (2 * np.pi)
         if calibration is not None:
             focal = calibration.value('f', focal)
             center = np.add(center, [calibration.value('cx'), calibration.value('cy')])
         K = pinhole_matrix(focal, focal, *center)
-        return camera_of(sensor, K, pose, size, lens=Lens(kind))
+        return camera_of(sensor, K, pose, size, lens=Lens(lens_kind))
     if calibration is None:
         raise sensor.error('the sensor has no calibration')
     value, place = calibration.value, calibration
@@ -121,11 +126,13 @@ def _camera(sensor, calibration, pose, size):
     fx, skew = value('fx', fy) + value('b1'), value('b2', value('skew'))
     cx, cy = np.add(center, [value('cx'), value('cy')])
     K = pinhole_matrix(fx, fy, cx, cy, skew)
-    if kind == 'cylindrical':
-        return camera_of(place, K, pose, size, lens=Lens(kind))
+    if lens_kind == 'cylindrical':
+        return camera_of(place, K, pose, size, lens=Lens(lens_kind))
     radial = [value(f'k{i}') for i in range(1, 5)]
     p1, p2, p3, p4 = (value(f'p{i}') for i in range(1, 5))
-    if kind == 'perspective' and not (radial[3] or p3 or p4):  # p1 and p2 are swapped in OpenCV
+    if lens_kind == 'perspective' and not (
+        radial[3] or p3 or p4
+    ):  # p1 and p2 are swapped in OpenCV
         return camera_of(place, K, pose, size, [*radial[:2], p2, p1, radial[2]])
-    lens = Lens(kind, (), radial, (p2, p1, p3, p4))
+    lens = Lens(lens_kind, (), radial, (p2, p1, p3, p4))
     return camera_of(place, K, pose, size, lens=lens)

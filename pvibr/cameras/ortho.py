@@ -54,10 +54,10 @@ def georeference(path):
         a, d, b, e, c, f = numbers
         return lines[0], _from_corner([[a, b, c], [d, e, f]]), _projection(path)
     tags = _tiff(path) if path.suffix.lower() in ('.tif', '.tiff') else None
-    matrix = tags and _tiff_matrix(path, tags)
-    if matrix:
+    world_from_pixel = tags and _tiff_matrix(path, tags)
+    if world_from_pixel:
         place, crs = Place(path, 'its GeoTIFF tags'), _tiff_crs(tags) or _projection(path)
-        return place, np.array(matrix), crs
+        return place, np.array(world_from_pixel), crs
     return _by_rasterio(path)
 
 
@@ -90,18 +90,18 @@ def _projection(path):
     return file.read_text(errors='replace')[:10000].strip() if file.is_file() else None
 
 
-def _entry(path, place, matrix, crs):
+def _entry(path, place, world_from_pixel, crs):
     def make(size):
-        right, down = matrix[:, 0] * size[0], matrix[:, 1] * size[1]
-        corner = np.append(matrix[:, 2] + down, 0.0)
+        right, down = world_from_pixel[:, 0] * size[0], world_from_pixel[:, 1] * size[1]
+        lower_corner = np.append(world_from_pixel[:, 2] + down, 0.0)
         width, height = np.hypot(*right), np.hypot(*down)
         if right[0] * down[1] - right[1] * down[0] >= 0:
             raise place.error(
-                f'the georeference must not mirror the picture, got {matrix.tolist()}'
+                f'the georeference must not mirror the picture, got {world_from_pixel.tolist()}'
             )
         sides = np.append(right, 0.0), np.append(-down, 0.0)
         with place.named():
-            return Orthographic(corner, *sides, width, height, size=size)
+            return Orthographic(lower_corner, *sides, width, height, size=size)
 
     return Entry(place, path.name, None, make, crs)
 
@@ -132,15 +132,15 @@ def _tiff_tags(file, order, start, is_big):
     table = file.read(entry_size * min(count, 4096))
     for offset in range(0, len(table) - entry_size + 1, entry_size):
         entry_format = order + ('HHQ' if is_big else 'HHI')
-        tag, kind, value_count = struct.unpack_from(entry_format, table, offset)
-        if tag not in _TAGS or kind not in _FORMS or value_count > _MAX_VALUES:
+        tag, value_type, value_count = struct.unpack_from(entry_format, table, offset)
+        if tag not in _TAGS or value_type not in _FORMS or value_count > _MAX_VALUES:
             continue
-        length, end = value_count * _SIZES[kind], offset + entry_size
+        length, end = value_count * _SIZES[value_type], offset + entry_size
         data = table[end - value_size : end]
         if length > value_size:
             file.seek(struct.unpack(order + ('Q' if is_big else 'I'), data)[0])
             data = file.read(length)
-        yield _TAGS[tag], struct.unpack(f'{order}{value_count}{_FORMS[kind]}', data[:length])
+        yield _TAGS[tag], struct.unpack(f'{order}{value_count}{_FORMS[value_type]}', data[:length])
 
 
 def _geo_keys(tags):
@@ -180,9 +180,9 @@ def _by_rasterio(path):
         with warnings.catch_warnings():
             warnings.simplefilter('ignore')
             with rasterio.open(path) as file:
-                matrix, crs = np.reshape(file.transform[:6], (2, 3)), file.crs
+                world_from_pixel, crs = np.reshape(file.transform[:6], (2, 3)), file.crs
     except rasterio.errors.RasterioIOError:
         return None
-    if np.array_equal(matrix, np.eye(2, 3)):
+    if np.array_equal(world_from_pixel, np.eye(2, 3)):
         return None
-    return Place(path, 'as rasterio reads it'), matrix, crs and crs.to_string()
+    return Place(path, 'as rasterio reads it'), world_from_pixel, crs and crs.to_string()

@@ -144,9 +144,7 @@ class Photo:
             If the picture is missing, unreadable, or of another size than the camera.
         """
         if self.path is None:
-            raise ValueError(
-                f'{self.name!r} has no picture: pass its folder as read_cameras(..., images=)'
-            )
+            raise ValueError(f'{self.name!r} has no picture: use read_cameras(..., images=folder)')
         small_picture = None if size is None else decoded(self.path, self.size, size)
         if small_picture is not None:
             return small_picture
@@ -154,9 +152,7 @@ class Photo:
         picture_height, picture_width = picture.shape[:2]
         if (picture_width, picture_height) != self.size:
             size_text = f'{picture_width} x {picture_height}'
-            raise ValueError(
-                f'{self.path} must be {self.size} pixels as its camera, got {size_text}'
-            )
+            raise ValueError(f'{self.path} must be {self.size} pixels, got {size_text}')
         return picture if size is None else resized(picture, size)
 
     def slides(self) -> list:
@@ -212,8 +208,9 @@ class Photo:
         if isinstance(self.camera, Orthographic):
             camera.parallel_projection = True
             camera.parallel_scale = self.camera.height / 2
-            middle = self.position + (self.camera.width * right - self.camera.height * down) / 2
-            camera.position, camera.focal_point = middle - self.camera.height * ahead, middle
+            center = self.position + (self.camera.width * right - self.camera.height * down) / 2
+            camera.position = center - self.camera.height * ahead
+            camera.focal_point = center
             return camera
         camera.position, camera.focal_point = self.position, self.position + ahead
         K = self.camera.K * getattr(getattr(self.camera, 'lens', None), 'focus', 1.0)
@@ -268,8 +265,8 @@ def resampled(camera, picture, face):
     centred_camera = replace(camera, t=np.zeros(3))
     width, height = face.size
     face_picture = np.zeros((height, width, 4), np.uint8)
-    for top in range(0, height, _ROWS_AT_ONCE):
-        row_range = np.arange(top, min(top + _ROWS_AT_ONCE, height))
+    for first_row in range(0, height, _ROWS_AT_ONCE):
+        row_range = np.arange(first_row, min(first_row + _ROWS_AT_ONCE, height))
         u, v = np.meshgrid((np.arange(width) + 0.5) / width, 1 - (row_range + 0.5) / height)
         ray_directions = face.rays(np.c_[u.ravel(), v.ravel()])[1]
         uv = centred_camera.project(ray_directions)[0]
@@ -361,8 +358,8 @@ class Photos(tuple):
         (-5.0, -3.0)
         """
         if size is None:
-            places = self.positions()
-            size = 0.1 * float(np.linalg.norm(np.ptp(places, axis=0))) or 1.0
+            positions = self.positions()
+            size = 0.1 * float(np.linalg.norm(np.ptp(positions, axis=0))) or 1.0
         points = [np.zeros((0, 3))]
         for photo in self:
             points.append(_outline(photo.camera, size))
@@ -415,15 +412,13 @@ class Photos(tuple):
         texels = checked_whole('texels', texels, 1, _MAX_THUMBNAIL)
         indices = [k for k, photo in enumerate(self) if photo.path is not None]
         if not indices:
-            raise ValueError(
-                'no photograph has a picture: pass their folder as read_cameras(..., images=)'
-            )
+            raise ValueError('no photograph has a picture: use read_cameras(..., images=folder)')
         sizes = np.array([self[k].size for k in indices])
         sizes = np.maximum(sizes * texels // sizes.max(1, keepdims=True), 1)
         columns = int(np.ceil(np.sqrt(len(indices))))
         cell_width, cell_height = sizes.max(0)
-        rows = -(-len(indices) // columns)
-        image = np.zeros((rows * cell_height, columns * cell_width, 4), np.uint8)
+        row_count = -(-len(indices) // columns)
+        image = np.zeros((row_count * cell_height, columns * cell_width, 4), np.uint8)
         corners = self.frustums(size).points.reshape(-1, 5, 3)[indices, :4]
         corner_uv = np.zeros((len(indices), 4, 2))
         for k, ((w, h), card_uv) in enumerate(zip(sizes.tolist(), corner_uv, strict=True)):
@@ -446,8 +441,8 @@ def _outline(camera, size):
         return np.vstack([origins, origins[:1]])
     forward = -camera.view_from_world[2, :3]
     too_wide = ~np.isfinite(rays).all(axis=1) | (rays @ forward < 0.2)
-    corners = np.array([[-1, 1, 1], [1, 1, 1], [1, -1, 1], [-1, -1, 1]]) @ camera.R
-    rays = np.where(too_wide[:, None], corners, rays)  # of lenses wider than that
+    fallback_rays = np.array([[-1, 1, 1], [1, 1, 1], [1, -1, 1], [-1, -1, 1]]) @ camera.R
+    rays = np.where(too_wide[:, None], fallback_rays, rays)  # of lenses wider than that
     rays = rays / (rays @ forward)[:, None]
     return np.vstack([camera.position + size * rays, camera.position])
 
@@ -456,9 +451,7 @@ def similarity(matrix, name):
     """Return the rotation nearest to a matrix, and its uniform scale."""
     u, s, vt = np.linalg.svd(matrix)
     if not s[2] > 0 or s[0] / s[2] - 1 > 2e-3 or np.linalg.det(u @ vt) < 0:
-        raise ValueError(
-            f'{name} must be a rotation, perhaps scaled, got {np.asarray(matrix).tolist()}'
-        )
+        raise ValueError(f'{name} must be a rotation, perhaps scaled, got {matrix.tolist()}')
     return u @ vt, float(np.cbrt(s.prod()))
 
 

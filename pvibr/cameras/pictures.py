@@ -25,8 +25,8 @@ class PictureFolders:
         camera_folder = file if file.is_dir() else file.parent
         root = camera_folder
         for _ in range(4):
-            inner = root.name.lower() in _INNER or root.name.isdigit()
-            root = root.parent if inner and root.parent != root else root
+            is_inner = root.name.lower() in _INNER or root.name.isdigit()
+            root = root.parent if is_inner and root.parent != root else root
         self.root = root
         roots = [camera_folder, root] if images is None else [images, camera_folder, root]
         self._allowed = [r.resolve() for r in roots]
@@ -84,7 +84,8 @@ def size_of_picture(path):
 
     with warnings.catch_warnings():
         warnings.simplefilter('ignore')
-        limit, Image.MAX_IMAGE_PIXELS = Image.MAX_IMAGE_PIXELS, None  # nothing is decoded here
+        limit = Image.MAX_IMAGE_PIXELS
+        Image.MAX_IMAGE_PIXELS = None
         try:
             with Image.open(path) as picture:
                 return picture.size

@@ -146,9 +146,7 @@ def read_openmvs(path):
         if version > 7:
             raise place.error(f'interface version must be 0 to 7, got {version}')
     elif cursor.data[:3] == b'MVS':
-        raise cursor.place.error(
-            'OpenMVS project archives are not supported: export with --archive-type 0'
-        )
+        raise cursor.place.error('not an interface archive: export with --archive-type 0')
     platforms = [_openmvs_platform(cursor, version) for _ in range(cursor.count(24))]
     entries = [_openmvs_image(cursor, version, platforms) for _ in range(cursor.count(20))]
     return [entry for entry in entries if entry is not None]
@@ -221,23 +219,23 @@ def read_bundler(path):
     header = next(lines, None)
     if header is None:
         return []
-    count = header.numbers(header.text.split(), 2, int)[0]
-    names = _bundle_names(path, header, count)
+    camera_count = header.numbers(header.text.split(), 2, int)[0]
+    names = _bundle_names(path, header, camera_count)
     entries = []
     for name in names:
-        place: Line | None = None
+        first_line: Line | None = None
         numbers: list[float] = []
         while len(numbers) < 15:
             line = next(lines, None)
             if line is None:
-                raise (place or header).error(f'the file is truncated: {count} cameras declared')
-            place = place or line
+                raise (first_line or header).error(f'truncated: {camera_count} cameras declared')
+            first_line = first_line or line
             numbers += line.numbers(line.text.split())
         focal, k1, k2 = numbers[:3]
         if focal:  # else not registered
             flip = np.diag([1.0, -1.0, -1.0])
             pose = flip @ np.reshape(numbers[3:12], (3, 3)), flip @ numbers[12:15]
-            entries.append(_middle_entry(place, name, focal, pose, [k1, k2, 0.0, 0.0]))
+            entries.append(_middle_entry(first_line, name, focal, pose, [k1, k2, 0.0, 0.0]))
     return entries
 
 
@@ -283,27 +281,26 @@ def read_nvm(path):
     for _ in range(count):
         line = next(lines, None)
         if line is None:
-            raise header.error(
-                f'the file is truncated: {count} cameras declared, {len(entries)} read'
-            )
+            raise header.error(f'the file is truncated: {count} cameras declared')
         entries.append(_nvm_entry(line, shared, as_matrix))
     return entries
 
 
-def _nvm_entry(line, shared_intrinsics, as_matrix):
-    rotation_count = 9 if as_matrix else 4
-    name, *tokens = line.text.rsplit(maxsplit=6 + rotation_count)
-    focal, *rest = line.numbers(tokens, 6 + rotation_count)
-    translation, k = np.array(rest[rotation_count : rotation_count + 3]), rest[rotation_count + 3]
+def _nvm_entry(line, shared, as_matrix):
+    count = 9 if as_matrix else 4
+    name, *tokens = line.text.rsplit(maxsplit=6 + count)
+    focal, *pose_numbers = line.numbers(tokens, 6 + count)
+    translation = np.array(pose_numbers[count : count + 3])
+    distortion = pose_numbers[count + 3]
     with line.named():
-        R = np.reshape(rest[:9], (3, 3)) if as_matrix else to_matrices(rest[:4])
-    pose = (R, translation) if as_matrix else posed(line, R, translation)
-    if shared_intrinsics is not None:
-        k = shared_intrinsics[4] if len(shared_intrinsics) == 5 and shared_intrinsics[4] else k
-    lens = Lens('inverse', (k,)) if k else None
+        R = np.reshape(pose_numbers[:9], (3, 3)) if as_matrix else to_matrices(pose_numbers[:4])
+    camera_pose = (R, translation) if as_matrix else posed(line, R, translation)
+    if shared is not None:
+        distortion = shared[4] if len(shared) == 5 and shared[4] else distortion
+    lens = Lens('inverse', (distortion,)) if distortion else None
     name = name.replace('"', ' ')
-    if shared_intrinsics is None:
-        return _middle_entry(line, name, focal, pose, lens=lens)
-    fx, cx, fy, cy = shared_intrinsics[:4]
+    if shared is None:
+        return _middle_entry(line, name, focal, camera_pose, lens=lens)
+    fx, cx, fy, cy = shared[:4]
     K = pinhole_matrix(fx, fy, cx - 0.5, cy - 0.5)
-    return Entry(line, name, None, lambda size: camera_of(line, K, pose, size, lens=lens))
+    return Entry(line, name, None, lambda size: camera_of(line, K, camera_pose, size, lens=lens))

@@ -33,22 +33,24 @@ def read_opf(path):
         raise json_of(path).error('the calibrated cameras are missing')
     calibrated = files['cameras']
     sensors = {s['id'].whole(): s['internals'] for s in calibrated['sensors']}
-    sizes, names = {}, {}
+    sizes_by_sensor, names_by_camera = {}, {}
     if 'inputs' in files:
-        sizes = {s['id'].whole(): s['image_size_px'] for s in files['inputs']['sensors']}
+        sizes_by_sensor = {s['id'].whole(): s['image_size_px'] for s in files['inputs']['sensors']}
     if 'list' in files:
-        names = {c['id'].whole(): _opf_name(c['uri'].text()) for c in files['list']['cameras']}
+        names_by_camera = {
+            c['id'].whole(): _opf_name(c['uri'].text()) for c in files['list']['cameras']
+        }
     crs = _opf_crs(files.get('frame'))
     entries = []
     for camera in calibrated['cameras']:
         sensor_id = camera['sensor_id'].whole()
         if sensor_id not in sensors:
             raise camera.error(f'sensor {sensor_id} is missing')
-        size = sizes.get(sensor_id)
-        size = size and tuple(int(s) for s in size.numbers(2))
+        sensor_size = sizes_by_sensor.get(sensor_id)
+        sensor_size = sensor_size and tuple(int(s) for s in sensor_size.numbers(2))
         camera_id = camera['id'].whole()
-        name = names.get(camera_id, str(camera_id))
-        entries.append(_opf_entry(camera, name, size, sensors[sensor_id], crs))
+        name = names_by_camera.get(camera_id, str(camera_id))
+        entries.append(_opf_entry(camera, name, sensor_size, sensors[sensor_id], crs))
     return entries
 
 
@@ -97,8 +99,8 @@ def _opf_crs(frame):
 def _opf_entry(camera, name, size, lens, crs):
     omega, phi, kappa = np.radians(camera['orientation_deg'].numbers(3))
     world_rotation = _turn(0, omega) @ _turn(1, phi) @ _turn(2, kappa) @ np.diag([1.0, -1.0, -1.0])
-    pose = posed(camera, world_rotation.T, camera['position'].numbers(3))
-    return Entry(camera, name, size, lambda size: _opf_camera(lens, pose, size), crs)
+    camera_pose = posed(camera, world_rotation.T, camera['position'].numbers(3))
+    return Entry(camera, name, size, lambda size: _opf_camera(lens, camera_pose, size), crs)
 
 
 def _turn(axis, angle):
@@ -148,10 +150,10 @@ def read_transforms(path):
         numbers = frame['transform_matrix'].numbers()
         if len(numbers) not in (12, 16):
             raise frame.error(f'transform_matrix must have 12 or 16 numbers, got {len(numbers)}')
-        matrix = np.reshape(numbers, (-1, 4))[:3]
+        world_from_camera = np.reshape(numbers, (-1, 4))[:3]
         flip = np.diag([1.0, -1.0, -1.0])
-        pose = posed(frame, (matrix[:, :3] @ flip).T, matrix[:, 3])
-        entries.append(_frame_entry(frame, document, pose))
+        camera_pose = posed(frame, (world_from_camera[:, :3] @ flip).T, world_from_camera[:, 3])
+        entries.append(_frame_entry(frame, document, camera_pose))
     return entries
 
 

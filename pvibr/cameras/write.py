@@ -125,16 +125,16 @@ def _model(photo):
     }
     if is_plain and lens.kind in model_names:
         return model_names[lens.kind], list(lens.values)
-    k = (*lens.radial, *[0.0] * 6)[:6]
+    radial = (*lens.radial, *[0.0] * 6)[:6]
     p1, p2, *p34 = (*lens.tangential, *[0.0] * 4)[:4]
     prism = (*lens.prism, *[0.0] * 4)[:4]
     if lens.kind == 'equidistant' and not any((*p34, *lens.radial[6:])):
-        if not any((*k[4:], p1, p2, *prism)):
-            return 'OPENCV_FISHEYE', list(k[:4])
+        if not any((*radial[4:], p1, p2, *prism)):
+            return 'OPENCV_FISHEYE', list(radial[:4])
         if lens.late:
-            return 'RAD_TAN_THIN_PRISM_FISHEYE', [*k, p2, p1, *prism]
-        if not any((*k[4:], prism[1], prism[3])):
-            return 'THIN_PRISM_FISHEYE', [*k[:2], p1, p2, *k[2:4], prism[0], prism[2]]
+            return 'RAD_TAN_THIN_PRISM_FISHEYE', [*radial, p2, p1, *prism]
+        if not any((*radial[4:], prism[1], prism[3])):
+            return 'THIN_PRISM_FISHEYE', [*radial[:2], p1, p2, *radial[2:4], prism[0], prism[2]]
     try:
         return 'FULL_OPENCV', [float(x) for x in camera.as_pinhole().distortion]
     except ValueError as error:
@@ -147,8 +147,8 @@ def _write_colmap(folder, photos, *, binary):
     camera_ids = {key: camera_id for camera_id, key in enumerate(intrinsics, start=1)}
     images = []
     for image_id, (model, params, photo) in enumerate(described, start=1):
-        matrix = photo.camera_from_world
-        pose = [*from_matrices(matrix[:3, :3]), *matrix[:3, 3]]
+        camera_from_world = photo.camera_from_world
+        pose = [*from_matrices(camera_from_world[:3, :3]), *camera_from_world[:3, 3]]
         images.append((image_id, pose, camera_ids[model, tuple(params), photo.size], photo.name))
     files = _binary_files(intrinsics, images) if binary else _text_files(intrinsics, images)
     folder.mkdir(parents=True, exist_ok=True)
@@ -210,20 +210,16 @@ def _write_transforms(path, photos):
         elif model in _TRANSFORMS_MODELS:
             model, param_names = _TRANSFORMS_MODELS[model]
         else:
-            raise ValueError(
-                f'{photo.name}: transforms.json has no {model}; write a COLMAP folder instead'
-            )
+            raise ValueError(f'{photo.name}: transforms.json has no {model}; write a folder')
         models.add('OPENCV' if model == 'PINHOLE' else model)
         width, height = photo.size
         frame = {'file_path': _relative(photo, path.parent), 'w': width, 'h': height}
         if model != EQUIRECTANGULAR[0]:
             frame |= dict(zip(('fl_x', 'fl_y', 'cx', 'cy', *param_names), numbers, strict=False))
-        matrix = np.linalg.inv(photo.camera.view_from_world)
-        frames.append({**frame, 'transform_matrix': matrix.tolist()})
+        world_from_camera = np.linalg.inv(photo.camera.view_from_world)
+        frames.append({**frame, 'transform_matrix': world_from_camera.tolist()})
     if len(models) > 1:
-        raise ValueError(
-            f'cameras must have one model for transforms.json, got {", ".join(sorted(models))}'
-        )
+        raise ValueError(f'transforms.json must have one model, got {", ".join(sorted(models))}')
     with replacing(path) as part:
         part.write_text(json.dumps({'camera_model': models.pop(), 'frames': frames}, indent=1))
 

@@ -78,7 +78,9 @@ def read_city(path, lod=None):
 def _cjio(module):
     """Import a module of cjio, undoing its patch of `json`, which rounds all numbers."""
     names = vars(json.encoder)
-    saved_names = {n: names[n] for n in ('c_make_encoder', 'float') if n in names}
+    saved_names = {
+        name: names[name] for name in list(names) if name in ('c_make_encoder', 'float')
+    }
     try:
         return require(f'cjio.{module}', 'city', 'CityJSON files')
     finally:
@@ -133,7 +135,9 @@ class _City:
                     faces = self._triangles(geometry, self._points)
                     faces_by_type.setdefault(entry['type'], []).append((row, faces))
         mesh_sets = [self._copied(k, copies) for k, copies in template_uses.items()]
-        mesh_sets += [self._merged(kind, group) for kind, group in faces_by_type.items()]
+        mesh_sets += [
+            self._merged(object_type, group) for object_type, group in faces_by_type.items()
+        ]
         mesh_sets = [(mesh, matrices) for mesh, matrices in mesh_sets if mesh.n_cells]
         if not mesh_sets:
             level = '' if self._lod is None else f' of level of detail {self._lod}'
@@ -189,7 +193,7 @@ class _City:
         self._mark(mesh, self._objects[instances[0][0]]['type'], np.full(len(faces), -1))
         return mesh, np.stack([matrix for _, matrix in instances])
 
-    def _merged(self, kind, group):
+    def _merged(self, object_type, group):
         """Return one mesh of all objects of a type, and world from mesh."""
         object_indices = np.concatenate([np.full(len(faces), row) for row, faces in group])
         faces = np.concatenate([faces for _, faces in group])
@@ -198,11 +202,11 @@ class _City:
             used_points = self._points[faces.ravel()]
             world_from_mesh[:3, 3] = (used_points.min(0) + used_points.max(0)) / 2
         mesh = _mesh(self._points - world_from_mesh[:3, 3], faces)
-        self._mark(mesh, kind, object_indices)
+        self._mark(mesh, object_type, object_indices)
         return mesh, world_from_mesh[None]
 
-    def _mark(self, mesh, kind, object_indices):
-        mesh.field_data['type'] = [kind]
+    def _mark(self, mesh, object_type, object_indices):
+        mesh.field_data['type'] = [object_type]
         mesh.cell_data['object'] = object_indices
         for name in self._names:
             values = np.array([_number(o.get('attributes', {}).get(name)) for o in self._objects])

@@ -26,9 +26,9 @@ class GlbWriter:
         self.document: dict[str, Any] = {'asset': {'version': '2.0', 'generator': 'pvibr'}}
         self._buffer = bytearray()
 
-    def add(self, kind, item):
+    def add(self, list_name, item):
         """Append an item to a list of the document; return its index."""
-        items = self.document.setdefault(kind, [])
+        items = self.document.setdefault(list_name, [])
         items.append(item)
         return len(items) - 1
 
@@ -144,5 +144,5 @@ def _padded(values):
     return np.pad(values, [(0, 0), (0, extra // values.itemsize)]) if extra else values
 
 
-def _chunk(kind, data):
-    return struct.pack('<I4s', len(data), kind) + data
+def _chunk(chunk_type, data):
+    return struct.pack('<I4s', len(data), chunk_type) + data

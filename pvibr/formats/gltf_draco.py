@@ -16,46 +16,47 @@ _METADATA = 0x8000
 _BYTES_PER_ELEMENT = 256
 
 
-def unpack(file: GltfFile, accessors: Accessors, primitive, place):
+def unpack(file: GltfFile, accessors: Accessors, primitive, json_path):
     """Decode a primitive whose vertices are only in Draco data; return whether it did."""
     draco = primitive.extensions.draco
     position = primitive.attributes['POSITION']
-    if draco is None or not accessors.is_empty(position, f'{place}.attributes.POSITION'):
+    if draco is None or not accessors.is_empty(position, f'{json_path}.attributes.POSITION'):
         return False
-    place = f'{place}.extensions.KHR_draco_mesh_compression'
+    json_path = f'{json_path}.extensions.KHR_draco_mesh_compression'
     if primitive.indices is None or not primitive.attributes.keys() >= draco.attributes.keys():
-        raise GltfError(f'{place} must have indices and accessors of all its attributes')
-    data = bytes(file.view(draco.buffer_view, f'{place}.bufferView'))
-    counts = accessors.count(position, place), accessors.count(primitive.indices, place) // 3
-    _check_header(data, counts, place)
-    file.spend(_BYTES_PER_ELEMENT * sum(counts), place)
-    mesh = _decoded(data, place)
+        raise GltfError(f'{json_path} must have indices and accessors of all its attributes')
+    data = bytes(file.view(draco.buffer_view, f'{json_path}.bufferView'))
+    counts = (
+        accessors.count(position, json_path),
+        accessors.count(primitive.indices, json_path) // 3,
+    )
+    _check_header(data, counts, json_path)
+    file.spend(_BYTES_PER_ELEMENT * sum(counts), json_path)
+    mesh = _decoded(data, json_path)
     for name, unique_id in draco.attributes.items():
         arrays = [a['data'] for a in mesh.attributes if a['unique_id'] == unique_id]
         if not arrays:
-            raise GltfError(
-                f'{place}.attributes.{name} {unique_id} is missing in the compressed mesh'
-            )
-        accessors.fill(primitive.attributes[name], arrays[0], f'{place}.attributes.{name}')
-    accessors.fill(primitive.indices, np.asarray(mesh.faces, np.uint32).reshape(-1, 1), place)
+            raise GltfError(f'{json_path}.attributes.{name} {unique_id} is missing')
+        accessors.fill(primitive.attributes[name], arrays[0], f'{json_path}.attributes.{name}')
+    accessors.fill(primitive.indices, np.asarray(mesh.faces, np.uint32).reshape(-1, 1), json_path)
     return True
 
 
-def _decoded(data, place):
+def _decoded(data, json_path):
     decoder = require('DracoPy', 'draco', 'Draco compressed meshes')
     try:
         return decoder.decode(data)
     except Exception as error:  # broken bytes raise anything
-        raise GltfError(f'{place} cannot be decoded: {error}') from error
+        raise GltfError(f'{json_path} cannot be decoded: {error}') from error
 
 
-def _check_header(data, counts, place):
+def _check_header(data, counts, json_path):
     """Check that a mesh is not larger than its accessors, as the decoder allocates its size."""
     flags = int.from_bytes(data[9:11], 'little')
     if data[:5] != _MAGIC or tuple(data[5:7]) != _VERSION or data[7:8] != b'\1':
-        raise GltfError(f'{place} must be a Draco mesh of version 2.2')
+        raise GltfError(f'{json_path} must be a Draco mesh of version 2.2')
     if flags & _METADATA or data[8] not in (_SEQUENTIAL, _EDGEBREAKER):
-        raise GltfError(f'{place} has metadata or a connectivity method that is not supported')
+        raise GltfError(f'{json_path} has metadata or a connectivity method that is not supported')
     first_count, offset = _varint(data, _HEADER + (data[8] == _EDGEBREAKER))
     second_count, _ = _varint(data, offset)
     vertices, faces = first_count, second_count
@@ -63,7 +64,7 @@ def _check_header(data, counts, place):
         vertices, faces = faces, vertices
     if vertices > counts[0] or faces > counts[1]:
         raise GltfError(
-            f'{place} must have at most the {counts[0]} vertices and {counts[1]} faces of its '
+            f'{json_path} must have at most the {counts[0]} vertices and {counts[1]} faces of its '
             f'accessors, got {vertices} and {faces}'
         )
 

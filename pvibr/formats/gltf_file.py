@@ -47,20 +47,20 @@ class TooLargeError(GltfError):
 
 
 @contextmanager
-def naming(place):
+def naming(json_path):
     """Turn ValueErrors into GltfErrors that name the place in the file."""
     try:
         yield
     except GltfError:
         raise
     except ValueError as error:
-        raise GltfError(f'{place}: {error}') from error
+        raise GltfError(f'{json_path}: {error}') from error
 
 
-def follow(things, index, place, kind):
+def follow(things, index, json_path, kind):
     """Return the element that an index in the file refers to."""
     if index >= len(things):
-        raise GltfError(f'{place} must be below {len(things)}, the number of {kind}, got {index}')
+        raise GltfError(f'{json_path} must be below {len(things)} ({kind}), got {index}')
     return things[index]
 
 
@@ -81,19 +81,19 @@ class GltfFile:
         """Return the names of all extensions in the JSON, declared or not."""
         return sorted({name.decode() for name in _EXTENSION.findall(self._json)})
 
-    def spend(self, size, place):
+    def spend(self, size, json_path):
         """Charge bytes to be allocated; raise an error beyond the budget."""
         self._budget_left -= size
         if self._budget_left < 0:
             needed_mib, allowed_mib = (self._budget - self._budget_left) >> 20, self._budget >> 20
             raise TooLargeError(
-                f'{place} needs {needed_mib} MiB in all; a file of this size may need '
+                f'{json_path} needs {needed_mib} MiB in all; a file of this size may need '
                 f'{allowed_mib} MiB'
             )
 
-    def leave_out(self, feature, place):
+    def leave_out(self, feature, json_path):
         """Record an unsupported feature."""
-        self._unsupported.setdefault(feature, place)
+        self._unsupported.setdefault(feature, json_path)
 
     def warn(self):
         """Warn once of all unsupported features."""
@@ -101,52 +101,52 @@ class GltfFile:
             features = ', '.join(f'{name} ({place})' for name, place in self._unsupported.items())
             warn(_clipped(f'{self.path.name}: not supported and left out: {features}'))
 
-    def view(self, index, place) -> memoryview:
+    def view(self, view_index, json_path) -> memoryview:
         """Return the bytes of a buffer view."""
-        view = follow(self.document.buffer_views, index, place, 'bufferViews')
-        data = self._buffer(view.buffer, f'bufferViews[{index}].buffer')
+        view = follow(self.document.buffer_views, view_index, json_path, 'bufferViews')
+        data = self._buffer(view.buffer, f'bufferViews[{view_index}].buffer')
         end = view.byte_offset + view.byte_length
         if end > len(data):
             raise GltfError(
-                f'bufferViews[{index}] must end within the {len(data)} bytes of its buffer, '
+                f'bufferViews[{view_index}] must end within the {len(data)} bytes of its buffer, '
                 f'got {end}'
             )
         return data[view.byte_offset : end]
 
-    def resource(self, uri, place, limit=None) -> bytes:
+    def resource(self, uri, json_path, limit=None) -> bytes:
         """Return the bytes that a URI names."""
         if uri[:5].lower() == 'data:':
-            return _decoded(uri, place)
-        data = self._read(self._located(uri, place), place, limit)
+            return _decoded(uri, json_path)
+        data = self._read(self._located(uri, json_path), json_path, limit)
         self._budget_left += _BUDGET_PER_BYTE * len(data)
         self._budget += _BUDGET_PER_BYTE * len(data)
         return data
 
-    def _buffer(self, index, place):
-        if index not in self._buffers:
-            buffer = follow(self.document.buffers, index, place, 'buffers')
-            data = self._bytes_of(buffer, f'buffers[{index}]', index)
+    def _buffer(self, buffer_index, json_path):
+        if buffer_index not in self._buffers:
+            buffer = follow(self.document.buffers, buffer_index, json_path, 'buffers')
+            data = self._bytes_of(buffer, f'buffers[{buffer_index}]', buffer_index)
             if len(data) < buffer.byte_length:
                 raise GltfError(
-                    f'buffers[{index}].byteLength must be at most {len(data)}, the bytes there, '
+                    f'buffers[{buffer_index}].byteLength must be at most {len(data)}, '
                     f'got {buffer.byte_length}'
                 )
-            self._buffers[index] = memoryview(data)[: buffer.byte_length]
-        return self._buffers[index]
+            self._buffers[buffer_index] = memoryview(data)[: buffer.byte_length]
+        return self._buffers[buffer_index]
 
-    def _bytes_of(self, buffer, place, index):
+    def _bytes_of(self, buffer, json_path, buffer_index):
         if buffer.uri is not None:
-            return self.resource(buffer.uri, f'{place}.uri', buffer.byte_length)
-        if index or self._blob is None:
-            raise GltfError(f'{place} must have a uri, as the file has no binary chunk for it')
+            return self.resource(buffer.uri, f'{json_path}.uri', buffer.byte_length)
+        if buffer_index or self._blob is None:
+            raise GltfError(f'{json_path} must have a uri, as the file has no binary chunk for it')
         return self._blob
 
-    def _located(self, uri, place) -> Path:
+    def _located(self, uri, json_path) -> Path:
         """Return the file of a relative URI, which must be inside the folder."""
         name = urllib.parse.unquote(uri)
         # Before any file access; a colon marks a scheme or a Windows drive.
         if not name or any(sign in name for sign in ':\\\0') or name.startswith('/'):
-            raise GltfError(f'{place} must be a data URI or a relative path, got {_short(uri)}')
+            raise GltfError(f'{json_path} must be a data URI or relative path, got {_short(uri)}')
         folder = self.path.parent.resolve()
         try:
             path = (folder / name).resolve()
@@ -156,19 +156,17 @@ class GltfFile:
         except (OSError, RuntimeError, ValueError):  # name too long; symbolic links in a cycle
             is_inside = True
         if is_inside:
-            raise GltfError(f'{place}: no such file: {_short(uri)}')
-        raise GltfError(
-            f'{place} must not be outside the folder of the glTF file, got {_short(uri)}'
-        )
+            raise GltfError(f'{json_path}: no such file: {_short(uri)}')
+        raise GltfError(f'{json_path} must not be outside the folder, got {_short(uri)}')
 
-    def _read(self, path, place, limit):
+    def _read(self, path, json_path, limit):
         try:
             with path.open('rb') as file:
                 # At most the file's size, as the JSON's limit may be wrong.
                 size = path.stat().st_size
                 return file.read(size if limit is None else min(limit, size))
         except OSError as error:
-            raise GltfError(f'{place} cannot be read: {error.strerror}') from error
+            raise GltfError(f'{json_path} cannot be read: {error.strerror}') from error
 
 
 def _chunks(data) -> tuple[bytes, bytes | None]:
@@ -196,9 +194,7 @@ def _split(data):
         size, kind = struct.unpack_from('<I4s', data, offset)
         offset += 8 + size
         if offset > len(data):
-            raise GltfError(
-                f'chunk {number} of the GLB must end within its {len(data)} bytes, got {offset}'
-            )
+            raise GltfError(f'chunk {number} must end within the {len(data)} bytes, got {offset}')
         yield kind, data[offset - size : offset]
 
 
@@ -209,8 +205,10 @@ def _parsed(json) -> Gltf:
     except msgspec.ValidationError as error:
         with suppress(msgspec.DecodeError, RecursionError, UnicodeDecodeError):
             _check_version(_decoded_as(json, _Versioned).asset)
-        fault, _, place = str(error).partition(' - at ')
-        raise GltfError(f'{place.strip("`").removeprefix("$.") or "the file"}: {fault}') from None
+        fault, _, json_path = str(error).partition(' - at ')
+        raise GltfError(
+            f'{json_path.strip("`").removeprefix("$.") or "the file"}: {fault}'
+        ) from None
     except RecursionError:
         raise GltfError('the JSON is nested too deeply') from None
     except ValueError as error:  # from msgspec, or for invalid UTF-8
@@ -251,14 +249,14 @@ def _check_version(asset):
         raise GltfError(f'asset.minVersion must be 2.0, got {asset.min_version[:20]!r}')
 
 
-def _decoded(uri, place) -> bytes:
-    head, comma, content = uri.partition(',')
-    if not comma or not head.lower().endswith(';base64'):
-        raise GltfError(f'{place} must be base64 if a data URI, got {_short(uri)}')
+def _decoded(uri, json_path) -> bytes:
+    media_type, comma, content = uri.partition(',')
+    if not comma or not media_type.lower().endswith(';base64'):
+        raise GltfError(f'{json_path} must be base64 if a data URI, got {_short(uri)}')
     try:
         return base64.b64decode(urllib.parse.unquote(content), validate=True)
     except (binascii.Error, ValueError) as error:
-        raise GltfError(f'{place} must be valid base64: {error}') from None
+        raise GltfError(f'{json_path} must be valid base64: {error}') from None
 
 
 def _short(text):

@@ -13,10 +13,10 @@ COLORS = 'trimesh_colors'
 _INSTANCING = 'EXT_mesh_gpu_instancing'
 
 
-def is_trimesh(value, kind):
+def is_trimesh(value, class_name):
     """Return whether a value is an instance of a trimesh class, without importing trimesh."""
     module = sys.modules.get('trimesh')
-    return module is not None and isinstance(value, getattr(module, kind))
+    return module is not None and isinstance(value, getattr(module, class_name))
 
 
 def read_trimesh(path):
@@ -90,31 +90,31 @@ def _colored(data, colors):
 
 def _material_look(dataset, visual, pbr, textures):
     material = visual.material
-    mode = getattr(material, 'alphaMode', None) or 'OPAQUE'
-    look = _base_color(material, mode)
+    alpha_mode = getattr(material, 'alphaMode', None) or 'OPAQUE'
+    look = _base_color(material, alpha_mode)
     if pbr:
         look |= _metalness(material)
     image = getattr(material, 'baseColorTexture', None) or getattr(material, 'image', None)
     if image is not None and visual.uv is not None:
         dataset.active_texture_coordinates = np.array(visual.uv, dtype=np.float32)
-        look['texture'] = _texture(image, mode, textures)
+        look['texture'] = _texture(image, alpha_mode, textures)
     colors = visual.vertex_attributes.get('color')
     if colors is not None and len(colors) == dataset.n_points:
         look |= _colored(dataset.point_data, _as_bytes(colors))
-    if mode == 'MASK':
+    if alpha_mode == 'MASK':
         cutoff = getattr(material, 'alphaCutoff', None)
         look['alpha_cutoff'] = 0.5 if cutoff is None else float(cutoff)
     return look
 
 
-def _base_color(material, mode):
+def _base_color(material, alpha_mode):
     factor = getattr(material, 'baseColorFactor', None)
     factor = getattr(material, 'diffuse', None) if factor is None else factor
     if factor is None:
         return {'color': 'white'}
     rgba = _as_bytes(np.asarray(factor)[None])[0] / 255
     look = {'color': tuple(rgba[:3].tolist())}
-    return look | ({'opacity': float(rgba[3])} if mode == 'BLEND' and rgba[3] < 1 else {})
+    return look | ({'opacity': float(rgba[3])} if alpha_mode == 'BLEND' and rgba[3] < 1 else {})
 
 
 def _metalness(material):
@@ -137,11 +137,11 @@ def _as_bytes(colors):
     return rgba
 
 
-def _texture(image, mode, textures):
-    key = (hash(image.tobytes()), image.size, mode == 'OPAQUE')
-    if key not in textures:
+def _texture(image, alpha_mode, textures):
+    cache_key = (hash(image.tobytes()), image.size, alpha_mode == 'OPAQUE')
+    if cache_key not in textures:
         # OPAQUE ignores alpha, which VTK would blend.
-        pixels = np.asarray(image.convert('RGB' if mode == 'OPAQUE' else 'RGBA'))
-        textures[key] = pv.Texture(pixels)
-        textures[key].interpolate = True
-    return textures[key]
+        pixels = np.asarray(image.convert('RGB' if alpha_mode == 'OPAQUE' else 'RGBA'))
+        textures[cache_key] = pv.Texture(pixels)
+        textures[cache_key].interpolate = True
+    return textures[cache_key]

@@ -25,26 +25,26 @@ def side_of(size) -> int:
     return 1 << int(np.ceil(np.log2(max(*size, 2))))
 
 
-def halved(size, times) -> tuple[int, int]:
+def halved(size, halving_count) -> tuple[int, int]:
     """Return the size of a picture after halvings, rounded as by JPEG decoders."""
-    return -(-size[0] >> times), -(-size[1] >> times)
+    return -(-size[0] >> halving_count), -(-size[1] >> halving_count)
 
 
 def least_halvings(sizes, texels, side=_MAX_SIDE) -> int:
     """Return the halvings after which all pictures fit into a number of texels."""
-    for times in range(16):
-        square_sides = [side_of(halved(size, times)) for size in sizes]
+    for halving_count in range(16):
+        square_sides = [side_of(halved(size, halving_count)) for size in sizes]
         if max(square_sides) <= side and sum(s * s for s in square_sides) <= texels:
-            return times
+            return halving_count
     return 16
 
 
 class Squares:
     """A buddy allocator of squares: split on demand, merged when freed."""
 
-    def __init__(self, side, columns, rows):
+    def __init__(self, side, column_count, row_count):
         self.side = side
-        self._free = {side: {(side * i, side * j) for i in range(columns) for j in range(rows)}}
+        self._free = {side: {(side * i, side * j) for i, j in np.ndindex(column_count, row_count)}}
 
     def take(self, side):
         """Allocate a square; return its x and y, None if there is no space."""
@@ -52,9 +52,9 @@ class Squares:
             return None
         free_places = self._free.setdefault(side, set())
         if free_places:
-            place = min(free_places)
-            free_places.remove(place)
-            return place
+            corner_xy = min(free_places)
+            free_places.remove(corner_xy)
+            return corner_xy
         larger_square = self.take(2 * side)
         if larger_square is not None:
             x, y = larger_square
@@ -109,8 +109,8 @@ class PictureSheet:
         """Copy a picture, row 0 at the bottom; return x, y and side, None without space."""
         height, width = picture.shape[:2]
         side = side_of((width, height))
-        place = self.squares.take(side)
-        if place is None:
+        corner_xy = self.squares.take(side)
+        if corner_xy is None:
             return None
         # Repeat the border, so that smaller levels mix in nothing else.
         border_padding = [(0, min(side - length, _BORDER)) for length in (height, width)]
@@ -118,7 +118,7 @@ class PictureSheet:
         upload = Texture(self.window).upload(padded)
         wide, high = upload.size
         source = Level(self.window, upload.object, 0, wide, high)
-        x, y = place
+        x, y = corner_xy
         rects = (0, 0, wide, high), (x, y, x + wide, y + high)
         blit(self._state, source.object, self._levels[0].object, gl.COLOR_BUFFER_BIT, *rects)
         self._reduce(x, y, side)

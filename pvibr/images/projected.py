@@ -43,24 +43,22 @@ class Pictures:
 
     def at(self, time, fps=None, loop=True) -> int:
         """Return the index of the picture at a time."""
-        number = int(np.floor(time * (fps or self.fps) + 1e-9))
-        return number % len(self) if loop else min(max(number, 0), len(self) - 1)
+        frame_number = int(np.floor(time * (fps or self.fps) + 1e-9))
+        return frame_number % len(self) if loop else min(max(frame_number, 0), len(self) - 1)
 
-    def read(self, k) -> np.ndarray:
+    def read(self, index) -> np.ndarray:
         """Return a picture; the last one is cached."""
-        if self._last[0] != k:
-            self._last = (k, self._decoded(k))
+        if self._last[0] != index:
+            self._last = (index, self._decoded(index))
         picture = self._last[1]
         size = (picture.shape[1], picture.shape[0])
         if size != getattr(self, 'size', size):
-            raise ValueError(
-                f'image {k} must be {self.size} pixels as the first of the sequence, got {size}'
-            )
+            raise ValueError(f'image {index} must be {self.size} as the first, got {size}')
         return picture
 
-    def weighted(self, k, alpha=True) -> np.ndarray:
+    def weighted(self, picture_index, alpha=True) -> np.ndarray:
         """Return a picture with the weight of each pixel as alpha."""
-        picture = self.read(k)
+        picture = self.read(picture_index)
         if alpha and self.mask is None:
             return picture
         pixel_weights = picture[..., 3] / 255 if alpha else np.ones(picture.shape[:2])
@@ -68,12 +66,12 @@ class Pictures:
             pixel_weights = pixel_weights * self.mask
         return np.dstack([picture[..., :3], np.rint(255 * pixel_weights).astype(np.uint8)])
 
-    def _decoded(self, k):
+    def _decoded(self, picture_index):
         if self._film is None:
-            return as_rgba(self._frames[k])
+            return as_rgba(self._frames[picture_index])
         if self._reader is None:
             self._open()
-        return as_rgba(np.asarray(self._reader.get_data(k)))
+        return as_rgba(np.asarray(self._reader.get_data(picture_index)))
 
     def _open(self):
         from imageio import v2
@@ -84,7 +82,7 @@ class Pictures:
             frame_count = getattr(self._reader, 'count_frames', self._reader.get_length)()
         except Exception as error:
             raise ValueError(
-                f'image must be a film that imageio can read, got {self._film}: {error}'
+                f'image must be readable by imageio, got {self._film}: {error}'
             ) from error
         duration = float(metadata.get('duration') or 0)  # of a GIF's frame, milliseconds
         self.fps = float(metadata.get('fps') or (1e3 / duration if duration else 25.0))
@@ -102,16 +100,14 @@ class LivePictures:
 
     def __init__(self, live, mask=None):
         if mask is not None:
-            raise ValueError(
-                'mask must be None for a live texture: use a background with alpha 0 instead'
-            )
+            raise ValueError('mask must be None for a live texture: set background alpha to 0')
         self.live, self.size = live, live.size
 
     def at(self, time, fps=None, loop=True) -> int:
         """Return 0, its only picture."""
         return 0
 
-    def weighted(self, k, alpha=True) -> np.ndarray:
+    def weighted(self, picture_index, alpha=True) -> np.ndarray:
         """Return its current picture."""
         picture = self.live.image()
         if not alpha:
@@ -199,9 +195,7 @@ def _as_rgba(image):
         raise TypeError(f'image must be a file, an array or a texture, got {kind}')
     shape = image.shape if image.ndim == 3 else (*image.shape, 1)
     if len(shape) != 3 or not image.size or shape[2] > 4:
-        raise ValueError(
-            f'image must have shape (h, w) or (h, w, 1 to 4) and pixels, got {image.shape}'
-        )
+        raise ValueError(f'image must have shape (h, w) or (h, w, 1 to 4), got {image.shape}')
     image = _bytes(image).reshape(shape)
     if shape[2] in (1, 2):
         image = np.concatenate([image[..., :1]] * 3 + [image[..., 1:]], -1)
@@ -235,9 +229,7 @@ def _read(path):
             image = v3.imread(path.read_bytes(), **hint)  # failing readers leave files open
         return _as_rgba(image[0] if image.ndim == 4 else image)  # the first of a GIF
     except Exception as error:
-        raise ValueError(
-            f'image must be a picture that imageio can read, got {path}: {error}'
-        ) from error
+        raise ValueError(f'image must be readable by imageio, got {path}: {error}') from error
 
 
 def _file(name, path):
@@ -254,12 +246,12 @@ def _is_film(image):
 def _mask(mask, size):
     """Return a mask resampled to a size, (h, w) float, 0 to 1."""
     picture = as_rgba(mask, 'mask')
-    gray = picture[..., 0] / 255 * (picture[..., 3] / 255)
-    if gray.shape == (size[1], size[0]):
-        return gray
+    gray_mask = picture[..., 0] / 255 * (picture[..., 3] / 255)
+    if gray_mask.shape == (size[1], size[0]):
+        return gray_mask
     u, v = (np.arange(size[0]) + 0.5) / size[0], 1 - (np.arange(size[1]) + 0.5) / size[1]
     uv = np.stack(np.meshgrid(u, v), -1).reshape(-1, 2)
-    return sample(gray, uv).reshape(size[1], size[0])
+    return sample(gray_mask, uv).reshape(size[1], size[0])
 
 
 def resized(picture, size):

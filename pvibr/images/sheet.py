@@ -41,11 +41,11 @@ class Sheet:
                 level = self._with_coverage(level, k, 255 * cutout)
             self.levels.append(np.rint(level).astype(np.uint8))
 
-    def _with_coverage(self, level_pixels, k, cutoff):
+    def _with_coverage(self, level_pixels, level_index, cutoff):
         """Return a level with the alpha coverage of the largest."""
         scaled = level_pixels.copy()
         for rect in self.rects.astype(int):
-            full_window, level_window = _window(rect, 0), _window(rect, k)
+            full_window, level_window = _window(rect, 0), _window(rect, level_index)
             passing_share = (self.levels[0][full_window][..., 3] >= cutoff).mean()
             alpha = level_pixels[level_window][..., 3]
             if not 0 < passing_share < 1:
@@ -126,9 +126,9 @@ def _filtered(values):
 
 def _window(rect, k):
     """Return the slices of an image in a level."""
-    left, bottom, right, top = rect
+    left_edge, bottom, right, top = rect
     row_slice = slice(bottom >> k, max(-(-top >> k), (bottom >> k) + 1))
-    return row_slice, slice(left >> k, max(-(-right >> k), (left >> k) + 1))
+    return row_slice, slice(left_edge >> k, max(-(-right >> k), (left_edge >> k) + 1))
 
 
 class _Reduced:
@@ -152,8 +152,8 @@ class _Reduced:
 
     def padded(self, height, width):
         """Return the level with its border repeated."""
-        missing = (height - self.pixels.shape[0], width - self.pixels.shape[1], 0)
-        return np.pad(self.pixels, [(0, n) for n in missing], mode='edge')
+        padding = (height - self.pixels.shape[0], width - self.pixels.shape[1], 0)
+        return np.pad(self.pixels, [(0, n) for n in padding], mode='edge')
 
 
 def _paired(values, axis=0):

@@ -29,8 +29,8 @@ _NEAREST = 1e-3
 
 def view_of(camera, bounds, resolution) -> View | None:
     """Return a camera's view with planes around all bounds, None if all is behind it."""
-    matrix = camera.view_from_world
-    eye_depth = -(corners(bounds) @ matrix[2, :3] + matrix[2, 3])
+    view_from_world = camera.view_from_world
+    eye_depth = -(corners(bounds) @ view_from_world[2, :3] + view_from_world[2, 3])
     if not eye_depth.size:
         return None
     low, high = float(eye_depth.min()), float(eye_depth.max())
@@ -39,7 +39,7 @@ def view_of(camera, bounds, resolution) -> View | None:
         if high <= 0:
             return None
         near, far = max(0.999 * low, _NEAREST * high), 1.001 * high
-        return View(matrix, camera.clip_from_view(near, far, margin), near, far, False)
+        return View(view_from_world, camera.clip_from_view(near, far, margin), near, far, False)
     low = max(low, camera.near)
     if low >= high and camera.near >= high:
         return None
@@ -49,7 +49,9 @@ def view_of(camera, bounds, resolution) -> View | None:
     eye_shift = np.eye(4)
     eye_shift[2, 3] = low - (high - low)
     near, far = high - low, 2 * (high - low)
-    return View(eye_shift @ matrix, camera.clip_from_view(near, far, margin), near, far, True)
+    return View(
+        eye_shift @ view_from_world, camera.clip_from_view(near, far, margin), near, far, True
+    )
 
 
 def depth_maps(views, surfaces, resolution) -> list:
@@ -75,8 +77,12 @@ class _Scene:
     def __init__(self, renderer, surfaces):
         self.renderer = renderer
         self.bounds = bounds_of(surfaces)
-        corner = corners(self.bounds).reshape(-1, 3)
-        self.center = (corner.min(0) + corner.max(0)) / 2 if len(corner) else np.zeros(3)
+        bounds_corners = corners(self.bounds).reshape(-1, 3)
+        self.center = (
+            (bounds_corners.min(0) + bounds_corners.max(0)) / 2
+            if len(bounds_corners)
+            else np.zeros(3)
+        )
         self.actors = [_actor(s, self.center) for s in surfaces if s.n_points]
         for actor in self.actors:
             renderer.AddActor(actor)

@@ -27,8 +27,8 @@ def views_of(scene, light, resolution) -> list:
 
 def nearest_view(views, points) -> np.ndarray:
     """Return the index of the view that faces each point best, (m,)."""
-    matrices = [view.texture_from_world()[3] for view in views]
-    return np.argmax([points @ m[:3] + m[3] for m in matrices], axis=0)
+    texture_matrices = [view.texture_from_world()[3] for view in views]
+    return np.argmax([points @ m[:3] + m[3] for m in texture_matrices], axis=0)
 
 
 def lit_by_maps(scene, light, points, normals, resolution=None, *, judge=True, touching=0.0):
@@ -59,11 +59,11 @@ def _parts(view, points, doubtful_rows, max_parts):
     homogeneous = points[doubtful_rows] @ matrix[:, :3].T + matrix[:, 3]
     cells = np.floor(homogeneous[:, :2] / homogeneous[:, 3:] * _PARTS)
     cells = np.clip(cells, 0, _PARTS - 1).astype(int) @ [1, _PARTS]
-    numbers, counts = np.unique(cells, return_counts=True)
+    cell_numbers, sample_counts = np.unique(cells, return_counts=True)
     zoom = _PARTS / (1 + 2 * _EDGE / _FINER)
-    for number in numbers[np.argsort(-counts)][:max_parts]:
+    for cell in cell_numbers[np.argsort(-sample_counts)][:max_parts]:
         crop = np.diag([zoom, zoom, 1.0, 1.0])
-        middle = (2 * np.array([number % _PARTS, number // _PARTS]) + 1) / _PARTS - 1
-        crop[:2, 3] = -zoom * middle
-        inside = doubtful_rows[cells == number]
+        cell_center = (2 * np.array([cell % _PARTS, cell // _PARTS]) + 1) / _PARTS - 1
+        crop[:2, 3] = -zoom * cell_center
+        inside = doubtful_rows[cells == cell]
         yield replace(view, clip_from_view=crop @ view.clip_from_view), _FINER, inside

@@ -240,7 +240,7 @@ class LiveTexture(Effect):
             return 0.0, 0.0, 0.0, 1.0
         return self.background or (*frame.renderer.GetBackground(), 1.0)
 
-    def _draw(self, frame, depth, lamp=None):
+    def _draw(self, frame, depth, light_view=None):
         """Render it, after the live textures in it, with camera lights at the view `lamp`."""
         casters, clear_color = self._casters(), self._clear_color(frame)
         view = self._view(frame, casters.bounds())
@@ -249,9 +249,9 @@ class LiveTexture(Effect):
             with target.drawing(clear=clear_color):
                 return
         inner_frame = frame.elsewhere(view, (target.width, target.height))
-        lamp = self._lamp(view, lamp)
+        light_view = self._lamp(view, light_view)
         lives = self._within(casters, view)
-        pictures = [live.picture(inner_frame, depth - 1, lamp) for live in lives]
+        pictures = [live.picture(inner_frame, depth - 1, light_view) for live in lives]
         for live, picture in zip(lives, pictures, strict=True):
             live.show(picture)
         effects = [e for e in self._scene_effects() if e.needed(inner_frame) is True]
@@ -259,11 +259,11 @@ class LiveTexture(Effect):
             effect.prepare(inner_frame)
         with seen_from(casters.things, inner_frame), target.drawing(clear=clear_color):
             thing_actors = []
-            for thing in casters.things:
-                ready = thing.needed(inner_frame) is True
-                thing_actors += thing.draws(inner_frame) if ready else thing.drawn()
+            for item in casters.things:
+                ready = item.needed(inner_frame) is True
+                thing_actors += item.draws(inner_frame) if ready else item.drawn()
             thing_actors = in_order(thing_actors, casters.things)
-            self._drawer.light_from(lamp)
+            self._drawer.light_from(light_view)
             self._drawer.look(view, (0, 0, *inner_frame.size))
             frame.window.GetState().vtkglBlendFuncSeparate(*gl.OVER)  # of soft edges
             self._drawer.draw([*casters.actors, *thing_actors])
@@ -375,15 +375,11 @@ class Mirror(LiveTexture):
         if right is None or up is None:
             raise TypeError('right and up must be given unless corner is an actor, got None')
         self.corner = checked_numbers('corner', corner, (3,))
-        self.right, self.up = (
-            checked_numbers('right', right, (3,)),
-            checked_numbers('up', up, (3,)),
-        )
+        self.right = checked_numbers('right', right, (3,))
+        self.up = checked_numbers('up', up, (3,))
         unit_sides = unit_vectors(np.stack([self.right, self.up]))
         if not unit_sides.any(1).all() or abs(unit_sides[0] @ unit_sides[1]) > 1e-6:
-            raise ValueError(
-                f'right and up must be perpendicular and not zero, got {right!r} and {up!r}'
-            )
+            raise ValueError(f'right and up must be perpendicular, got {right!r} and {up!r}')
         super().__init__(None, actors, size, **settings)
 
     # Rendered from behind, where left and right are swapped; u still grows along `right`.
@@ -398,8 +394,8 @@ class Mirror(LiveTexture):
     def _light_key(self, frame):
         return lights_key(frame.renderer, frame.view.key())
 
-    def _lamp(self, view, lamp) -> View | None:
-        return lamp
+    def _lamp(self, view, light_view) -> View | None:
+        return light_view
 
     def _view(self, frame, bounds) -> View | None:
         right = self.right / np.linalg.norm(self.right)
@@ -416,8 +412,8 @@ class Mirror(LiveTexture):
         near_plane = 1.001 * eye_distance
         far_plane = 1.001 * max(near_plane, _farthest(view_from_world, bounds))
         slopes = view_from_world[:2, :3] @ ends.T / eye_distance
-        clip = frustum(slopes.min(axis=1), slopes.max(axis=1), near_plane, far_plane)
-        return View(view_from_world, clip, near_plane, far_plane, False)
+        clip_from_view = frustum(slopes.min(axis=1), slopes.max(axis=1), near_plane, far_plane)
+        return View(view_from_world, clip_from_view, near_plane, far_plane, False)
 
 
 def _white():

@@ -54,10 +54,10 @@ class SlidePainter:
     def depth(self, slide):
         """Return the view of a slide's camera, None if all is behind it, and its depth."""
         if id(slide) not in self._depths:
-            texels = slide.side(self.settings.resolution)
-            view, depth = view_of(slide.camera(), bounds_of(self.surfaces), texels), None
+            map_resolution = slide.side(self.settings.resolution)
+            view, depth = view_of(slide.camera(), bounds_of(self.surfaces), map_resolution), None
             if view is not None:
-                (depth,) = depth_maps([view], self.surfaces, texels)
+                (depth,) = depth_maps([view], self.surfaces, map_resolution)
             self._depths[id(slide)] = view, depth
         return self._depths[id(slide)]
 

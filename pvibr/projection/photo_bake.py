@@ -127,29 +127,29 @@ class Painter:
         if not len(hits):
             return
         face, barycentric = face[hits], barycentric[hits]
-        weight = np.einsum('nc,nc->n', barycentric, choice.weights[face, :, slot])
+        photo_weights = np.einsum('nc,nc->n', barycentric, choice.weights[face, :, slot])
         changes = painted.changes[painted.pairs.of_corners[face, :, slot]]
         uv, _ = painted.sources[photo_index].camera.project(self._points(face, barycentric))
         colors = sample(picture, np.clip(uv, 0, 1))
-        weight = weight * colors[:, 3] / 255
+        photo_weights = photo_weights * colors[:, 3] / 255
         corrected = colors[:, :3] * painted.found_gains[photo_index]
         corrected += 255 * np.einsum('nc,ncd->nd', barycentric, changes)
-        color_sums[hits, :3] += weight[:, None] * np.clip(corrected, 0, 255)
-        color_sums[hits, 3] += weight
-        improved = hits[weight > best_weight[hits]]
-        best_weight[hits] = np.maximum(best_weight[hits], weight)
+        color_sums[hits, :3] += photo_weights[:, None] * np.clip(corrected, 0, 255)
+        color_sums[hits, 3] += photo_weights
+        improved = hits[photo_weights > best_weight[hits]]
+        best_weight[hits] = np.maximum(best_weight[hits], photo_weights)
         best_photo[improved] = photo_index
 
     def _rate(self, face, barycentric, best_photo, photo, resolution, angle):
         """Fill the quality map from the best photographs."""
         for photo_index in np.unique(best_photo[best_photo >= 0]):
-            camera, shown = self.painted.sources[photo_index].camera, best_photo == photo_index
-            points = self._points(face[shown], barycentric[shown])
-            normals = self.normals[face[shown]]
+            camera, is_best = self.painted.sources[photo_index].camera, best_photo == photo_index
+            points = self._points(face[is_best], barycentric[is_best])
+            normals = self.normals[face[is_best]]
             cosine = np.einsum('ij,ij->i', normals, camera.toward(points))
-            photo[shown] = self.painted.sources[photo_index].index
-            resolution[shown] = pixel_sizes(camera, points, normals)
-            angle[shown] = np.degrees(np.arccos(np.clip(cosine, -1, 1)))
+            photo[is_best] = self.painted.sources[photo_index].index
+            resolution[is_best] = pixel_sizes(camera, points, normals)
+            angle[is_best] = np.degrees(np.arccos(np.clip(cosine, -1, 1)))
 
     def _points(self, face, barycentric):
         return np.einsum('nk,nkd->nd', barycentric, self.choice.points[self.choice.faces[face]])
@@ -160,11 +160,11 @@ def pixel_sizes(camera, points, normals):
     helper_axis = np.eye(3)[np.abs(normals).argmin(1)]
     across = unit_vectors(np.cross(normals, helper_axis))
     step = 0.1 * camera.texel(points)
-    here, *near = (
+    center_pixel, *near_pixels = (
         camera.project(points + step[:, None] * direction)[0] * camera.size
         for direction in (np.zeros(3), across, np.cross(normals, across))
     )
-    (a, b), (c, d) = (near[0] - here).T, (near[1] - here).T
+    (a, b), (c, d) = (near_pixels[0] - center_pixel).T, (near_pixels[1] - center_pixel).T
     return step / np.sqrt(np.maximum(np.abs(a * d - b * c), 1e-12))
 
 
@@ -191,17 +191,21 @@ def data_of(painted, mesh, to, advance):
     """Return the mesh with colours and quality as arrays of points or cells."""
     mesh = mesh.copy()
     faces = mesh.regular_faces
-    item_rows, count = np.arange(len(faces)), len(faces)
-    cell, barycentric = item_rows, np.full((count, 3), 1 / 3)
+    item_rows, item_count = np.arange(len(faces)), len(faces)
+    cell, barycentric = item_rows, np.full((item_count, 3), 1 / 3)
     if to == 'points':
         item_rows, first_corner = np.unique(faces, return_index=True)
-        cell, barycentric, count = first_corner // 3, np.eye(3)[first_corner % 3], mesh.n_points
+        cell, barycentric, item_count = (
+            first_corner // 3,
+            np.eye(3)[first_corner % 3],
+            mesh.n_points,
+        )
     paint = Painter(painted, np.sqrt(mesh.area / len(cell))).at(cell, barycentric, advance)
     data = mesh.point_data if to == 'points' else mesh.cell_data
     for name, (kind, empty) in QUALITY.items():
-        data[name] = np.full(count, empty, kind)
+        data[name] = np.full(item_count, empty, kind)
         data[name][item_rows] = getattr(paint, name)
-    colors = np.zeros((count, 4), np.uint8)
+    colors = np.zeros((item_count, 4), np.uint8)
     colors[item_rows] = paint.colors
     data['projected'] = colors
     mesh.set_active_scalars('projected', preference=to[:-1])

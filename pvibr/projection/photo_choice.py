@@ -210,9 +210,9 @@ def choose(surface, pictures, visibility, max_angle=85.0, sharp=4.0) -> Choice:
     touched, seen_from_behind = np.zeros((2, len(surface.faces)), bool)
     photo_coverage, face_bits = [], []
     looks = visibility.each(lambda p: _Look(surface, p, visibility, min_cosine), pictures)
-    for number, look in enumerate(looks):
-        vertex_scores.add(number, look.rows, look.scores)
-        face_scores.add(number, *look.face_scores)
+    for photo_index, look in enumerate(looks):
+        vertex_scores.add(photo_index, look.rows, look.scores)
+        face_scores.add(photo_index, *look.face_scores)
         touched |= look.touched
         seen_from_behind[look.seen_from_behind] = True
         photo_coverage.append(look.coverage)

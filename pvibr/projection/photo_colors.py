@@ -23,8 +23,10 @@ class Pairs:
         pairs = np.searchsorted(self.keys, keys)
         self.vertices, self.photos = self.keys // photo_count, self.keys % photo_count
         self.edges = edges_of(pairs)
-        low, high = self.edges.min(1), self.edges.max(1)
-        self.edges = np.stack(np.divmod(distinct(low * len(self.keys) + high), len(self.keys)), 1)
+        lower_pair, upper_pair = self.edges.min(1), self.edges.max(1)
+        self.edges = np.stack(
+            np.divmod(distinct(lower_pair * len(self.keys) + upper_pair), len(self.keys)), 1
+        )
         #: The pair of each corner and photograph, (f, 3, 4); -1 for none.
         self.of_corners = np.full(choice.weights.shape, -1)
         self.of_corners[face, :, slot] = pairs

@@ -350,10 +350,10 @@ class PhotoMesh(Placed):
 
     def _update_view(self, frame):
         """Select the photographs taken from near the eye, and upload their shares."""
-        view = frame.clip_from_view @ frame.view_from_world @ self.matrix
-        if self._view_key is not None and np.array_equal(self._view_key, view):
+        clip_from_mesh = frame.clip_from_view @ frame.view_from_world @ self.matrix
+        if self._view_key is not None and np.array_equal(self._view_key, clip_from_mesh):
             return
-        self._view_key = view
+        self._view_key = clip_from_mesh
         self._view_photos, shares = self._views.of(frame, self.matrix)
         row_padding = -len(shares) % _SHARES_WIDTH
         shares = np.pad(shares, ((0, row_padding), (0, 0))).reshape(-1, _SHARES_WIDTH, VIEWS)
@@ -362,15 +362,17 @@ class PhotoMesh(Placed):
 
     def _table_rows(self, frame) -> np.ndarray:
         """Return TABLE of photo_mesh.glsl, (n, 9, 4)."""
-        view = frame.view_from_world @ self.matrix
-        mesh_from_pixel = np.linalg.inv(pixel_from_view(frame) @ view)
+        view_from_mesh = frame.view_from_world @ self.matrix
+        mesh_from_pixel = np.linalg.inv(pixel_from_view(frame) @ view_from_mesh)
         table = self._cameras.copy()
         table[:, :3] @= mesh_from_pixel
-        places = self._pages.places()
-        sizes = places[:, 2:, None]
+        sheet_places = self._pages.places()
+        sizes = sheet_places[:, 2:, None]
         table[:, 5:7, :3] *= sizes
-        table[:, 5:7, 2] += places[:, :2]
-        table[:, 7] = np.concatenate([places[:, :2], places[:, :2] + places[:, 2:]], 1)
+        table[:, 5:7, 2] += sheet_places[:, :2]
+        table[:, 7] = np.concatenate(
+            [sheet_places[:, :2], sheet_places[:, :2] + sheet_places[:, 2:]], 1
+        )
         table[:, 8, :3] = self.found_gains
         return table
 

@@ -40,9 +40,9 @@ class Rays:
         if not sum(map(len, faces)):
             return
         bounds = bounds_of(surfaces)
-        low, high = bounds[:, ::2].min(0), bounds[:, 1::2].max(0)
+        lower, upper = bounds[:, ::2].min(0), bounds[:, 1::2].max(0)
         # Centred and scaled to size 1, as embree uses float32.
-        self._center, self._size = (low + high) / 2, float(np.linalg.norm(high - low))
+        self._center, self._size = (lower + upper) / 2, float(np.linalg.norm(upper - lower))
         # Far from the origin, points are only as exact as the spacing of floats there.
         self._lift = _LIFT + 4 * np.spacing(np.abs(self._center).max()) / self._size
         points = [_float32((s.points - self._center) / self._size) for s in surfaces]

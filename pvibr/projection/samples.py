@@ -58,18 +58,18 @@ class Samples:
         corner = np.zeros((n, 3), int) if corner is None else corner
         return cls(points, normals, np.arange(n), n, corner, np.zeros(n) if area is None else area)
 
-    def facing(self, toward, two_sided) -> np.ndarray:
+    def facing(self, directions, two_sided) -> np.ndarray:
         """Return the cosines between normals and directions, (m,); 1 without normals."""
-        cosines = np.einsum('ij,ij->i', self.normals, toward)
+        cosines = np.einsum('ij,ij->i', self.normals, directions)
         cosines = np.abs(cosines) if not two_sided else two_sided * cosines
         return np.where(_squares(self.normals) > 0, cosines, 1.0)
 
-    def turned(self, toward) -> np.ndarray:
+    def turned(self, directions) -> np.ndarray:
         """Return normals flipped to face directions, (m, 3)."""
-        side = np.where(np.einsum('ij,ij->i', self.normals, toward) < 0, -1.0, 1.0)
+        side = np.where(np.einsum('ij,ij->i', self.normals, directions) < 0, -1.0, 1.0)
         no_normal = _squares(self.normals) == 0
         normals = side[:, None] * self.normals
-        normals[no_normal] = toward[no_normal]
+        normals[no_normal] = directions[no_normal]
         return normals
 
     def most(self, values) -> np.ndarray:
@@ -157,15 +157,15 @@ def _is_surface(value) -> bool:
     return isinstance(value, pv.DataSet | pv.MultiBlock | Thing) or hasattr(value, 'GetMapper')
 
 
-def _surfaces_of_thing(thing) -> list:
-    if isinstance(thing, ItemSet):
-        thing.follow()
-        visible_items = np.flatnonzero(thing.visible) if thing.visibility else ()
-        return [surface_of(thing.item_mesh(int(i))) for i in visible_items]
-    solids = thing.solids()
+def _surfaces_of_thing(item) -> list:
+    if isinstance(item, ItemSet):
+        item.follow()
+        visible_items = np.flatnonzero(item.visible) if item.visibility else ()
+        return [surface_of(item.item_mesh(int(i))) for i in visible_items]
+    solids = item.solids()
     if None in solids:
         raise TypeError(
-            f'casters must be meshes, actors, instances, figures or impostors, got {thing.name}, '
+            f'casters must be meshes, actors, instances, figures or impostors, got {item.name}, '
             f'which has no mesh'
         )
     return [surface_of(actor) for actor in solids]
@@ -211,12 +211,17 @@ def _is_open(points, faces) -> bool:
     for k in range(3):
         ahead, behind = point_marks[faces[:, k - 2]], point_marks[faces[:, k - 1]]
         sums += np.bincount(faces[:, k], ahead - behind, len(points))
-    doubtful = sums != 0
-    faces = faces[doubtful[faces[:, 0]] | doubtful[faces[:, 1]] | doubtful[faces[:, 2]]]
+    is_doubtful_point = sums != 0
+    faces = faces[
+        is_doubtful_point[faces[:, 0]]
+        | is_doubtful_point[faces[:, 1]]
+        | is_doubtful_point[faces[:, 2]]
+    ]
     point_ids, point_rows = np.unique(faces, return_inverse=True)
     _, merged = np.unique(points[point_ids], axis=0, return_inverse=True)
-    corners, doubtful = merged.ravel()[point_rows].reshape(-1, 3), doubtful[faces]
+    corners = merged.ravel()[point_rows].reshape(-1, 3)
+    is_doubtful_point = is_doubtful_point[faces]
     is_triangle = (corners != np.roll(corners, 1, 1)).all(1)
-    edges, is_doubtful = edges_of(corners[is_triangle]), edges_of(doubtful[is_triangle])
+    edges, is_doubtful = edges_of(corners[is_triangle]), edges_of(is_doubtful_point[is_triangle])
     edges = np.sort(edges[is_doubtful.all(1)], 1)
     return bool((np.unique(edges, axis=0, return_counts=True)[1] % 2).any())

@@ -78,8 +78,8 @@ def silhouette_lines(
     pairs, _ = LitMesh(edges, light).silhouette
     ends = (edges.points + edges.origin)[pairs]
     if not hidden:
-        away = _away(view, ends, _inner(edges, pairs) + edges.origin)
-        ends = _visible_parts(view, ends, away, surfaces, resolution)
+        away_directions = _away(view, ends, _inner(edges, pairs) + edges.origin)
+        ends = _visible_parts(view, ends, away_directions, surfaces, resolution)
     return _lines(ends)
 
 
@@ -121,11 +121,11 @@ def _visible_parts(view, ends, away, surfaces, resolution):
     places, w = _texels(view, ends)
     in_front = (w > 0).all(1) & np.isfinite(places).all((1, 2))
     ends, away, places = ends[in_front], away[in_front], places[in_front]
-    length = np.linalg.norm(np.diff(places[..., :2], axis=1)[:, 0], axis=1) * side
-    count = np.clip(np.ceil(length / _PIECE), 1, side).astype(int)
-    owner = np.repeat(np.arange(len(ends)), count)
-    step = np.arange(len(owner)) - np.repeat(np.cumsum(count) - count, count)
-    cuts = np.stack([step, step + 1], 1) / count[owner][:, None]
+    texel_length = np.linalg.norm(np.diff(places[..., :2], axis=1)[:, 0], axis=1) * side
+    piece_count = np.clip(np.ceil(texel_length / _PIECE), 1, side).astype(int)
+    owner = np.repeat(np.arange(len(ends)), piece_count)
+    step = np.arange(len(owner)) - np.repeat(np.cumsum(piece_count) - piece_count, piece_count)
+    cuts = np.stack([step, step + 1], 1) / piece_count[owner][:, None]
     pieces = ends[owner, :1] + cuts[..., None] * (ends[owner, 1:] - ends[owner, :1])
     is_visible = _is_unoccluded(view, pieces.mean(1), away[owner], depth)
     # Join runs of visible pieces.
@@ -144,11 +144,11 @@ def _is_unoccluded(view, points, away, depth):
     view_depth = -(points @ view.view_from_world[2, :3] + view.view_from_world[2, 3])
     texel = texel_scale * (np.ones(len(points)) if view.parallel else view_depth)
     places, _ = _texels(view, points)
-    nearer, _ = _texels(view, points + _MIN_GAP * texel[:, None] * toward)
+    in_front, _ = _texels(view, points + _MIN_GAP * texel[:, None] * toward)
     column, row = np.floor((places[:, :2] + _OFF_EDGE * away / side) * side).astype(int).T
-    inside = ((places[:, :2] >= 0) & (places[:, :2] <= 1)).all(1)
+    inside_map = ((places[:, :2] >= 0) & (places[:, :2] <= 1)).all(1)
     clipped = depth[np.clip(row, 0, side - 1), np.clip(column, 0, side - 1)]
-    return inside & (nearer[:, 2] <= clipped)
+    return inside_map & (in_front[:, 2] <= clipped)
 
 
 def _lines(ends) -> pv.PolyData:

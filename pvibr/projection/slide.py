@@ -92,8 +92,8 @@ class Slide:
         self.view = view_of(self.camera(), casters.bounds(), side)
         if self.view is None:
             return
-        limit = texture_limit(frame.window)
-        if self.depth is not None and self.depth.resolution != min(side, limit):
+        side_limit = texture_limit(frame.window)
+        if self.depth is not None and self.depth.resolution != min(side, side_limit):
             self.drop_depth()
         if self.depth is None:
             self.depth = DepthView(drawer, 1, side)
@@ -159,9 +159,7 @@ def _photo_slides(photos, mask) -> list[tuple]:
         raise TypeError('camera must be given, except for photographs of pvibr.read_cameras')
     masks = mask if isinstance(mask, list | tuple) else [mask] * len(photos)
     if len(masks) != len(photos):
-        raise ValueError(
-            f'mask must have one entry per photograph, {len(photos)}, got {len(masks)}'
-        )
+        raise ValueError(f'mask must have {len(photos)} entries, got {len(masks)}')
     slides_of_all: list[tuple] = []
     for photo, photo_mask in zip(photos, masks, strict=True):
         slides = photo.slides()
@@ -184,9 +182,7 @@ def checked_slides(image, camera, mask) -> list[tuple]:
         return [(image, camera, mask)]
     masks = [None] * len(camera) if mask is None else mask
     if not (isinstance(image, list) and isinstance(masks, list)):
-        raise TypeError(
-            'image and mask must be lists if camera is one; give a single camera as a tuple'
-        )
+        raise TypeError('image and mask must be lists if camera is; pass one camera as a tuple')
     if not len(image) == len(camera) == len(masks) or not 1 <= len(camera) <= MAX_SLIDES:
         raise ValueError(
             f'image, camera and mask must have the same number of entries, 1 to {MAX_SLIDES}, got '
@@ -206,10 +202,10 @@ def bends(camera, corners) -> bool:
     """Return whether distortion interpolated from triangle corners is visibly wrong."""
     if isinstance(camera, Orthographic) or not camera.distortion.any() or not len(corners):
         return False
-    weights = np.array([[1, 1, 1], [3, 3, 0], [0, 3, 3], [3, 0, 3]]) / [[3], [6], [6], [6]]
+    sample_weights = np.array([[1, 1, 1], [3, 3, 0], [0, 3, 3], [3, 0, 3]]) / [[3], [6], [6], [6]]
     uv, depth = camera.project(corners.reshape(-1, 3))
     uv, depth = uv.reshape(-1, 3, 2), depth.reshape(-1, 3)
-    for weight in weights:
+    for weight in sample_weights:
         homogeneous = weight * depth
         interpolated = (homogeneous[..., None] * uv).sum(1) / homogeneous.sum(1)[:, None]
         pixel_error = camera.project(np.einsum('k,fkd->fd', weight, corners))[0] - interpolated

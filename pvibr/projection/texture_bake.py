@@ -61,9 +61,7 @@ def checked_file(file) -> Path | None:
     with naming('file', file):
         file = Path(file).expanduser()
     if file.suffix.lower() not in ('.npy', '.tif', '.tiff'):
-        raise ValueError(
-            f'file must end in .tif (pip install "pvibr[geo]") or .npy, got {str(file)!r}'
-        )
+        raise ValueError(f'file must end in .tif or .npy, got {str(file)!r}')
     if file.suffix.lower() != '.npy':
         require('rasterio', 'geo', 'TIFF files')
     return file
@@ -80,9 +78,9 @@ def _texture(file, shape, dtype, empty=None):
             with Path(part_path).open('wb') as array:
                 yield _Npy(array, shape, np.dtype(dtype))
             return
-        layers = shape[2] if len(shape) == 3 else 1
+        band_count = shape[2] if len(shape) == 3 else 1
         options = {'predictor': 3 if np.dtype(dtype).kind == 'f' else 2, 'nodata': empty}
-        options |= {'photometric': 'RGB', 'alpha': 'UNSPECIFIED'} if layers == 4 else {}
+        options |= {'photometric': 'RGB', 'alpha': 'UNSPECIFIED'} if band_count == 4 else {}
         with warnings.catch_warnings():
             warnings.simplefilter('ignore')  # of a missing georeference
             image = require('rasterio', 'geo', 'TIFF files').open(
@@ -91,7 +89,7 @@ def _texture(file, shape, dtype, empty=None):
                 driver='GTiff',
                 height=shape[0],
                 width=shape[1],
-                count=layers,
+                count=band_count,
                 dtype=dtype,
                 tiled=True,
                 blockxsize=_BLOCK,

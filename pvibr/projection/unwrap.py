@@ -38,8 +38,8 @@ def unwrapped(mesh, size=2048, advance=None) -> pv.PolyData:
         ) from error
     points, faces = np.asarray(surface.points, float), surface.regular_faces
     # xatlas uses float32, too coarse far from the origin.
-    low, high = points.min(0), points.max(0)
-    unit_points = ((points - low) / ((high - low).max() or 1.0)).astype(np.float32)
+    lower, upper = points.min(0), points.max(0)
+    unit_points = ((points - lower) / ((upper - lower).max() or 1.0)).astype(np.float32)
     atlas, origins, parts = xatlas.Atlas(), [], _parts(unit_points[faces].mean(1))
     for k, face_rows in enumerate(parts):
         part_points, part_faces = np.unique(faces[face_rows], return_inverse=True)
@@ -60,11 +60,11 @@ def unwrapped(mesh, size=2048, advance=None) -> pv.PolyData:
 
 def _packed(atlas, points, origins, parts):
     """Return the mesh of an atlas, with triangles in the order of the surface."""
-    count, places, atlas_faces = 0, [], np.empty((sum(map(len, parts)), 3), int)
+    point_count, places, atlas_faces = 0, [], np.empty((sum(map(len, parts)), 3), int)
     for k, face_rows in enumerate(parts):
         origin_points, faces, uv = atlas.get_mesh(k)
-        atlas_faces[face_rows] = faces + count
-        count += len(origin_points)
+        atlas_faces[face_rows] = faces + point_count
+        point_count += len(origin_points)
         places.append((origins[k][origin_points], uv))
     origin_points, uv = (np.concatenate(values) for values in zip(*places, strict=True))
     mesh = pv.PolyData.from_regular_faces(points[origin_points], atlas_faces)
@@ -144,32 +144,34 @@ def checked_size(size) -> tuple[int, int]:
 def tiles_of(mesh, size, side=2048) -> Iterator[TexelTile]:
     """Yield the tiles of a mesh's texture, row by row from the top."""
     width, height = checked_size(size)
-    tile_width, tile_height = min(side, width), min(side, height)
+    tile_w, tile_h = min(side, width), min(side, height)
     uv = np.asarray(mesh.active_texture_coordinates, float)
     faces = mesh.regular_faces
     uv_mesh = pv.PolyData.from_regular_faces(np.column_stack([uv, np.zeros(len(uv))]), faces)
-    starts = [(x, y) for y in range(0, height, tile_height) for x in range(0, width, tile_width)]
+    tile_corners = [(x, y) for y in range(0, height, tile_h) for x in range(0, width, tile_w)]
     scale = np.array([width, height], float)
-    corners = [np.array([x, height - min(y + tile_height, height)]) - _PAD for x, y in starts]
-    tile_size = np.array([tile_width, tile_height]) + 2 * _PAD
+    corners = [np.array([x, height - min(y + tile_h, height)]) - _PAD for x, y in tile_corners]
+    tile_size = np.array([tile_w, tile_h]) + 2 * _PAD
     views = [
-        orthographic(np.eye(3), (*(low / scale), -1.0), (*((low + tile_size) / scale), 1.0))
-        for low in corners
+        orthographic(np.eye(3), (*(lower / scale), -1.0), (*((lower + tile_size) / scale), 1.0))
+        for lower in corners
     ]
     tile_triangles = triangles_seen(uv_mesh, views, tuple(tile_size.tolist()))
-    for (x, y), low, number in zip(starts, corners, tile_triangles, strict=True):
-        where = slice(y, min(y + tile_height, height)), slice(x, min(x + tile_width, width))
-        yield TexelTile(where, number >= 0, *_places(uv, faces, number, low, scale))
+    for (x, y), lower, face_of_texel in zip(tile_corners, corners, tile_triangles, strict=True):
+        where = slice(y, min(y + tile_h, height)), slice(x, min(x + tile_w, width))
+        yield TexelTile(
+            where, face_of_texel >= 0, *_places(uv, faces, face_of_texel, lower, scale)
+        )
 
 
-def _places(uv, faces, number, low, scale):
+def _places(uv, faces, face_of_texel, lower_texel, scale):
     """Return triangles and barycentric coordinates of a tile's texels that have a triangle."""
-    row, column = np.nonzero(number >= 0)
-    cell = number[row, column]
+    row, column = np.nonzero(face_of_texel >= 0)
+    cell = face_of_texel[row, column]
     share = np.empty((len(cell), 3), np.float32)
     for start in range(0, len(cell), _MANY):
         chunk = slice(start, start + _MANY)
-        texel_uv = (np.column_stack([column[chunk], row[chunk]]) + 0.5 + low) / scale
+        texel_uv = (np.column_stack([column[chunk], row[chunk]]) + 0.5 + lower_texel) / scale
         share[chunk] = _barycentric(uv[faces[cell[chunk]]], texel_uv)
     return cell, share
 

@@ -95,12 +95,12 @@ def visible(
     samples = Samples.of(mesh, to)
     uv, _ = camera.project(samples.points)
     with np.errstate(invalid='ignore'):
-        inside = ((uv >= 0) & (uv <= 1)).all(1)
+        inside_image = ((uv >= 0) & (uv <= 1)).all(1)
     toward = camera.toward(samples.points)
-    facing = samples.facing(toward, sides_of(mesh, two_sided))
-    candidates = np.flatnonzero(inside & (facing > 0))
+    facing_cosines = samples.facing(toward, sides_of(mesh, two_sided))
+    candidates = np.flatnonzero(inside_image & (facing_cosines > 0))
     points, normals = samples.points[candidates], samples.turned(toward)[candidates]
-    is_visible = np.zeros(len(inside))
+    is_visible = np.zeros(len(inside_image))
     surfaces = [surface_of(mesh), *surfaces_of(casters)]
     if ray_method(method):
         ray_length = _away(camera, points)
@@ -264,10 +264,10 @@ def shadowed_area(mesh, lit) -> float:
 
 def _away(camera, points):
     """Return the distance of points from a camera, or from its near plane if orthographic."""
-    matrix = camera.view_from_world
+    view_from_world = camera.view_from_world
     if isinstance(camera, Orthographic):
-        return -(points @ matrix[2, :3] + matrix[2, 3]) - camera.near
-    return np.linalg.norm(points @ matrix[:3, :3].T + matrix[:3, 3], axis=1)
+        return -(points @ view_from_world[2, :3] + view_from_world[2, 3]) - camera.near
+    return np.linalg.norm(points @ view_from_world[:3, :3].T + view_from_world[:3, 3], axis=1)
 
 
 # -- light --------------------------------------------------------------------------------------
@@ -275,20 +275,14 @@ def _away(camera, points):
 
 def _check_light(light, samples, extent):
     if not hasattr(light, 'GetConeAngle') or not light.LightTypeIsSceneLight():
-        raise ValueError(
-            f"light must be a pyvista.Light of light_type 'scene light', got {light!r:.100}"
-        )
+        raise ValueError(f"light must be a pv.Light of type 'scene light', got {light!r:.80}")
     if light.GetPosition() == light.GetFocalPoint():
-        raise ValueError(
-            f'light must have a direction, got position and focal_point {light.GetPosition()}'
-        )
+        raise ValueError(f'light must have a direction, got focal_point = {light.GetPosition()}')
     checked_whole('samples', samples, 1, 1 << 20)
     if extent is not None:
         checked_number('extent', extent, 0.0)
     if samples > 1 and extent is None and light.GetPositional():
-        raise ValueError(
-            'extent must be the radius of a positional light if samples is above 1, got None'
-        )
+        raise ValueError('extent must be the radius of the light if samples > 1, got None')
 
 
 def _scene_light(light):
@@ -303,15 +297,15 @@ def _spread(scene_light, samples, extent):
     if samples == 1:
         yield scene_light
         return
-    middle, ahead = np.array(scene_light.position), np.array(scene_light.direction)
+    light_position, ahead = np.array(scene_light.position), np.array(scene_light.direction)
     helper_axis = np.eye(3)[np.abs(ahead).argmin()]
-    right = np.cross(ahead, helper_axis) / np.linalg.norm(np.cross(ahead, helper_axis))
-    axes = np.stack([right, np.cross(ahead, right)])
+    side_axis = np.cross(ahead, helper_axis) / np.linalg.norm(np.cross(ahead, helper_axis))
+    disk_axes = np.stack([side_axis, np.cross(ahead, side_axis)])
     if not scene_light.positional:
         extent = np.tan(np.radians((_SUN_DIAMETER if extent is None else extent) / 2))
-    for lens_offset in vogel_disk(int(samples)) * extent @ axes:
+    for lens_offset in vogel_disk(int(samples)) * extent @ disk_axes:
         if scene_light.positional:
-            yield replace(scene_light, position=tuple(middle + lens_offset))
+            yield replace(scene_light, position=tuple(light_position + lens_offset))
         else:
             direction = ahead + lens_offset
             yield replace(scene_light, direction=tuple(direction / np.linalg.norm(direction)))
@@ -319,9 +313,9 @@ def _spread(scene_light, samples, extent):
 
 def _lit_side(light, samples) -> int:
     """Return the side of an open mesh that mostly faces a light, 1 or -1."""
-    weighted = samples.area[:, None] * samples.normals
+    weighted_normals = samples.area[:, None] * samples.normals
     toward = toward_light(_scene_light(light), samples.points)
-    return 1 if np.einsum('ij,ij->', weighted, toward) >= 0 else -1
+    return 1 if np.einsum('ij,ij->', weighted_normals, toward) >= 0 else -1
 
 
 def toward_light(light, points) -> np.ndarray:
@@ -389,9 +383,9 @@ class Reach:
                 points = _spread(light, samples, extent)
                 self._light_points.append([(p, _views(scene, p, resolution)) for p in points])
 
-    def of(self, number, samples) -> np.ndarray:
+    def of(self, light_index, samples) -> np.ndarray:
         """Return the lit fraction of samples that face a light, (m,), 0 to 1."""
-        light_points = self._light_points[number]
+        light_points = self._light_points[light_index]
         if not light_points:
             return np.ones(len(samples.points))
         lit = [_lit(light_point, views, samples, 0) for light_point, views in light_points]

@@ -507,7 +507,7 @@ def test_without_coordinates_a_texture_names_the_remedy(monkeypatch):
         (np.zeros((3, 3), int), ABOVE, ValueError, 'dtype'),
         ([], ABOVE, ValueError, 'empty'),
         ('no_such_file.png', ABOVE, FileNotFoundError, 'no_such_file'),
-        (__file__, ABOVE, ValueError, 'that imageio can read'),
+        (__file__, ABOVE, ValueError, 'readable by imageio'),
     ],
 )
 def test_bad_input_is_named(image, camera, error, message):

@@ -85,7 +85,7 @@ def test_a_mesh_of_the_decoder_itself(glb):
         (b'DRACO\1\1\1\0\0\0', None, 'must be a Draco mesh of version 2.2'),
         (b'', None, 'must be a Draco mesh'),
         (sequential(), None, 'cannot be decoded: broken'),
-        (sequential() + bytes(9), {'POSITION': 8}, 'POSITION 8 is missing in the compressed'),
+        (sequential() + bytes(9), {'POSITION': 8}, 'POSITION 8 is missing'),
         (sequential() + bytes(9), {'POSITION': 7, 'NORMAL': 1}, 'accessors of all its'),
     ],
 )

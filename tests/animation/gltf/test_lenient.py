@@ -133,7 +133,7 @@ def test_odd_weights_are_those_of_other_readers(glb):
     ('picture', 'said'),
     [
         ({'uri': 'data:image/png;base64,iVBORw0KGgo='}, 'images[0] is in another format'),
-        ({'uri': 'http://localhost/a.png'}, 'must be a data URI or a relative path'),
+        ({'uri': 'http://localhost/a.png'}, 'must be a data URI or relative path'),
         ({'uri': 'data:;base64,' + base64.b64encode(b'\xabKTX 20\xbb').decode()}, 'is KTX2'),
         ({}, 'images[0] has neither uri nor bufferView'),
     ],
