@@ -52,7 +52,7 @@ _GAIN_VERTICES = 4000  # on which exposures are compared
 _FADE_WIDTH = 0.025
 _PARTIAL_SCORE = 1e-5  # factor for a photograph that sees only some triangles around a vertex
 _NORMAL_ROUNDS = 6  # that smooth the normals used for ranking: noise must not switch photographs
-#: Barycentric points of a triangle that must be visible, beside its corners.
+#: Barycentric points of a triangle that must be visible, besides its corners.
 _INNER_SHARES = np.array([[1, 1, 1], [3, 1, 1], [1, 3, 1], [1, 1, 3]]) / [[3], [5], [5], [5]]
 _MAP_RESOLUTION = 2048  # texels along a side of the depth map when no rays are cast
 _MIN_COSINE = 0.02
