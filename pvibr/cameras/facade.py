@@ -1,4 +1,4 @@
-"""Photographs' cameras as a plotter's own."""
+"""Flights of a plotter's camera to photographs."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ class CameraFacade(Facade):
         Parameters
         ----------
         camera : Photo, pyvista.Camera, Pinhole, LensCamera or Orthographic
-            Target; in a window of its picture's aspect ratio the plotter then shows what the
-            photograph shows, except for the lens (see :meth:`Photo.to_pyvista`).
+            Target; in a window of its picture's aspect ratio the plotter then shows the
+            photograph's view, except for the lens (see :meth:`Photo.to_pyvista`).
         frames : int, optional
             Number of frames of the flight; 1 to jump.
 

@@ -1,4 +1,4 @@
-"""Binary, text, JSON and XML files whose errors name the file and the place in it."""
+"""Binary, text, JSON and XML files, with errors that name file and place."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from contextlib import contextmanager
 from pathlib import Path
 from xml.parsers import expat
 
-_DEEPEST = 100  # levels of elements of an XML file
+_MAX_DEPTH = 100  # levels of elements of an XML file
 
 
-def fault(path, where, what) -> ValueError:
+def fault(path, where, problem) -> ValueError:
     """Return an error that names a file and a place in it."""
-    return ValueError(f'{path}, {where}: {what}'[:1000])
+    return ValueError(f'{path}, {where}: {problem}'[:1000])
 
 
 class Place:
@@ -24,13 +24,13 @@ class Place:
     def __init__(self, path, where):
         self.path, self.where = path, where
 
-    def error(self, what) -> ValueError:
-        """Return an error about what is here."""
-        return fault(self.path, self.where, what)
+    def error(self, problem) -> ValueError:
+        """Return an error at this place."""
+        return fault(self.path, self.where, problem)
 
     @contextmanager
     def named(self):
-        """Have errors of values name the place."""
+        """Add the place to ValueErrors."""
         try:
             yield
         except ValueError as error:
@@ -38,7 +38,7 @@ class Place:
 
 
 class Cursor:
-    """Reads a binary little-endian file; never past its end, whatever its counts say."""
+    """Reads a little-endian binary file, never past its end."""
 
     def __init__(self, path):
         self.path, self.at = Path(path), 0
@@ -48,45 +48,43 @@ class Cursor:
 
     @property
     def place(self) -> Place:
-        """Where it is."""
+        """The current position."""
         return Place(self.path, f'byte {self.at}')
 
     def _need(self, size):
         if size > len(self.data) - self.at:
             raise self.place.error(
-                f'the file is cut: {size} bytes are expected, {len(self.data) - self.at} are left'
+                f'the file is truncated: expected {size} bytes, got {len(self.data) - self.at}'
             )
 
-    def take(self, form):
-        """Return numbers by :mod:`struct`, a single one by itself."""
-        self._need(struct.calcsize('<' + form))
-        found = struct.unpack_from('<' + form, self.data, self.at)
-        if not all(math.isfinite(x) for x in found):
-            raise self.place.error(f'{found} has a number that is not finite')
-        self.at += struct.calcsize('<' + form)
-        return found if len(found) > 1 else found[0]
+    def take(self, struct_format):
+        """Read numbers by a :mod:`struct` format; return a single one as a scalar."""
+        self._need(struct.calcsize('<' + struct_format))
+        numbers = struct.unpack_from('<' + struct_format, self.data, self.at)
+        if not all(math.isfinite(x) for x in numbers):
+            raise self.place.error(f'numbers must be finite, got {numbers}')
+        self.at += struct.calcsize('<' + struct_format)
+        return numbers if len(numbers) > 1 else numbers[0]
 
-    def count(self, least, form='Q') -> int:
-        """Return a count of things of at least some bytes, which must fit into the file."""
-        place, number = self.place, self.take(form)
-        if number * least > len(self.data) - self.at:
-            raise place.error(
-                f'{number} entries are announced, of which the file cannot hold as many'
-            )
+    def count(self, entry_size, struct_format='Q') -> int:
+        """Read a count of entries of a minimum size in bytes, which must fit into the file."""
+        place, number = self.place, self.take(struct_format)
+        if number * entry_size > len(self.data) - self.at:
+            raise place.error(f'{number} entries are declared, more than the file can contain')
         return number
 
     def skip(self, size):
-        """Move on by some bytes."""
+        """Skip bytes."""
         self._need(size)
         self.at += size
 
     def text(self, size=None) -> str:
-        """Return text of a size in bytes, or up to a zero byte."""
+        """Read text of a size in bytes, or up to a zero byte."""
         place, start = self.place, self.at
         if size is None:
             end = self.data.find(b'\0', start)
             if end < 0:
-                raise place.error('a text has no end')
+                raise place.error('a string is not terminated')
             self.at = end + 1
         else:
             self.skip(size)
@@ -97,26 +95,27 @@ class Cursor:
 class Line(Place):
     """A line of a text file."""
 
-    def __init__(self, path, number, text):
-        super().__init__(path, f'line {number}')
-        self.number, self.text = number, text
+    def __init__(self, path, line_number, text):
+        super().__init__(path, f'line {line_number}')
+        self.number, self.text = line_number, text
 
     def numbers(self, tokens, count=None, kind=float) -> list:
-        """Return finite numbers, as many as asked for."""
+        """Return finite numbers, as many as required."""
         try:
-            found = [kind(token) for token in tokens]
+            numbers = [kind(token) for token in tokens]
         except (ValueError, OverflowError):
-            found = [math.nan]
-        if not all(math.isfinite(x) for x in found) or count not in (None, len(found)):
-            raise self.error(f'{" ".join(tokens)!r:.80} should be {count or ""} finite numbers')
-        return found
+            numbers = [math.nan]
+        if not all(math.isfinite(x) for x in numbers) or count not in (None, len(numbers)):
+            expected = 'finite numbers' if count is None else f'{count} finite numbers'
+            raise self.error(f'values must be {expected}, got {" ".join(tokens)!r:.80}')
+        return numbers
 
 
 def lines_of(path):
     """Yield the lines of a text file."""
     with Path(path).open(encoding='utf-8-sig', errors='surrogateescape') as file:
-        for number, text in enumerate(file, start=1):
-            yield Line(path, number, text.strip())
+        for line_number, text in enumerate(file, start=1):
+            yield Line(path, line_number, text.strip())
 
 
 def data_lines(path):
@@ -135,66 +134,65 @@ class Node(Place):
 
     @property
     def where(self) -> str:
-        """The line and the way to it; looked up only for errors."""
-        way = ''.join(f'.{k}' if isinstance(k, str) else f'[{k}]' for k in self.trail)
-        return f'line {_line_of(self.path, self.trail)} ({way[-80:].lstrip(".") or "the whole"})'
+        """The line and the path of keys; computed only for errors."""
+        key_path = ''.join(f'.{k}' if isinstance(k, str) else f'[{k}]' for k in self.trail)
+        key_path = key_path[-80:].lstrip('.') or 'root'
+        return f'line {_line_of(self.path, self.trail)} ({key_path})'
 
-    def _is(self, kinds, what):
+    def _is(self, kinds, type_name):
         if not isinstance(self.value, kinds) or (
             isinstance(self.value, bool) and kinds is not bool
         ):
-            raise self.error(f'{self.value!r:.60} should be {what}')
+            raise self.error(f'value must be {type_name}, got {self.value!r:.60}')
         return self.value
 
     def get(self, key):
         """Return the value of a key, or None."""
-        found = self._is(dict, 'an object').get(key)
-        return None if found is None else Node(self.path, found, (*self.trail, key))
+        child = self._is(dict, 'an object').get(key)
+        return None if child is None else Node(self.path, child, (*self.trail, key))
 
     def __getitem__(self, key):
-        found = self.get(key)
-        if found is None:
-            raise self.error(f'there is no {key!r}')
-        return found
+        child = self.get(key)
+        if child is None:
+            raise self.error(f'{key!r} is missing')
+        return child
 
     def items(self):
         """Yield keys and values of an object."""
-        return ((key, Node(self.path, v, (*self.trail, key))) for key, v in self._object().items())
-
-    def _object(self):
-        return self._is(dict, 'an object')
+        members = self._is(dict, 'an object').items()
+        return ((key, Node(self.path, value, (*self.trail, key))) for key, value in members)
 
     def __iter__(self):
-        found = self._is(list, 'a list')
-        return (Node(self.path, v, (*self.trail, i)) for i, v in enumerate(found))
+        children = self._is(list, 'a list')
+        return (Node(self.path, v, (*self.trail, i)) for i, v in enumerate(children))
 
     def number(self) -> float:
         """Return a finite number."""
         try:
-            found = float(self._is((int, float), 'a number'))
+            number = float(self._is((int, float), 'a number'))
         except OverflowError:
-            found = math.inf
-        if not math.isfinite(found):
-            raise self.error(f'{found} should be finite')
-        return found
+            number = math.inf
+        if not math.isfinite(number):
+            raise self.error(f'value must be finite, got {number}')
+        return number
 
     def whole(self) -> int:
         """Return a whole number."""
-        found = self._is((int, float), 'a whole number')
-        if not math.isfinite(found) or found != int(found):
-            raise self.error(f'{found} should be a whole number')
-        return int(found)
+        number = self._is((int, float), 'a whole number')
+        if not math.isfinite(number) or number != int(number):
+            raise self.error(f'value must be a whole number, got {number}')
+        return int(number)
 
     def text(self) -> str:
-        """Return a text."""
-        return self._is(str, 'a text')
+        """Return a string."""
+        return self._is(str, 'a string')
 
     def numbers(self, count=None) -> list[float]:
-        """Return a list of numbers, nested ones in a row."""
-        found = list(_flat(self, 3))
-        if count not in (None, len(found)):
-            raise self.error(f'there are {len(found)} numbers; {count} are needed')
-        return found
+        """Return a list of numbers, flattened."""
+        numbers = list(_nested_numbers(self, 3))
+        if count not in (None, len(numbers)):
+            raise self.error(f'value must have {count} numbers, got {len(numbers)}')
+        return numbers
 
     def value_of(self, key, default=0.0) -> float:
         """Return the number of a key, or a default."""
@@ -202,11 +200,11 @@ class Node(Place):
         return default if node is None else node.number()
 
 
-def _flat(node, deep):
+def _nested_numbers(node, max_depth):
     """Yield the numbers of nested lists."""
     for child in node:
-        if isinstance(child.value, list) and deep > 1:
-            yield from _flat(child, deep - 1)
+        if isinstance(child.value, list) and max_depth > 1:
+            yield from _nested_numbers(child, max_depth - 1)
         else:
             yield child.number()
 
@@ -219,7 +217,7 @@ def json_of(path) -> Node:
     except json.JSONDecodeError as error:
         raise fault(path, f'line {error.lineno}', error.msg) from None
     except (ValueError, RecursionError) as error:
-        raise fault(path, 'line 1', f'it is no JSON ({error})') from None
+        raise fault(path, 'line 1', f'not JSON ({error})') from None
 
 
 def _text_of(path):
@@ -227,30 +225,31 @@ def _text_of(path):
 
 
 def _line_of(path, trail) -> int:
-    """Return the line of a value of a JSON file that can be read."""
-    text, at, decoder = _text_of(path), 0, json.JSONDecoder()
+    """Return the line of a value in a valid JSON file."""
+    text, offset, decoder = _text_of(path), 0, json.JSONDecoder()
 
-    def after_space(at):
-        while text[at] in ' \t\r\n':
-            at += 1
-        return at
+    def after_space(offset):
+        while text[offset] in ' \t\r\n':
+            offset += 1
+        return offset
 
-    at = after_space(0)
+    offset = after_space(0)
     for key in trail:
-        inside, at, index, found = text[at] == '{', after_space(at + 1), 0, at
-        while text[at] not in ']}':
-            name = index
-            if inside:
-                name, at = decoder.raw_decode(text, at)
-                at = after_space(after_space(at) + 1)
-            if name == key:
-                found = at  # of equal keys the last counts
-            _, at = decoder.raw_decode(text, at)
-            at, index = after_space(at), index + 1
-            if text[at] == ',':
-                at = after_space(at + 1)
-        at = found
-    return text.count('\n', 0, at) + 1
+        is_object, index, value_offset = text[offset] == '{', 0, offset
+        offset = after_space(offset + 1)
+        while text[offset] not in ']}':
+            child_key = index
+            if is_object:
+                child_key, offset = decoder.raw_decode(text, offset)
+                offset = after_space(after_space(offset) + 1)
+            if child_key == key:
+                value_offset = offset  # the last of duplicate keys counts
+            _, offset = decoder.raw_decode(text, offset)
+            offset, index = after_space(offset), index + 1
+            if text[offset] == ',':
+                offset = after_space(offset + 1)
+        offset = value_offset
+    return text.count('\n', 0, offset) + 1
 
 
 # -- XML --------------------------------------------------------------------------------------
@@ -259,8 +258,8 @@ def _line_of(path, trail) -> int:
 class Element(Line):
     """An element of an XML file."""
 
-    def __init__(self, path, number, tag, attributes):
-        super().__init__(path, number, '')
+    def __init__(self, path, line_number, tag, attributes):
+        super().__init__(path, line_number, '')
         self.tag, self.attributes, self.children = tag, attributes, []
 
     def find(self, tag):
@@ -280,7 +279,7 @@ class Element(Line):
         return default if child is None else child.numbers(child.text.split(), 1)[0]
 
     def values(self, count) -> list[float]:
-        """Return its numbers."""
+        """Return the numbers in its text."""
         return self.numbers(self.text.split(), count)
 
     def get(self, name) -> str:
@@ -291,27 +290,27 @@ class Element(Line):
 
 
 def xml_of(path) -> Element:
-    """Return the root of an XML file; one that declares entities or a document type is refused."""
+    """Return the root of an XML file; document types, and so entities, are refused."""
     path = Path(path)
-    top = Element(path, 1, '', {})
-    open_, parser = [top], expat.ParserCreate()
+    document = Element(path, 1, '', {})
+    open_elements, parser = [document], expat.ParserCreate()
     parser.buffer_text = True
 
     def start(tag, attributes):
         element = Element(path, parser.CurrentLineNumber, tag, attributes)
-        if len(open_) > _DEEPEST:
-            raise element.error(f'elements are nested deeper than {_DEEPEST}')
-        open_[-1].children.append(element)
-        open_.append(element)
+        if len(open_elements) > _MAX_DEPTH:
+            raise element.error(f'elements must be nested at most {_MAX_DEPTH} deep')
+        open_elements[-1].children.append(element)
+        open_elements.append(element)
 
     def end(_tag):
-        open_.pop()
+        open_elements.pop()
 
     def text(part):
-        open_[-1].text += part
+        open_elements[-1].text += part
 
     def refuse(*_):
-        raise fault(path, f'line {parser.CurrentLineNumber}', 'it declares a document type')
+        raise fault(path, f'line {parser.CurrentLineNumber}', 'document types are not allowed')
 
     parser.StartElementHandler, parser.EndElementHandler = start, end
     parser.CharacterDataHandler, parser.StartDoctypeDeclHandler = text, refuse
@@ -322,5 +321,5 @@ def xml_of(path) -> Element:
     except (LookupError, ValueError) as error:
         if isinstance(error, ValueError) and str(path) in str(error):
             raise
-        raise fault(path, 'line 1', f'it is no XML ({error})') from None
-    return top.children[0]
+        raise fault(path, 'line 1', f'not XML ({error})') from None
+    return document.children[0]

@@ -1,4 +1,4 @@
-"""Moving a plotter's camera to that of a photograph."""
+"""Flights of a plotter's camera."""
 
 from __future__ import annotations
 
@@ -9,36 +9,39 @@ from pvibr.maths.quaternions import from_matrices, slerp, to_matrices
 
 
 def fly(plotter, camera, frames):
-    """Move the camera of the active subplot to another in some frames."""
+    """Move the camera of the active subplot to another over a number of frames."""
     target = camera
     if not hasattr(camera, 'focal_point'):
         target = (camera if isinstance(camera, Photo) else Photo('', camera)).to_pyvista()
-    now, bounds = plotter.camera, np.reshape(plotter.renderer.ComputeVisiblePropBounds(), (3, 2))
-    here, there = _state(now), _state(target)
-    middle = bounds.mean(axis=1) - there['position']
-    distance = middle @ -there['axes'][2]
+    bounds = np.reshape(plotter.renderer.ComputeVisiblePropBounds(), (3, 2))
+    moving = plotter.camera
+    start_state, end_state = _state(moving), _state(target)
+    scene_offset = bounds.mean(axis=1) - end_state['position']
+    distance = scene_offset @ -end_state['axes'][2]
     if np.ptp(bounds, axis=1).min() >= 0 and distance > 0:
-        there['distance'] = distance  # turns about the scene from there on
-    turns = from_matrices(np.stack([here.pop('axes'), there.pop('axes')]))
-    now.parallel_projection = target.parallel_projection
+        end_state['distance'] = distance  # so that the user then turns about the scene
+    rotations = from_matrices(np.stack([start_state.pop('axes'), end_state.pop('axes')]))
+    moving.parallel_projection = target.parallel_projection
     for t in (np.arange(frames) + 1) / frames:
-        share = t * t * (3 - 2 * t)
-        state = {k: (1 - share) * here[k] + share * there[k] for k in here}
-        _set(now, state, to_matrices(slerp(turns[0], turns[1], share)))
+        eased = t * t * (3 - 2 * t)
+        current_state = {
+            k: (1 - eased) * start_state[k] + eased * end_state[k] for k in start_state
+        }
+        _set(moving, current_state, to_matrices(slerp(rotations[0], rotations[1], eased)))
         plotter.renderer.ResetCameraClippingRange()
         plotter.render()
 
 
 def _state(camera):
-    """Return what moves of a camera."""
-    position, focus = np.array(camera.position), np.array(camera.focal_point)
-    distance = np.linalg.norm(position - focus)
-    back = (position - focus) / distance
-    right = np.cross(camera.up, back)
+    """Return the animated state of a camera."""
+    position, focal_point = np.array(camera.position), np.array(camera.focal_point)
+    distance = np.linalg.norm(position - focal_point)
+    backward = (position - focal_point) / distance
+    right = np.cross(camera.up, backward)
     right /= np.linalg.norm(right)
     return {
         'position': position,
-        'axes': np.array([right, np.cross(back, right), back]),
+        'axes': np.array([right, np.cross(backward, right), backward]),
         'distance': distance,
         'angle': camera.view_angle,
         'scale': camera.parallel_scale,

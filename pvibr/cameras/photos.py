@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pyvista as pv
 
 from pvibr.cameras.files import Place
 from pvibr.images.projected import as_rgba, decoded, resized
@@ -18,25 +19,25 @@ from pvibr.maths.lenses import Lens
 from pvibr.maths.orthographic import Orthographic
 from pvibr.maths.pinhole import Pinhole
 
-_MOST_TEXELS = 4096  # of a thumbnail
-_ROWS = 256  # of a picture that are resampled at once
+_MAX_THUMBNAIL = 4096  # texels along a side
+_ROWS_AT_ONCE = 256  # resampled at once, to save memory
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Photo:
     """A photograph and its calibrated camera.
 
-    The camera's axes are x right, y down, z ahead; integer coordinates are pixel centres, as in
+    Camera axes are x right, y down, z ahead, and pixel centres have integer coordinates, as in
     OpenCV, whatever the convention of the file.
 
     Parameters
     ----------
     name : str
-        As the file names it.
+        Name in the file.
     camera : Pinhole, LensCamera or Orthographic
-        The calibrated camera, whose size is that of the picture.
+        The calibrated camera, of the picture's size.
     path : pathlib.Path, optional
-        The picture, if it was found.
+        The picture, if there is one.
     crs : str, optional
         Coordinate reference system, if the file gives one.
 
@@ -61,10 +62,10 @@ class Photo:
         for name in ('name', 'crs'):
             text: object = getattr(self, name)
             if not isinstance(text, str) and (text is not None or name == 'name'):
-                raise TypeError(f'{name} = {text!r:.80}: must be text')
+                raise TypeError(f'{name} must be a string, got {text!r:.80}')
         if not isinstance(self.camera, Pinhole | LensCamera | Orthographic):
             raise TypeError(
-                f'camera = {self.camera!r:.80}: must be a Pinhole, LensCamera or Orthographic'
+                f'camera must be a Pinhole, LensCamera or Orthographic, got {self.camera!r:.80}'
             )
         if self.path is not None:
             with naming('path', self.path):
@@ -99,23 +100,23 @@ class Photo:
 
     @property
     def K(self) -> np.ndarray:
-        """Focal lengths, skew and principal point, (3, 3); not of an orthophoto."""
+        """Intrinsic matrix, (3, 3); orthophotos have none."""
         return self.camera.K
 
     @property
     def distortion(self):
-        """OpenCV's k1, k2, p1, p2, k3 .. k6 of a pinhole, else the :class:`Lens`."""
+        """OpenCV's k1, k2, p1, p2, k3 .. k6 of a pinhole camera, else the :class:`Lens`."""
         return self.camera.lens if isinstance(self.camera, LensCamera) else self.camera.distortion
 
     @property
     def position(self) -> np.ndarray:
-        """Where the camera is, (3,), in world units; of an orthophoto, its lower left corner."""
+        """Camera position, (3,), world units; the lower left corner of an orthophoto."""
         ortho = isinstance(self.camera, Orthographic)
         return self.camera.origin if ortho else self.camera.position
 
     @property
     def camera_from_world(self) -> np.ndarray:
-        """The matrix into the camera's axes, (4, 4): x right, y down, z ahead."""
+        """Matrix from world to camera axes, (4, 4): x right, y down, z ahead."""
         return np.diag([1.0, -1.0, -1.0, 1.0]) @ self.camera.view_from_world
 
     @property
@@ -129,8 +130,8 @@ class Photo:
         Parameters
         ----------
         size : tuple of 2 int, optional
-            Width and height of the result; by default those of the picture. Smaller JPEG images
-            are decoded faster.
+            Width and height of the result, by default those of the picture; JPEG files decode
+            faster to a smaller size.
 
         Returns
         -------
@@ -140,33 +141,30 @@ class Photo:
         Raises
         ------
         ValueError
-            If there is no picture, it cannot be read, or its size is not the camera's.
+            If the picture is missing, unreadable, or of another size than the camera.
         """
         if self.path is None:
-            raise ValueError(
-                f'{self.name!r} has no picture: read_cameras(..., images=) names their folder'
-            )
-        small = None if size is None else decoded(self.path, self.size, size)
-        if small is not None:
-            return small
+            raise ValueError(f'{self.name!r} has no picture: use read_cameras(..., images=folder)')
+        small_picture = None if size is None else decoded(self.path, self.size, size)
+        if small_picture is not None:
+            return small_picture
         picture = as_rgba(self.path)
-        high, wide = picture.shape[:2]
-        if (wide, high) != self.size:
-            raise ValueError(
-                f'{self.path} has {wide} x {high} pixels; its camera has {self.size}.'
-            )
+        picture_height, picture_width = picture.shape[:2]
+        if (picture_width, picture_height) != self.size:
+            size_text = f'{picture_width} x {picture_height}'
+            raise ValueError(f'{self.path} must be {self.size} pixels, got {size_text}')
         return picture if size is None else resized(picture, size)
 
     def slides(self) -> list:
-        """Return what a projector takes: pictures, pinhole cameras and masks.
+        """Return pinhole pictures for a projector.
 
-        A lens that a pinhole with rational distortion cannot follow by 0.01 pixels is resampled:
-        to one picture up to 120 degrees, beyond that to faces of a cube.
+        A lens that rational distortion cannot match within 0.01 pixels is resampled, to one
+        picture up to 120 degrees, beyond that to the faces of a cube.
 
         Returns
         -------
         list of tuple
-            (path or array, Pinhole or Orthographic, None or array) of each.
+            (path or array, Pinhole or Orthographic, mask or None) of each.
 
         Raises
         ------
@@ -186,8 +184,8 @@ class Photo:
     def to_pyvista(self):
         """Return PyVista's camera with this view.
 
-        In a window of the picture's aspect ratio it shows what the photograph shows, except for
-        the lens: VTK has no distortion, one focal length (the vertical one) and no skew. Panoramas
+        In a window of the picture's aspect ratio it shows the photograph's view, except for the
+        lens: VTK has no distortion, one focal length (the vertical one) and no skew. Panoramas
         look ahead with a view angle of 90 degrees.
 
         Returns
@@ -204,29 +202,28 @@ class Photo:
         >>> camera.position, camera.up, round(camera.view_angle, 3)
         ((0.0, 0.0, -5.0), (0.0, -1.0, 0.0), 53.13)
         """
-        import pyvista as pv
-
-        found, height = pv.Camera(), self.height
+        camera, height = pv.Camera(), self.height
         right, down, ahead = self.camera_from_world[:3, :3]
-        found.up = -down
+        camera.up = -down
         if isinstance(self.camera, Orthographic):
-            found.parallel_projection = True
-            found.parallel_scale = self.camera.height / 2
-            middle = self.position + (self.camera.width * right - self.camera.height * down) / 2
-            found.position, found.focal_point = middle - self.camera.height * ahead, middle
-            return found
-        found.position, found.focal_point = self.position, self.position + ahead
+            camera.parallel_projection = True
+            camera.parallel_scale = self.camera.height / 2
+            center = self.position + (self.camera.width * right - self.camera.height * down) / 2
+            camera.position = center - self.camera.height * ahead
+            camera.focal_point = center
+            return camera
+        camera.position, camera.focal_point = self.position, self.position + ahead
         K = self.camera.K * getattr(getattr(self.camera, 'lens', None), 'focus', 1.0)
         if self.model in ('spherical', 'cylindrical'):
-            found.view_angle = 90.0
-            return found
-        found.view_angle = np.degrees(2 * np.arctan(height / (2 * K[1, 1])))
+            camera.view_angle = 90.0
+            return camera
+        camera.view_angle = np.degrees(2 * np.arctan(height / (2 * K[1, 1])))
         shift = (2 * self.camera.K[:2, 2] + 1) / self.size - 1
-        found.SetWindowCenter(-shift[0], shift[1])
-        return found
+        camera.SetWindowCenter(-shift[0], shift[1])
+        return camera
 
     def transformed(self, matrix):
-        """Return the photograph moved, turned and scaled with the world.
+        """Return the photograph transformed with the world.
 
         Parameters
         ----------
@@ -236,12 +233,12 @@ class Photo:
         Returns
         -------
         Photo
-            The photograph, which sees the moved world as this one sees the old.
+            The photograph, which sees the new world as this one sees the old.
 
         Raises
         ------
         ValueError
-            If the matrix is no similarity, or this is an orthophoto.
+            If the matrix is not a similarity, or this is an orthophoto.
 
         Examples
         --------
@@ -252,39 +249,39 @@ class Photo:
         [0.0, 0.0, -10.0]
         """
         matrix = checked_numbers('matrix', matrix, (4, 4))
-        turn, scale = similarity(matrix[:3, :3], 'matrix')
+        rotation, scale = similarity(matrix[:3, :3], 'matrix')
         if isinstance(self.camera, Orthographic) or matrix[3].tolist() != [0, 0, 0, 1]:
             raise ValueError(
-                f'matrix is {matrix.tolist()}, of {self!r}; perspective and orthophotos are not '
-                'transformed.'
+                f'matrix must be a similarity of a photograph that is not an orthophoto, got '
+                f'{matrix.tolist()} for {self!r}'
             )
-        R = self.camera.R @ turn.T
-        t = -R @ (scale * turn @ self.position + matrix[:3, 3])
+        R = self.camera.R @ rotation.T
+        t = -R @ (scale * rotation @ self.position + matrix[:3, 3])
         return replace(self, camera=replace(self.camera, R=R, t=t))
 
 
 def resampled(camera, picture, face):
-    """Return the picture of another camera at the same place, that camera, and a mask."""
-    here = replace(camera, t=np.zeros(3))
+    """Return the picture of a face at the same position, the face, and its mask or None."""
+    centred_camera = replace(camera, t=np.zeros(3))
     width, height = face.size
-    found = np.zeros((height, width, 4), np.uint8)
-    for top in range(0, height, _ROWS):
-        rows = np.arange(top, min(top + _ROWS, height))
-        u, v = np.meshgrid((np.arange(width) + 0.5) / width, 1 - (rows + 0.5) / height)
-        ahead = face.rays(np.c_[u.ravel(), v.ravel()])[1]
-        uv = here.project(ahead)[0]
+    face_picture = np.zeros((height, width, 4), np.uint8)
+    for first_row in range(0, height, _ROWS_AT_ONCE):
+        row_range = np.arange(first_row, min(first_row + _ROWS_AT_ONCE, height))
+        u, v = np.meshgrid((np.arange(width) + 0.5) / width, 1 - (row_range + 0.5) / height)
+        ray_directions = face.rays(np.c_[u.ravel(), v.ravel()])[1]
+        uv = centred_camera.project(ray_directions)[0]
         with np.errstate(invalid='ignore'):
-            seen = np.flatnonzero(((uv >= 0) & (uv <= 1)).all(axis=1))
-        flat = np.zeros((len(uv), 4), np.uint8)
-        flat[seen] = np.rint(sample(picture, uv[seen]))
-        flat[seen, 3] = 255
-        found[rows] = flat.reshape(len(rows), width, 4)
-    mask = found[..., 3].copy()
-    return found, face, None if mask.all() else mask
+            is_inside = np.flatnonzero(((uv >= 0) & (uv <= 1)).all(axis=1))
+        row_pixels = np.zeros((len(uv), 4), np.uint8)
+        row_pixels[is_inside] = np.rint(sample(picture, uv[is_inside]))
+        row_pixels[is_inside, 3] = 255
+        face_picture[row_range] = row_pixels.reshape(len(row_range), width, 4)
+    mask = face_picture[..., 3].copy()
+    return face_picture, face, None if mask.all() else mask
 
 
 class Photos(tuple):
-    """A sequence of photographs, a tuple that finds them by name too.
+    """A tuple of photographs, also indexed by name.
 
     Parameters
     ----------
@@ -308,14 +305,12 @@ class Photos(tuple):
             for photo in self:
                 if photo.name == key:
                     return photo
-            raise KeyError(
-                f'{key!r}: there is no such photograph; there are {[p.name for p in self][:20]}'
-            )
-        found = super().__getitem__(key)
-        return Photos(found) if isinstance(key, slice) else found
+            raise KeyError(f'no such photograph: {key!r}; there are {[p.name for p in self][:20]}')
+        selected = super().__getitem__(key)
+        return Photos(selected) if isinstance(key, slice) else selected
 
     def transformed(self, matrix):
-        """Return the photographs moved, turned and scaled with the world.
+        """Return the photographs transformed with the world.
 
         Parameters
         ----------
@@ -325,12 +320,12 @@ class Photos(tuple):
         Returns
         -------
         Photos
-            As many.
+            The transformed photographs.
         """
         return Photos(photo.transformed(matrix) for photo in self)
 
     def positions(self) -> np.ndarray:
-        """Return where the cameras are.
+        """Return the camera positions.
 
         Returns
         -------
@@ -340,7 +335,7 @@ class Photos(tuple):
         return np.array([photo.position for photo in self]).reshape(-1, 3)
 
     def frustums(self, size=None):
-        """Return the cameras' frustums as lines, to show where photographs were taken from.
+        """Return the cameras' frustums as lines.
 
         Parameters
         ----------
@@ -362,23 +357,21 @@ class Photos(tuple):
         >>> pvibr.Photos([pvibr.Photo('a.jpg', camera)]).frustums(2.0).bounds[4:]
         (-5.0, -3.0)
         """
-        import pyvista as pv
-
         if size is None:
-            places = self.positions()
-            size = 0.1 * float(np.linalg.norm(np.ptp(places, axis=0))) or 1.0
+            positions = self.positions()
+            size = 0.1 * float(np.linalg.norm(np.ptp(positions, axis=0))) or 1.0
         points = [np.zeros((0, 3))]
         for photo in self:
             points.append(_outline(photo.camera, size))
         starts = np.arange(len(self))[:, None] * 5
-        ways = np.array([4, 0, 1, 2, 3, 0, 4, 1, 2, 4, 3])
-        lines = np.column_stack([np.full(len(self), len(ways)), starts + ways])
-        found = pv.PolyData(np.concatenate(points), lines=lines.ravel().astype(int))
-        found.cell_data['photo'] = np.arange(len(self))
-        return found
+        line_path = np.array([4, 0, 1, 2, 3, 0, 4, 1, 2, 4, 3])
+        lines = np.column_stack([np.full(len(self), len(line_path)), starts + line_path])
+        frustum_lines = pv.PolyData(np.concatenate(points), lines=lines.ravel().astype(int))
+        frustum_lines.cell_data['photo'] = np.arange(len(self))
+        return frustum_lines
 
     def thumbnails(self, size=None, texels=128):
-        """Return small pictures where `frustums` end, as one mesh and its texture.
+        """Return small pictures at the bases of `frustums`, as one textured mesh.
 
         Parameters
         ----------
@@ -386,7 +379,7 @@ class Photos(tuple):
             Length of the frustums in world units; by default a tenth of the extent of the
             positions.
         texels : int
-            Along the longer side of each picture.
+            Longer side of each picture.
 
         Returns
         -------
@@ -399,7 +392,7 @@ class Photos(tuple):
         Raises
         ------
         ValueError
-            If no photograph has a picture, or `texels` is not from 1 to 4096.
+            If no photograph has a picture, or `texels` is not in 1 to 4096.
 
         Examples
         --------
@@ -416,59 +409,54 @@ class Photos(tuple):
         >>> actor = pl.add_mesh(cards, texture=pv.Texture(image), lighting=False)
         >>> pl.close()
         """
-        import pyvista as pv
-
-        texels = checked_whole('texels', texels, 1, _MOST_TEXELS)
-        shown = [k for k, photo in enumerate(self) if photo.path is not None]
-        if not shown:
-            raise ValueError(
-                'no photograph has a picture: read_cameras(..., images=) names their folder'
-            )
-        sizes = np.array([self[k].size for k in shown])
+        texels = checked_whole('texels', texels, 1, _MAX_THUMBNAIL)
+        indices = [k for k, photo in enumerate(self) if photo.path is not None]
+        if not indices:
+            raise ValueError('no photograph has a picture: use read_cameras(..., images=folder)')
+        sizes = np.array([self[k].size for k in indices])
         sizes = np.maximum(sizes * texels // sizes.max(1, keepdims=True), 1)
-        columns = int(np.ceil(np.sqrt(len(shown))))
-        wide, high = sizes.max(0)
-        image = np.zeros((-(-len(shown) // columns) * high, columns * wide, 4), np.uint8)
-        corners = self.frustums(size).points.reshape(-1, 5, 3)[shown, :4]
-        places = np.zeros((len(shown), 4, 2))
-        for k, ((w, h), place) in enumerate(zip(sizes.tolist(), places, strict=True)):
+        columns = int(np.ceil(np.sqrt(len(indices))))
+        cell_width, cell_height = sizes.max(0)
+        row_count = -(-len(indices) // columns)
+        image = np.zeros((row_count * cell_height, columns * cell_width, 4), np.uint8)
+        corners = self.frustums(size).points.reshape(-1, 5, 3)[indices, :4]
+        corner_uv = np.zeros((len(indices), 4, 2))
+        for k, ((w, h), card_uv) in enumerate(zip(sizes.tolist(), corner_uv, strict=True)):
             row, column = divmod(k, columns)
-            x, y = column * wide, row * high
-            image[y : y + h, x : x + w] = self[shown[k]].read((w, h))
-            place[:] = [(x, y + h), (x + w, y + h), (x + w, y), (x, y)]
-        rows: np.ndarray = np.arange(4 * len(shown)).reshape(-1, 4)
-        found = pv.PolyData.from_regular_faces(corners.reshape(-1, 3), rows)
-        places = places.reshape(-1, 2) / (image.shape[1], image.shape[0])
-        found.active_texture_coordinates = places * [1, -1] + [0, 1]
-        found.cell_data['photo'] = shown
-        return found, image
+            x, y = column * cell_width, row * cell_height
+            image[y : y + h, x : x + w] = self[indices[k]].read((w, h))
+            card_uv[:] = [(x, y + h), (x + w, y + h), (x + w, y), (x, y)]
+        card_faces: np.ndarray = np.arange(4 * len(indices)).reshape(-1, 4)
+        cards = pv.PolyData.from_regular_faces(corners.reshape(-1, 3), card_faces)
+        corner_uv = corner_uv.reshape(-1, 2) / (image.shape[1], image.shape[0])
+        cards.active_texture_coordinates = corner_uv * [1, -1] + [0, 1]
+        cards.cell_data['photo'] = indices
+        return cards, image
 
 
 def _outline(camera, size):
-    """Return the corners of a field of view and its apex, (5, 3)."""
-    origins, ahead = camera.rays([[0, 0], [1, 0], [1, 1], [0, 1]])
+    """Return the corners of the field of view and its apex, (5, 3)."""
+    origins, rays = camera.rays([[0, 0], [1, 0], [1, 1], [0, 1]])
     if isinstance(camera, Orthographic):
         return np.vstack([origins, origins[:1]])
     forward = -camera.view_from_world[2, :3]
-    lost = ~np.isfinite(ahead).all(axis=1) | (ahead @ forward < 0.2)
-    corners = np.array([[-1, 1, 1], [1, 1, 1], [1, -1, 1], [-1, -1, 1]]) @ camera.R
-    ahead = np.where(lost[:, None], corners, ahead)  # of lenses wider than that
-    ahead = ahead / (ahead @ forward)[:, None]
-    return np.vstack([camera.position + size * ahead, camera.position])
+    too_wide = ~np.isfinite(rays).all(axis=1) | (rays @ forward < 0.2)
+    fallback_rays = np.array([[-1, 1, 1], [1, 1, 1], [1, -1, 1], [-1, -1, 1]]) @ camera.R
+    rays = np.where(too_wide[:, None], fallback_rays, rays)  # of lenses wider than that
+    rays = rays / (rays @ forward)[:, None]
+    return np.vstack([camera.position + size * rays, camera.position])
 
 
 def similarity(matrix, name):
-    """Return the rotation next to a matrix, and its uniform scale."""
+    """Return the rotation nearest to a matrix, and its uniform scale."""
     u, s, vt = np.linalg.svd(matrix)
     if not s[2] > 0 or s[0] / s[2] - 1 > 2e-3 or np.linalg.det(u @ vt) < 0:
-        raise ValueError(
-            f'{name} is {np.asarray(matrix).tolist()}; it must be a rotation, perhaps scaled.'
-        )
+        raise ValueError(f'{name} must be a rotation, perhaps scaled, got {matrix.tolist()}')
     return u @ vt, float(np.cbrt(s.prod()))
 
 
 def camera_of(place, K, pose, size, distortion=(), lens: Lens | None = None):
-    """Return the camera of a file's numbers; errors name their place."""
+    """Return the camera of a file's numbers; errors name the place."""
     R, t = pose
     with place.named():
         R, _ = similarity(R, 'the rotation')
@@ -483,7 +471,7 @@ def pinhole_matrix(fx, fy, cx, cy, skew=0.0) -> np.ndarray:
 
 
 def posed(place, R, position):
-    """Return the rotation and translation of a camera at a position; errors name their place."""
+    """Return rotation and translation of a camera at a position; errors name the place."""
     with place.named():
         R, _ = similarity(np.reshape(R, (3, 3)), 'the rotation')
     return R, -R @ np.asarray(position, float)
@@ -491,7 +479,7 @@ def posed(place, R, position):
 
 @dataclass(frozen=True)
 class Entry:
-    """A camera of a file: where it says so, the picture's name, its size if known, the rest."""
+    """A camera in a file; `make` returns it for the size of its picture."""
 
     place: Place
     name: str

@@ -1,4 +1,4 @@
-"""Files of OpenSfM, OpenMVG, OpenMVS, Bundler and VisualSFM."""
+"""Cameras of OpenSfM, OpenMVG, OpenMVS, Bundler and VisualSFM."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from pvibr.core.errors import warn
 from pvibr.maths.lenses import Lens
 from pvibr.maths.quaternions import from_axis_angle, to_matrices
 
-_NONE = 0xFFFFFFFF  # of OpenMVS and OpenMVG: no number
+_NO_INDEX = 0xFFFFFFFF  # of OpenMVS and OpenMVG
 
 
 def spherical_matrix(size):
-    """Return K of a panorama all around whose longer side is a full circle."""
+    """Return K of a spherical panorama whose longer side is a full circle."""
     focal, (cx, cy) = max(size) / (2 * np.pi), np.array(size) / 2 - 0.5
     return pinhole_matrix(focal, focal, cx, cy)
 
@@ -23,64 +23,60 @@ def spherical_matrix(size):
 
 
 def read_opensfm(path):
-    """Return the entries of a reconstruction.json; units of its lengths are the longer side.
+    """Return the entries of a reconstruction.json.
 
-    Its origin is the middle of the picture: (w - 1) / 2 where centres of pixels are whole.
+    Image coordinates are in units of the longer side from the centre, (w - 1) / 2 in pixels.
     """
-    parts = list(json_of(path))
-    if not parts:
+    reconstructions = list(json_of(path))
+    if not reconstructions:
         return []
-    if len(parts) > 1:
-        warn(f'{path} has {len(parts)} reconstructions, each in its own world: the first is read.')
-    cameras = dict(parts[0]['cameras'].items())
-    shots = [
-        shot
-        for key in ('shots', 'pano_shots')
-        if parts[0].get(key) is not None
-        for shot in parts[0][key].items()
-    ]
-    return [_opensfm_entry(name, shot, cameras) for name, shot in shots]
+    if len(reconstructions) > 1:
+        count = len(reconstructions)
+        warn(f'{path} has {count} reconstructions with separate worlds: only the first is read')
+    cameras = dict(reconstructions[0]['cameras'].items())
+    shots = [node for key in ('shots', 'pano_shots') if (node := reconstructions[0].get(key))]
+    return [_opensfm_entry(name, shot, cameras) for node in shots for name, shot in node.items()]
 
 
 def _opensfm_entry(name, shot, cameras):
-    key = shot['camera'].text()
-    if key not in cameras:
-        raise shot.error(f'there is no camera {key!r}')
-    camera = cameras[key]
-    turn = np.array(shot['rotation'].numbers(3))
-    angle = np.linalg.norm(turn)
+    camera_id = shot['camera'].text()
+    if camera_id not in cameras:
+        raise shot.error(f'camera {camera_id!r} is missing')
+    camera = cameras[camera_id]
+    rotation_vector = np.array(shot['rotation'].numbers(3))
+    angle = np.linalg.norm(rotation_vector)
     if not angle < 1e6:
-        raise shot.error(
-            f'its rotation is {turn.tolist()}; an axis times an angle in radians is needed'
-        )
-    q = from_axis_angle(turn / angle, angle) if angle else [1.0, 0, 0, 0]
+        problem = f'rotation must be an axis times radians, got {rotation_vector.tolist()}'
+        raise shot.error(problem)
+    q = from_axis_angle(rotation_vector / angle, angle) if angle else [1.0, 0, 0, 0]
     pose = to_matrices(q), shot['translation'].numbers(3)
     size = camera['width'].whole(), camera['height'].whole()
     return Entry(shot, name, size, lambda size: _opensfm_camera(camera, pose, size))
 
 
 def _opensfm_camera(node, pose, size):
-    kind = 'perspective' if node.get('projection_type') is None else node['projection_type'].text()
-    if kind in ('spherical', 'equirectangular'):
+    projection = node.get('projection_type')
+    projection = 'perspective' if projection is None else projection.text()
+    if projection in ('spherical', 'equirectangular'):
         return camera_of(node, spherical_matrix(size), pose, size, lens=Lens('spherical'))
-    k, longest = node.value_of, max(size)
+    value, longer_side = node.value_of, max(size)
     if node.get('focal_x') is not None:
         fx, fy = node['focal_x'].number(), node['focal_y'].number()
     else:
         fx = fy = node['focal'].number()
-    cx, cy = ((s - 1) / 2 + k(c) * longest for s, c in zip(size, ('c_x', 'c_y'), strict=True))
-    K = pinhole_matrix(fx * longest, fy * longest, cx, cy)
-    brown = [k('k1'), k('k2'), k('p1'), k('p2'), k('k3')]
-    if kind in ('perspective', 'brown', 'radial', 'simple_radial'):
+    center = (np.array(size) - 1) / 2 + longer_side * np.array([value('c_x'), value('c_y')])
+    K = pinhole_matrix(fx * longer_side, fy * longer_side, *center)
+    brown = [value('k1'), value('k2'), value('p1'), value('p2'), value('k3')]
+    if projection in ('perspective', 'brown', 'radial', 'simple_radial'):
         return camera_of(node, K, pose, size, brown)
-    radial = [k(f'k{i}') for i in range(1, 7)]
-    if kind == 'dual':
-        lens = Lens('dual', (k('transition', 0.5),), radial[:2])
-    elif kind in ('fisheye', 'fisheye_opencv', 'fisheye62', 'fisheye624'):
-        prism = [k(f's{i}') for i in range(4)]
-        lens = Lens('equidistant', (), radial, (k('p1'), k('p2')), prism)
+    radial = [value(f'k{i}') for i in range(1, 7)]
+    if projection == 'dual':
+        lens = Lens('dual', (value('transition', 0.5),), radial[:2])
+    elif projection in ('fisheye', 'fisheye_opencv', 'fisheye62', 'fisheye624'):
+        prism = [value(f's{i}') for i in range(4)]
+        lens = Lens('equidistant', (), radial, (value('p1'), value('p2')), prism)
     else:
-        raise node.error(f'projection_type {kind!r} is unknown')
+        raise node.error(f'projection_type {projection!r} is unknown')
     return camera_of(node, K, pose, size, lens=lens)
 
 
@@ -88,45 +84,45 @@ def _opensfm_camera(node, pose, size):
 
 
 def read_openmvg(path):
-    """Return the entries of a sfm_data.json; centres of pixels are whole numbers."""
-    top = json_of(path)
-    poses = {node['key'].whole(): node['value'] for node in top['extrinsics']}
-    intrinsics = {node['key'].whole(): node['value'] for node in top['intrinsics']}
-    root = top.get('root_path')
+    """Return the entries of a sfm_data.json; pixel centres have integer coordinates."""
+    document = json_of(path)
+    poses = {node['key'].whole(): node['value'] for node in document['extrinsics']}
+    intrinsics = {node['key'].whole(): node['value'] for node in document['intrinsics']}
+    root_path = document.get('root_path')
     entries = []
-    for node in top['views']:
+    for node in document['views']:
         view = node['value']['ptr_wrapper']['data']
         pose = poses.get(view['id_pose'].whole())
-        number = view['id_intrinsic'].whole()
-        if pose is None or number == _NONE:
-            continue  # it was not registered
-        if number not in intrinsics:
-            raise view.error(f'there is no intrinsic {number}')
-        local = view.get('local_path')
-        parts = [root.text() if root else '', local.text() if local else '']
+        intrinsic_id = view['id_intrinsic'].whole()
+        if pose is None or intrinsic_id == _NO_INDEX:
+            continue  # not registered
+        if intrinsic_id not in intrinsics:
+            raise view.error(f'intrinsic {intrinsic_id} is missing')
+        local_path = view.get('local_path')
+        parts = [root_path.text() if root_path else '', local_path.text() if local_path else '']
         name = '/'.join([part for part in parts if part] + [view['filename'].text()])
-        entries.append(_openmvg_entry(view, name, intrinsics[number]['ptr_wrapper']['data'], pose))
+        lens = intrinsics[intrinsic_id]['ptr_wrapper']['data']
+        entries.append(_openmvg_entry(view, name, lens, pose))
     return entries
 
 
 def _openmvg_entry(view, name, lens, pose):
-    placed = posed(pose, pose['rotation'].numbers(9), pose['center'].numbers(3))
+    camera_pose = posed(pose, pose['rotation'].numbers(9), pose['center'].numbers(3))
     base = lens.get('value0') or lens
     size = base['width'].whole(), base['height'].whole()
-    return Entry(view, name, size, lambda size: _openmvg_camera(lens, placed, size))
+    return Entry(view, name, size, lambda size: _openmvg_camera(lens, camera_pose, size))
 
 
 def _openmvg_camera(lens, pose, size):
-    if lens.get('value0') is not None:  # only panoramas are written so
+    if lens.get('value0') is not None:  # panoramas only
         K = spherical_matrix(size)
         K[:2, 2] += 0.5
         return camera_of(lens, K, pose, size, lens=Lens('spherical'))
     focal, (cx, cy) = lens['focal_length'].number(), lens['principal_point'].numbers(2)
     K = pinhole_matrix(focal, focal, cx, cy)
     if lens.get('fisheye') is not None:
-        return camera_of(
-            lens, K, pose, size, lens=Lens('equidistant', (), lens['fisheye'].numbers(4))
-        )
+        fisheye = Lens('equidistant', (), lens['fisheye'].numbers(4))
+        return camera_of(lens, K, pose, size, lens=fisheye)
     k1 = k2 = k3 = t1 = t2 = 0.0
     if lens.get('disto_k1') is not None:
         (k1,) = lens['disto_k1'].numbers(1)
@@ -141,18 +137,16 @@ def _openmvg_camera(lens, pose, size):
 
 
 def read_openmvs(path):
-    """Return the entries of an interface archive (MVSI, versions 0 to 7); whole pixel centres."""
+    """Return the entries of an MVSI interface archive; pixel centres have integer coordinates."""
     cursor = Cursor(path)
     version = 0
     if cursor.data[:4] == b'MVSI':
         cursor.skip(4)
         place, (version, _) = cursor.place, cursor.take('II')
         if version > 7:
-            raise place.error(f'version {version} of the interface is unknown; known are 0 to 7')
+            raise place.error(f'interface version must be 0 to 7, got {version}')
     elif cursor.data[:3] == b'MVS':
-        raise cursor.place.error(
-            "it is OpenMVS's own archive: export an interface archive (--archive-type 0)"
-        )
+        raise cursor.place.error('not an interface archive: export with --archive-type 0')
     platforms = [_openmvs_platform(cursor, version) for _ in range(cursor.count(24))]
     entries = [_openmvs_image(cursor, version, platforms) for _ in range(cursor.count(20))]
     return [entry for entry in entries if entry is not None]
@@ -184,84 +178,84 @@ def _openmvs_image(cursor, version, platforms):
     cursor.skip((4 if version > 2 else 0) + (12 if version > 6 else 0))
     if version > 6:
         cursor.skip(24 * cursor.count(24))
-    if _NONE in (platform, camera, pose):
+    if _NO_INDEX in (platform, camera, pose):
         return None
     try:
         cameras, poses = platforms[platform]
-        (size, K, R, C), (outer, position) = cameras[camera], poses[pose]
+        (size, K, R, C), (platform_rotation, position) = cameras[camera], poses[pose]
     except IndexError:
         raise place.error(
-            f'{name!r} has platform {platform}, camera {camera}, pose {pose}: one is not there'
+            f'platform {platform}, camera {camera} or pose {pose} of {name!r} is missing'
         ) from None
-    # The camera's position is relative to the platform's.
-    placed = posed(place, R @ outer, outer.T @ C + position)
-    return Entry(
-        place, name, size, lambda found: camera_of(place, _full(K, size, found), placed, found)
-    )
+    # The camera's pose is relative to the platform's.
+    camera_pose = posed(place, R @ platform_rotation, platform_rotation.T @ C + position)
+
+    def make(picture_size):
+        return camera_of(place, _pixel_matrix(K, size, picture_size), camera_pose, picture_size)
+
+    return Entry(place, name, size, make)
 
 
-def _full(K, size, found):
-    """Return K in pixels: it is in units of the longer side where it has no size."""
+def _pixel_matrix(K, size, picture_size):
+    """Return K in pixels; without a size it is in units of the longer side."""
     if size is not None:
         return K
-    scaled = K * max(found)
-    if not (K[:2, 2] < 3).all():  # it was in pixels of the unit size, centres whole
-        scaled[:2, 2] = (K[:2, 2] + 0.5) * max(found) - 0.5
+    scaled = K * max(picture_size)
+    if not (K[:2, 2] < 3).all():  # relative to integer pixel centres at unit size
+        scaled[:2, 2] = (K[:2, 2] + 0.5) * max(picture_size) - 0.5
     scaled[2, 2] = K[2, 2]
     return scaled
 
 
 # -- Bundler and VisualSFM --------------------------------------------------------------------
 
-#: Lists of pictures beside a bundle file; STEM is its name without the suffix.
+#: Picture lists beside a bundle file; STEM is its name without suffix.
 BUNDLE_LISTS = ('STEM.list.txt', 'list.txt', 'list_images.txt', 'image_list.txt', 'images.txt')
 
 
 def read_bundler(path):
-    """Return the entries of a bundle file and the list beside it; the origin is in the middle."""
-    rows = data_lines(path)
-    head = next(rows, None)
-    if head is None:
+    """Return the entries of a bundle file and its list; image coordinates are from the centre."""
+    lines = data_lines(path)
+    header = next(lines, None)
+    if header is None:
         return []
-    count = head.numbers(head.text.split(), 2, int)[0]
-    names = _bundle_names(path, head, count)
+    camera_count = header.numbers(header.text.split(), 2, int)[0]
+    names = _bundle_names(path, header, camera_count)
     entries = []
     for name in names:
-        place: Line | None = None
+        first_line: Line | None = None
         numbers: list[float] = []
         while len(numbers) < 15:
-            line = next(rows, None)
+            line = next(lines, None)
             if line is None:
-                raise (place or head).error(f'the file is cut: {count} cameras are announced')
-            place = place or line
+                raise (first_line or header).error(f'truncated: {camera_count} cameras declared')
+            first_line = first_line or line
             numbers += line.numbers(line.text.split())
         focal, k1, k2 = numbers[:3]
-        if focal:  # else it was not registered
+        if focal:  # else not registered
             flip = np.diag([1.0, -1.0, -1.0])
             pose = flip @ np.reshape(numbers[3:12], (3, 3)), flip @ numbers[12:15]
-            entries.append(_middle_entry(place, name, focal, pose, [k1, k2, 0.0, 0.0]))
+            entries.append(_middle_entry(first_line, name, focal, pose, [k1, k2, 0.0, 0.0]))
     return entries
 
 
-def _bundle_names(path, head, count):
-    """Return the pictures' names."""
+def _bundle_names(path, header, count):
+    """Return the names of pictures from a list file."""
     stem = path.name.split('.')[0]
-    places = [
-        folder / name for folder in (path.parent, path.parent.parent) for name in BUNDLE_LISTS
-    ]
-    for place in (p.with_name(p.name.replace('STEM', stem)) for p in places):
-        if place.is_file():
-            names = [line.text.split(' 0 ')[0].strip() for line in data_lines(place)]
+    list_names = [name.replace('STEM', stem) for name in BUNDLE_LISTS]
+    for list_file in (f / name for f in (path.parent, path.parent.parent) for name in list_names):
+        if list_file.is_file():
+            names = [line.text.split(' 0 ')[0].strip() for line in data_lines(list_file)]
             if len(names) == count:
                 return names
-    raise head.error(
-        f'{count} cameras are announced; the pictures should be listed, one a line, beside it in '
-        f'{", ".join(BUNDLE_LISTS).replace("STEM", stem)}'
+    raise header.error(
+        f'a list of the {count} pictures, one per line, must be beside the file, in one of '
+        f'{", ".join(list_names)}'
     )
 
 
 def _middle_entry(place, name, focal, pose, distortion=(), lens=None):
-    """Return an entry whose principal point is the middle of a picture of unknown size."""
+    """Return an entry of unknown size whose principal point is the centre of the picture."""
 
     def make(size):
         K = pinhole_matrix(focal, focal, (size[0] - 1) / 2, (size[1] - 1) / 2)
@@ -272,44 +266,41 @@ def _middle_entry(place, name, focal, pose, distortion=(), lens=None):
 
 def read_nvm(path):
     """Return the entries of the first model of an NVM file."""
-    rows = data_lines(path)
-    head = next(rows, None)
-    if head is None:
+    lines = data_lines(path)
+    header = next(lines, None)
+    if header is None:
         return []
-    fixed = head.text.split()[1:]
-    shared = head.numbers(fixed[1:]) if fixed[:1] == ['FixedK'] else None
+    header_tokens = header.text.split()[1:]
+    shared = header.numbers(header_tokens[1:]) if header_tokens[:1] == ['FixedK'] else None
     if shared is not None and len(shared) not in (4, 5):
-        raise head.error('FixedK should have fx, cx, fy, cy, and perhaps the distortion')
-    line = next(rows, head)
+        raise header.error(f'FixedK must be fx, cx, fy, cy and optional distortion, got {shared}')
+    line = next(lines, header)
     (count,) = line.numbers(line.text.split(), 1, int)
-    as_matrix = 'R9T' in head.text.split()[0]
+    as_matrix = 'R9T' in header.text.split()[0]
     entries: list[Entry] = []
     for _ in range(count):
-        line = next(rows, None)
+        line = next(lines, None)
         if line is None:
-            raise head.error(
-                f'the file is cut: {count} cameras are announced, {len(entries)} are there'
-            )
+            raise header.error(f'the file is truncated: {count} cameras declared')
         entries.append(_nvm_entry(line, shared, as_matrix))
     return entries
 
 
 def _nvm_entry(line, shared, as_matrix):
-    turn = 9 if as_matrix else 4
-    name, *tokens = line.text.rsplit(maxsplit=6 + turn)
-    focal, *rest = line.numbers(tokens, 6 + turn)
-    place, k = np.array(rest[turn : turn + 3]), rest[turn + 3]
-    try:
-        R = np.reshape(rest[:9], (3, 3)) if as_matrix else to_matrices(rest[:4])
-    except ValueError as error:
-        raise line.error(error) from None
-    pose = (R, place) if as_matrix else posed(line, R, place)
+    count = 9 if as_matrix else 4
+    name, *tokens = line.text.rsplit(maxsplit=6 + count)
+    focal, *pose_numbers = line.numbers(tokens, 6 + count)
+    translation = np.array(pose_numbers[count : count + 3])
+    distortion = pose_numbers[count + 3]
+    with line.named():
+        R = np.reshape(pose_numbers[:9], (3, 3)) if as_matrix else to_matrices(pose_numbers[:4])
+    camera_pose = (R, translation) if as_matrix else posed(line, R, translation)
     if shared is not None:
-        k = shared[4] if len(shared) == 5 and shared[4] else k
-    lens = Lens('inverse', (k,)) if k else None
+        distortion = shared[4] if len(shared) == 5 and shared[4] else distortion
+    lens = Lens('inverse', (distortion,)) if distortion else None
     name = name.replace('"', ' ')
     if shared is None:
-        return _middle_entry(line, name, focal, pose, lens=lens)
+        return _middle_entry(line, name, focal, camera_pose, lens=lens)
     fx, cx, fy, cy = shared[:4]
     K = pinhole_matrix(fx, fy, cx - 0.5, cy - 0.5)
-    return Entry(line, name, None, lambda size: camera_of(line, K, pose, size, lens=lens))
+    return Entry(line, name, None, lambda size: camera_of(line, K, camera_pose, size, lens=lens))

@@ -1,4 +1,4 @@
-"""Cameras and pictures of any photogrammetry program."""
+"""Reading cameras and pictures of photogrammetry programs."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from pvibr.cameras.pictures import PictureFolders, size_of_picture
 from pvibr.core.errors import warn
 from pvibr.maths.arguments import check_one_of, naming
 
-_HEAD = 65536  # bytes that tell a format
+_HEADER_SIZE = 65536  # bytes searched for a format's marks
 _READERS = {
     'colmap': colmap.read,
     'opensfm': programs.read_opensfm,
@@ -26,8 +26,8 @@ _READERS = {
     'orthophoto': ortho.read,
 }
 _COLMAP_TABLES = ('cameras', 'images', 'rigs', 'frames')
-#: What JSON files of a format hold near their beginning.
-_TELLS = {
+#: Marks of JSON formats near the beginning of a file.
+_JSON_MARKS = {
     b'application/opf-': 'opf',
     b'"sfm_data_version"': 'openmvg',
     b'"transform_matrix"': 'transforms',
@@ -35,7 +35,7 @@ _TELLS = {
     b'"projection_type"': 'opensfm',
     b'"shots"': 'opensfm',
 }
-#: Where folders of projects hold their cameras: patterns by format, the first that fits is read.
+#: Camera files in project folders: patterns by format, of which the first match is read.
 _IN_FOLDERS = {
     'colmap': ('images.bin', 'images.txt'),
     'transforms': ('transforms.json', 'transforms_train.json'),
@@ -47,53 +47,52 @@ _IN_FOLDERS = {
     'openmvg': ('sfm_data.json', '*/sfm_data.json'),
     'bundler': ('bundle.out', 'bundle/bundle.out', '*.out'),
 }
-#: What may be wrong with pictures.
-_SAYS = {
-    'missing': 'have no picture in the project (images= names another folder)',
-    'unreadable': 'have pictures that cannot be read',
-    'unlike': 'have pictures of other proportions, which are left out',
-    'scaled': 'have pictures of another size, to which their cameras are scaled',
-    'unsized': 'are left out: neither the file nor a picture tells their size',
+#: Problems with pictures.
+_PROBLEMS = {
+    'missing': 'have no picture in the project (images= selects another folder)',
+    'unreadable': 'have unreadable pictures',
+    'unlike': 'have pictures of another aspect ratio, which are ignored',
+    'scaled': 'have pictures of another size and are scaled to it',
+    'unsized': 'are skipped, as neither the file nor a picture gives their size',
 }
 _COLMAP_FOLDERS = ('', 'sparse', 'dense/sparse', 'dense/0/sparse', 'colmap/sparse', 'colmap', '0')
 
 
 def read_cameras(path, images=None, *, format=None):
-    """Read the cameras and pictures of a photogrammetry program.
+    """Read cameras and pictures from a photogrammetry project.
 
     Parameters
     ----------
     path : str or pathlib.Path
-        A file, or the folder of a project: of COLMAP (binary or text, rigs too), OpenSfM, OpenMVG,
-        OpenMVS (interface archives), Bundler, VisualSFM (NVM), Agisoft Metashape (XML), Pix4D
-        (OPF), nerfstudio, instant-ngp or Blender (``transforms.json``); a GeoTIFF, a picture with
-        a world file, or a folder of these.
+        A file or project folder of COLMAP (binary or text, with or without rigs), OpenSfM,
+        OpenMVG, OpenMVS (interface archives), Bundler, VisualSFM (NVM), Agisoft Metashape (XML),
+        Pix4D (OPF), nerfstudio, instant-ngp or Blender (``transforms.json``); or a GeoTIFF, a
+        picture with a world file, or a folder of these.
     images : str or pathlib.Path, optional
-        The folder of the pictures. By default they are looked up in the project: beside the file,
-        in the project's folder above ``sparse/0`` and the like, and in folders named ``images``,
-        ``photos``, ``input`` or ``rgb`` there; never elsewhere, whatever the file names.
+        Folder of the pictures. By default they are looked up in the project only: beside the file,
+        in the folder above ``sparse/0`` and the like, and in folders there named ``images``,
+        ``photos``, ``input`` or ``rgb``.
     format : str, optional
         ``'colmap'``, ``'opensfm'``, ``'openmvg'``, ``'openmvs'``, ``'bundler'``, ``'nvm'``,
-        ``'metashape'``, ``'opf'``, ``'transforms'`` or ``'orthophoto'``; by default it is found by
-        the content.
+        ``'metashape'``, ``'opf'``, ``'transforms'`` or ``'orthophoto'``; by default detected.
 
     Returns
     -------
     Photos
-        A :class:`Photo` for each registered picture, in the file's order and its world.
+        A :class:`Photo` for each registered picture, in the file's order and world.
 
     Raises
     ------
     FileNotFoundError
-        If there is no such file or folder.
+        If a file or folder does not exist.
     ValueError
-        If no format fits, or the file is broken; file and line or byte are named.
+        If the format is not recognised or the file is broken, with the line or byte.
 
     Warns
     -----
     PvibrWarning
-        If pictures are missing, unreadable or of other proportions (their `path` is None), or of
-        another size (their cameras are scaled).
+        If pictures are missing, unreadable or of another aspect ratio (`path` is None), or of
+        another size (the camera is scaled).
 
     Examples
     --------
@@ -112,61 +111,61 @@ def read_cameras(path, images=None, *, format=None):
     with naming('path', path):
         path = Path(path).expanduser()
     if not path.exists():
-        raise FileNotFoundError(f'path is {str(path)!r}; there is no such file or folder.')
+        raise FileNotFoundError(f'path must be a file or folder, got {str(path)!r}')
     if images is not None:
         with naming('images', images):
             images = Path(images).expanduser()
         if not images.is_dir():
-            raise FileNotFoundError(f'images is {str(images)!r}; there is no such folder.')
+            raise FileNotFoundError(f'images must be a folder, got {str(images)!r}')
     if format is not None:
         check_one_of('format', format, _READERS)
-    found, file = _located(path, format)
+    format_name, file = _located(path, format)
     with np.errstate(all='ignore'):
-        entries = _READERS[found](file)
+        entries = _READERS[format_name](file)
         return _with_pictures(entries, file, path, images)
 
 
 def read_frustums(path, **options):
-    """Return what :func:`read_cameras` reads as lines, for ``pyvista.read``."""
+    """Return cameras as lines, for ``pyvista.read``."""
     return read_cameras(path, **options).frustums()
 
 
-def _located(path, wanted):
+def _located(path, format_name):
     """Return the format and the file, or folder, to read."""
     if path.is_file():
-        return wanted or format_of(path), path
-    for name in [wanted] if wanted else _IN_FOLDERS:
+        return format_name or format_of(path), path
+    for name in [format_name] if format_name else _IN_FOLDERS:
         file = _in_folder(path, name)
         if file is not None:
             return name, file
-    if wanted in (None, 'orthophoto') and any(map(ortho.is_referenced, _listed(path))):
+    if format_name in (None, 'orthophoto') and any(map(ortho.is_referenced, _listed(path))):
         return 'orthophoto', path
     raise ValueError(
-        f'{path}: the folder at this path has no cameras; there should be one of '
-        f'{", ".join(p for patterns in _IN_FOLDERS.values() for p in patterns)}, or orthophotos.'
+        f'{path}: the folder must have orthophotos or one of '
+        f'{", ".join(p for patterns in _IN_FOLDERS.values() for p in patterns)}'
     )
 
 
-def _in_folder(path, name):
-    """Return the file of a format in a project's folder, or None."""
-    if name == 'colmap':
+def _in_folder(path, format_name):
+    """Return the file of a format in a project folder, or None."""
+    if format_name == 'colmap':
         return _colmap_folder(path)
-    for pattern in _IN_FOLDERS.get(name, ()):
+    for pattern in _IN_FOLDERS.get(format_name, ()):
         for file in sorted(path.glob(pattern)):
-            if file.is_file() and format_of(file, strict=False) == name:
+            if file.is_file() and format_of(file, strict=False) == format_name:
                 return file
     return None
 
 
 def _colmap_folder(path):
-    for sub in _COLMAP_FOLDERS:
-        models = [path / sub, *sorted((path / sub).glob('[0-9]*'))]
+    for subfolder in _COLMAP_FOLDERS:
+        models = [path / subfolder, *sorted((path / subfolder).glob('[0-9]*'))]
         models = [m for m in models if any((m / n).is_file() for n in _IN_FOLDERS['colmap'])]
         if models:
             if len(models) > 1:
                 warn(
-                    f'{path / sub} has {len(models)} models, each a world of its own: '
-                    f'{models[0].name} is read.'
+                    f'{path / subfolder} has {len(models)} models with separate worlds: only '
+                    f'{models[0].name} is read'
                 )
             return models[0]
     return None
@@ -179,77 +178,76 @@ def _listed(path):
 def format_of(path, *, strict=True):
     """Return the format of a file by its content."""
     with path.open('rb') as file:
-        head = file.read(_HEAD)
-    found = _by_name(path.suffix.lower(), path.name.lower()) or _by_content(head)
-    if found is None and strict:
-        raise ValueError(f'{path}, byte 0: the path is of no camera file that pvibr knows.')
-    return found
+        header = file.read(_HEADER_SIZE)
+    format_name = _by_name(path.suffix.lower(), path.name.lower()) or _by_content(header)
+    if format_name is None and strict:
+        raise ValueError(f'{path}, byte 0: not a recognised camera file')
+    return format_name
 
 
 def _by_name(suffix, name):
     if suffix in ortho.WORLD_SUFFIXES or suffix in ortho.PICTURES:
         return 'orthophoto'
-    endings = {'.mvs': 'openmvs', '.nvm': 'nvm', '.out': 'bundler', '.opf': 'opf'}
-    names = {'transforms.json': 'transforms', 'reconstruction.json': 'opensfm'}
-    names |= {f'{n}{e}': 'colmap' for n in _COLMAP_TABLES for e in ('.bin', '.txt')}
-    return endings.get(suffix) or names.get(name)
+    formats_by_suffix = {'.mvs': 'openmvs', '.nvm': 'nvm', '.out': 'bundler', '.opf': 'opf'}
+    formats_by_name = {'transforms.json': 'transforms', 'reconstruction.json': 'opensfm'}
+    formats_by_name |= {f'{n}{e}': 'colmap' for n in _COLMAP_TABLES for e in ('.bin', '.txt')}
+    return formats_by_suffix.get(suffix) or formats_by_name.get(name)
 
 
-def _by_content(head):
-    start = head.lstrip(b'\xef\xbb\xbf \r\n')
-    begins = {b'MVSI': 'openmvs', b'NVM_V': 'nvm', b'# Bundle file': 'bundler'}
+def _by_content(header):
+    start = header.lstrip(b'\xef\xbb\xbf \r\n')
+    magic_numbers = {b'MVSI': 'openmvs', b'NVM_V': 'nvm', b'# Bundle file': 'bundler'}
     if start[:1] == b'<':
-        return 'metashape' if b'<chunk' in head else None
-    for text, found in begins.items():
+        return 'metashape' if b'<chunk' in header else None
+    for text, format_name in magic_numbers.items():
         if start.startswith(text):
-            return found
-    return next((found for text, found in _TELLS.items() if text in head), None)
+            return format_name
+    return next((format_name for text, format_name in _JSON_MARKS.items() if text in header), None)
 
 
 def _with_pictures(entries, file, path, images):
-    """Return photographs with their pictures, and warn once of those without."""
+    """Return photographs with their pictures; warn once of problems."""
     folders = PictureFolders(path if path.is_dir() else file, images)
     photos = []
-    lost: dict[str, list] = {why: [] for why in _SAYS}
+    names_by_problem: dict[str, list] = {problem: [] for problem in _PROBLEMS}
     for entry in entries:
         picture = folders.find(entry.name)
-        found = picture and size_of_picture(picture)
-        size, why = entry.size or found, ''
-        if found is None:
-            why = 'missing' if picture is None else 'unreadable'
-        elif size != found:
-            why = 'scaled' if _alike(size, found) else 'unlike'
+        picture_size = picture and size_of_picture(picture)
+        size, problem = entry.size or picture_size, ''
+        if picture_size is None:
+            problem = 'missing' if picture is None else 'unreadable'
+        elif size != picture_size:
+            problem = 'scaled' if _same_proportions(size, picture_size) else 'unlike'
         if size is None:
-            lost['unsized'].append(entry.name)
+            names_by_problem['unsized'].append(entry.name)
             continue
         camera = entry.make(size)
-        if why == 'scaled':
-            camera = camera.resized(found)
-        if why:
-            lost[why].append(entry.name)
-        photos.append(
-            Photo(entry.name, camera, picture if why in ('', 'scaled') else None, entry.crs)
-        )
-    _check(photos, lost, file)
+        if problem == 'scaled':
+            camera = camera.resized(picture_size)
+        if problem:
+            names_by_problem[problem].append(entry.name)
+        path = picture if problem in ('', 'scaled') else None
+        photos.append(Photo(entry.name, camera, path, entry.crs))
+    _check(photos, names_by_problem, file)
     return Photos(photos)
 
 
-def _alike(size, other):
-    """Return whether two sizes have the same proportions but for rounding to pixels."""
-    (a, b), (c, d) = size, other
+def _same_proportions(size, other_size):
+    """Return whether two sizes have the same aspect ratio, up to rounding to pixels."""
+    (a, b), (c, d) = size, other_size
     return abs(a * d - b * c) <= max(a, b, c, d)
 
 
-def _check(photos, lost, file):
-    """Warn once of what is wrong with pictures; raise an error if nothing is left."""
+def _check(photos, names_by_problem, file):
+    """Warn once of problems with pictures; raise an error if no photograph remains."""
     text = '; '.join(
-        f'{len(names)} {_SAYS[why]}, such as {names[0]!r:.80}'
-        for why, names in lost.items()
+        f'{len(names)} {_PROBLEMS[problem]}, such as {names[0]!r:.80}'
+        for problem, names in names_by_problem.items()
         if names
     )
-    total = len(photos) + len(lost['unsized'])
+    total = len(photos) + len(names_by_problem['unsized'])
     if not photos:
-        msg = f'{file}, line 1: there are no registered cameras'
-        raise ValueError(f'{msg}; of {total} cameras, {text}.' if text else f'{msg}.')
+        details = f'; of {total} cameras, {text}' if text else ''
+        raise ValueError(f'{file}, line 1: registered cameras are missing{details}')
     if text:
-        warn(f'{file}: of {total} cameras, {text}.')
+        warn(f'{file}: of {total} cameras, {text}')

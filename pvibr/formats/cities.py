@@ -1,4 +1,4 @@
-"""CityJSON files as meshes and the matrices of their instances."""
+"""CityJSON files as meshes and instance matrices."""
 
 from __future__ import annotations
 
@@ -27,15 +27,15 @@ def is_city(path) -> bool:
 
 
 def read_city(path, lod=None):
-    """Read the objects of a CityJSON file, as meshes and places.
+    """Read the objects of a CityJSON file as meshes and instance matrices.
 
-    Each geometry template of the file becomes one mesh with many instances. Objects with a
-    geometry of their own are merged into one mesh per type.
+    Each geometry template becomes one mesh with instances; other objects are merged into one mesh
+    per type.
 
     Parameters
     ----------
     path : str or pathlib.Path
-        A CityJSON file of version 1.0 or later (older ones are upgraded to 2.0).
+        A CityJSON file of version 1.0 or later, upgraded to 2.0.
     lod : str, optional
         Level of detail, such as ``'1.2'``; by default the finest of each object.
 
@@ -44,19 +44,19 @@ def read_city(path, lod=None):
     meshes : list of pyvista.PolyData
         Triangles, each mesh about its own origin. Field data ``'type'`` is the type of the
         objects, such as ``'Building'``. Cell data are ``'object'``, the index of the object in the
-        file, and every numeric attribute as float64, NaN where an object lacks it; for templates
-        the index is -1 and attributes are NaN.
+        file, and every numeric attribute as float64, NaN where it is missing; for templates the
+        index is -1 and attributes are NaN.
     index : numpy.ndarray, shape (n,), int64
         Mesh of each instance, an index into `meshes`.
     matrices : numpy.ndarray, shape (n, 4, 4), float64
-        World from model of each instance, in the file's own units.
+        World from mesh of each instance, in the file's units.
 
     Raises
     ------
     ValueError
         If the file is not CityJSON, is broken, or has no geometry.
     FileNotFoundError
-        If there is no such file.
+        If the file does not exist.
     ImportError
         If the extra ``city`` is not installed.
 
@@ -66,24 +66,26 @@ def read_city(path, lod=None):
     >>> meshes, index, matrices = read_city('delft.json')  # doctest: +SKIP
     """
     path = existing(path, 'city file')
-    # Broken files make the libraries raise many kinds of errors.
+    # On broken files the libraries raise many kinds of errors.
     try:
         city = _City(_upgraded(path), lod)
         return city.instances()
     except (KeyError, IndexError, TypeError, ValueError, AttributeError, RecursionError) as error:
-        msg = f'{path} cannot be read as CityJSON: {type(error).__name__}: {error}'
-        raise ValueError(msg[:1000]) from error
+        problem = f'{path}: not readable as CityJSON: {type(error).__name__}: {error}'
+        raise ValueError(problem[:1000]) from error
 
 
 def _cjio(module):
-    """Return a module of cjio, without what it sets as it is imported: all JSON is rounded."""
+    """Import a module of cjio, undoing its patch of `json`, which rounds all numbers."""
     names = vars(json.encoder)
-    kept = {name: names[name] for name in names if name in ('c_make_encoder', 'float')}
+    saved_names = {
+        name: names[name] for name in list(names) if name in ('c_make_encoder', 'float')
+    }
     try:
         return require(f'cjio.{module}', 'city', 'CityJSON files')
     finally:
         names.pop('float', None)
-        names.update(kept)
+        names.update(saved_names)
 
 
 def _upgraded(path) -> dict:
@@ -94,14 +96,12 @@ def _upgraded(path) -> dict:
     if model.get_version() != VERSION:
         model.upgrade_version(VERSION, 3)  # silently ignores unknown versions
     if model.get_version() != VERSION:
-        raise ValueError(
-            f'version is {model.get_version()!r}; supported are versions up to {VERSION}'
-        )
+        raise ValueError(f'version must be at most {VERSION}, got {model.get_version()!r}')
     return model.j
 
 
 class _City:
-    """The objects of a file, and its vertices."""
+    """The objects and vertices of a file."""
 
     def __init__(self, tree, lod):
         self._triangulate = _cjio('geom_help').triangulate_face
@@ -115,40 +115,44 @@ class _City:
         self._names = sorted(
             {
                 name
-                for thing in self._objects
-                for name, value in thing.get('attributes', {}).items()
+                for city_object in self._objects
+                for name, value in city_object.get('attributes', {}).items()
                 if isinstance(value, int | float) and not isinstance(value, bool)
             }
         )
 
     def instances(self):
         """Return meshes, index and matrices."""
-        places: dict[int, list] = {}
-        own: dict[str, list] = {}
-        for row, thing in enumerate(self._objects):
-            for geometry in self._chosen(thing.get('geometry', ())):
+        template_uses: dict[int, list] = {}
+        faces_by_type: dict[str, list] = {}
+        for row, entry in enumerate(self._objects):
+            for geometry in self._chosen(entry.get('geometry', ())):
                 if geometry['type'] == 'GeometryInstance':
                     matrix = self._matrix(geometry)
-                    places.setdefault(int(geometry['template']), []).append((row, matrix))
+                    copies = template_uses.setdefault(int(geometry['template']), [])
+                    copies.append((row, matrix))
                 elif geometry['type'] in _DEPTHS:
                     faces = self._triangles(geometry, self._points)
-                    own.setdefault(thing['type'], []).append((row, faces))
-        found = [self._copied(k, copies) for k, copies in places.items()]
-        found += [self._merged(kind, group) for kind, group in own.items()]
-        found = [(mesh, matrices) for mesh, matrices in found if mesh.n_cells]
-        if not found:
-            what = 'geometry' if self._lod is None else f'geometry of level of detail {self._lod}'
-            raise ValueError(f'it has no {what} with surfaces')
-        index = np.repeat(np.arange(len(found)), [len(matrices) for _, matrices in found])
-        return [mesh for mesh, _ in found], index, np.concatenate([m for _, m in found])
+                    faces_by_type.setdefault(entry['type'], []).append((row, faces))
+        mesh_sets = [self._copied(k, copies) for k, copies in template_uses.items()]
+        mesh_sets += [
+            self._merged(object_type, group) for object_type, group in faces_by_type.items()
+        ]
+        mesh_sets = [(mesh, matrices) for mesh, matrices in mesh_sets if mesh.n_cells]
+        if not mesh_sets:
+            level = '' if self._lod is None else f' of level of detail {self._lod}'
+            raise ValueError(f'the file has no geometry{level} with surfaces')
+        meshes, matrices = zip(*mesh_sets, strict=True)
+        index = np.repeat(np.arange(len(meshes)), [len(m) for m in matrices])
+        return list(meshes), index, np.concatenate(matrices)
 
     def _chosen(self, geometries):
         """Return the geometries of one level of detail."""
         levels = {self._level(geometry) for geometry in geometries}
         if not levels:
             return []
-        wanted = max(levels) if self._lod is None else str(self._lod)
-        return [g for g in geometries if self._level(g) == wanted]
+        chosen_level = max(levels) if self._lod is None else str(self._lod)
+        return [g for g in geometries if self._level(g) == chosen_level]
 
     def _level(self, geometry):
         if geometry['type'] == 'GeometryInstance':
@@ -156,71 +160,71 @@ class _City:
         return str(geometry.get('lod', ''))
 
     def _matrix(self, geometry):
-        """Return the matrix of an instance, shape (4, 4)."""
+        """Return world from mesh of an instance, (4, 4)."""
         matrix = np.array(geometry['transformationMatrix'], float).reshape(4, 4)
         anchor = np.eye(4)
         anchor[:3, 3] = self._points[geometry['boundaries'][0]]
         return anchor @ matrix
 
     def _triangles(self, geometry, points):
-        """Return the vertex indices of all surfaces as triangles, shape (n, 3)."""
+        """Return the triangles of all surfaces as vertex indices, (n, 3)."""
         surfaces = geometry['boundaries']
         for _ in range(_DEPTHS[geometry['type']]):
             surfaces = [surface for shell in surfaces for surface in shell]
-        # Relative to its centre: large coordinates would ruin the normals of small faces.
+        # Centred, as large coordinates would spoil the normals of small faces.
         corners = np.array([corner for surface in surfaces for corner in surface[0]])
         middle = points[corners].mean(0) if len(corners) else 0.0
-        near = points - middle
-        found = [np.empty((0, 3), int)]
+        centred_points = points - middle
+        triangle_arrays = [np.empty((0, 3), int)]
         for surface in surfaces:
             rings = [ring for ring in surface if len(ring) > 2]
             if not rings:
                 continue
-            triangles, good = self._triangulate(rings, near, True)
-            if good:
-                found.append(np.asarray(triangles, int).reshape(-1, 3))
-        return np.concatenate(found)
+            triangles, is_valid = self._triangulate(rings, centred_points, True)
+            if is_valid:
+                triangle_arrays.append(np.asarray(triangles, int).reshape(-1, 3))
+        return np.concatenate(triangle_arrays)
 
-    def _copied(self, template, copies):
-        """Return the mesh of a template and the matrices of its instances."""
+    def _copied(self, template, instances):
+        """Return the mesh of a template, and world from mesh of its instances."""
         faces = self._triangles(self._templates[template], self._template_points)
         mesh = _mesh(self._template_points, faces)
-        # Instances share the mesh, so attributes of single objects are lost.
-        self._mark(mesh, self._objects[copies[0][0]]['type'], np.full(len(faces), -1))
-        return mesh, np.stack([matrix for _, matrix in copies])
+        # Instances share the mesh, so attributes of objects are lost.
+        self._mark(mesh, self._objects[instances[0][0]]['type'], np.full(len(faces), -1))
+        return mesh, np.stack([matrix for _, matrix in instances])
 
-    def _merged(self, kind, group):
-        """Return one mesh of all objects of a type, and its matrix."""
-        rows = np.concatenate([np.full(len(faces), row) for row, faces in group])
+    def _merged(self, object_type, group):
+        """Return one mesh of all objects of a type, and world from mesh."""
+        object_indices = np.concatenate([np.full(len(faces), row) for row, faces in group])
         faces = np.concatenate([faces for _, faces in group])
-        place = np.eye(4)
+        world_from_mesh = np.eye(4)
         if len(faces):
-            used = self._points[faces.ravel()]
-            place[:3, 3] = (used.min(0) + used.max(0)) / 2
-        mesh = _mesh(self._points - place[:3, 3], faces)
-        self._mark(mesh, kind, rows)
-        return mesh, place[None]
+            used_points = self._points[faces.ravel()]
+            world_from_mesh[:3, 3] = (used_points.min(0) + used_points.max(0)) / 2
+        mesh = _mesh(self._points - world_from_mesh[:3, 3], faces)
+        self._mark(mesh, object_type, object_indices)
+        return mesh, world_from_mesh[None]
 
-    def _mark(self, mesh, kind, rows):
-        mesh.field_data['type'] = [kind]
-        mesh.cell_data['object'] = rows
+    def _mark(self, mesh, object_type, object_indices):
+        mesh.field_data['type'] = [object_type]
+        mesh.cell_data['object'] = object_indices
         for name in self._names:
             values = np.array([_number(o.get('attributes', {}).get(name)) for o in self._objects])
-            mesh.cell_data[name] = np.where(rows < 0, np.nan, values[rows])
+            mesh.cell_data[name] = np.where(object_indices < 0, np.nan, values[object_indices])
 
 
-def _points(rows):
-    points = np.asarray(rows, float).reshape(-1, 3)
+def _points(coordinates):
+    points = np.asarray(coordinates, float).reshape(-1, 3)
     if not np.isfinite(points).all():
-        raise ValueError('a vertex is not finite')
+        raise ValueError('vertices must be finite')
     return points
 
 
 def _mesh(points, faces):
-    used, corners = np.unique(faces, return_inverse=True)
-    return pv.PolyData.from_regular_faces(points[used], corners.reshape(faces.shape))
+    point_ids, corners = np.unique(faces, return_inverse=True)
+    return pv.PolyData.from_regular_faces(points[point_ids], corners.reshape(faces.shape))
 
 
 def _number(value):
-    good = isinstance(value, int | float) and not isinstance(value, bool)
-    return float(value) if good else np.nan
+    is_number = isinstance(value, int | float) and not isinstance(value, bool)
+    return float(value) if is_number else np.nan

@@ -1,4 +1,4 @@
-"""A glTF file: its JSON, its buffers, and external files."""
+"""A glTF file: its JSON, buffers and external files."""
 
 from __future__ import annotations
 
@@ -16,20 +16,20 @@ from pvibr.core.errors import PvibrError, warn
 from pvibr.formats.gltf_schema import Asset, Gltf
 
 _MAGIC, _JSON, _BIN = b'glTF', b'JSON', b'BIN\0'
-#: An extension in use: the name of an object with a prefix in capitals, as attributes wholly are.
+#: An extension in use: an object whose name has a prefix in capitals; attributes are all capitals.
 _EXTENSION = re.compile(rb'"([A-Z][A-Z0-9]{1,9}_[a-z][A-Za-z0-9_]{1,60})"\s*:\s*\{')
-#: Memory budget of arrays and images: bytes, plus bytes per byte of the files. Accessors may share
-#: bytes, and images of one colour compress well.
-_ROOM, _GROWTH = 2**28, 64
+#: Memory budget of arrays and images: bytes, plus bytes per byte of the files, since accessors may
+#: share bytes and plain images compress well.
+_BASE_BUDGET, _BUDGET_PER_BYTE = 2**28, 64
 
 
 class GltfError(PvibrError, ValueError):
-    """A glTF file is broken or needs an unsupported feature; the message names the place.
+    """A glTF file is broken or requires an unsupported feature; the message names the place.
 
     Parameters
     ----------
     message : str
-        Place and fault; a long message is truncated.
+        Place and problem; long messages are truncated.
 
     Examples
     --------
@@ -43,37 +43,37 @@ class GltfError(PvibrError, ValueError):
 
 
 class TooLargeError(GltfError):
-    """A glTF file asks for far more memory than it has bytes."""
+    """A glTF file requires far more memory than its size justifies."""
 
 
 @contextmanager
-def naming(place):
+def naming(json_path):
     """Turn ValueErrors into GltfErrors that name the place in the file."""
     try:
         yield
     except GltfError:
         raise
     except ValueError as error:
-        raise GltfError(f'{place}: {error}') from error
+        raise GltfError(f'{json_path}: {error}') from error
 
 
-def follow(things, index, place, kind):
+def follow(things, index, json_path, kind):
     """Return the element that an index in the file refers to."""
     if index >= len(things):
-        raise GltfError(f'{place} is {index}; the file has {len(things)} {kind}.')
+        raise GltfError(f'{json_path} must be below {len(things)} ({kind}), got {index}')
     return things[index]
 
 
 class GltfFile:
-    """An open glTF file: its validated JSON, and its bytes."""
+    """A glTF file: its validated JSON and its bytes."""
 
     def __init__(self, path):
         self.path = Path(path)
         data = self.path.read_bytes()
         json, self._blob = _chunks(data) if data[:4] == _MAGIC else (data, None)
-        self._room = self._most = _ROOM + _GROWTH * len(data)
+        self._budget_left = self._budget = _BASE_BUDGET + _BUDGET_PER_BYTE * len(data)
         self._buffers: dict[int, memoryview] = {}
-        self._left_out: dict[str, str] = {}
+        self._unsupported: dict[str, str] = {}
         self._json = json
         self.document = _parsed(json)
 
@@ -81,116 +81,121 @@ class GltfFile:
         """Return the names of all extensions in the JSON, declared or not."""
         return sorted({name.decode() for name in _EXTENSION.findall(self._json)})
 
-    def spend(self, size, place):
-        """Count bytes that are about to be allocated; raise an error beyond the budget."""
-        self._room -= size
-        if self._room < 0:
-            needed, most = (self._most - self._room) >> 20, self._most >> 20
+    def spend(self, size, json_path):
+        """Charge bytes to be allocated; raise an error beyond the budget."""
+        self._budget_left -= size
+        if self._budget_left < 0:
+            needed_mib, allowed_mib = (self._budget - self._budget_left) >> 20, self._budget >> 20
             raise TooLargeError(
-                f'{place} needs {needed} MiB in all; a file of this size may need {most} MiB.'
+                f'{json_path} needs {needed_mib} MiB in all; a file of this size may need '
+                f'{allowed_mib} MiB'
             )
 
-    def leave_out(self, what, place):
-        """Note an unsupported feature of the file."""
-        self._left_out.setdefault(what, place)
+    def leave_out(self, feature, json_path):
+        """Record an unsupported feature."""
+        self._unsupported.setdefault(feature, json_path)
 
     def warn(self):
         """Warn once of all unsupported features."""
-        if self._left_out:
-            what = ', '.join(f'{what} ({place})' for what, place in self._left_out.items())
-            msg = f'{self.path.name}: not supported and left out: {what}.'
-            warn(_clipped(msg))
+        if self._unsupported:
+            features = ', '.join(f'{name} ({place})' for name, place in self._unsupported.items())
+            warn(_clipped(f'{self.path.name}: not supported and left out: {features}'))
 
-    def view(self, index, place) -> memoryview:
+    def view(self, view_index, json_path) -> memoryview:
         """Return the bytes of a buffer view."""
-        view = follow(self.document.buffer_views, index, place, 'bufferViews')
-        data = self._buffer(view.buffer, f'bufferViews[{index}].buffer')
+        view = follow(self.document.buffer_views, view_index, json_path, 'bufferViews')
+        data = self._buffer(view.buffer, f'bufferViews[{view_index}].buffer')
         end = view.byte_offset + view.byte_length
         if end > len(data):
-            raise GltfError(f'bufferViews[{index}] ends at byte {end} of a buffer of {len(data)}.')
+            raise GltfError(
+                f'bufferViews[{view_index}] must end within the {len(data)} bytes of its buffer, '
+                f'got {end}'
+            )
         return data[view.byte_offset : end]
 
-    def resource(self, uri, place, limit=None) -> bytes:
+    def resource(self, uri, json_path, limit=None) -> bytes:
         """Return the bytes that a URI names."""
         if uri[:5].lower() == 'data:':
-            return _decoded(uri, place)
-        data = self._read(self._located(uri, place), place, limit)
-        self._room += _GROWTH * len(data)
-        self._most += _GROWTH * len(data)
+            return _decoded(uri, json_path)
+        data = self._read(self._located(uri, json_path), json_path, limit)
+        self._budget_left += _BUDGET_PER_BYTE * len(data)
+        self._budget += _BUDGET_PER_BYTE * len(data)
         return data
 
-    def _buffer(self, index, place):
-        if index not in self._buffers:
-            buffer = follow(self.document.buffers, index, place, 'buffers')
-            data = self._bytes_of(buffer, f'buffers[{index}]', index)
+    def _buffer(self, buffer_index, json_path):
+        if buffer_index not in self._buffers:
+            buffer = follow(self.document.buffers, buffer_index, json_path, 'buffers')
+            data = self._bytes_of(buffer, f'buffers[{buffer_index}]', buffer_index)
             if len(data) < buffer.byte_length:
-                what = f'buffers[{index}].byteLength is {buffer.byte_length}'
-                raise GltfError(f'{what}, but there are {len(data)} bytes.')
-            self._buffers[index] = memoryview(data)[: buffer.byte_length]
-        return self._buffers[index]
+                raise GltfError(
+                    f'buffers[{buffer_index}].byteLength must be at most {len(data)}, '
+                    f'got {buffer.byte_length}'
+                )
+            self._buffers[buffer_index] = memoryview(data)[: buffer.byte_length]
+        return self._buffers[buffer_index]
 
-    def _bytes_of(self, buffer, place, index):
+    def _bytes_of(self, buffer, json_path, buffer_index):
         if buffer.uri is not None:
-            return self.resource(buffer.uri, f'{place}.uri', buffer.byte_length)
-        if index or self._blob is None:
-            raise GltfError(f'{place} has no uri, and no bytes come with the file.')
+            return self.resource(buffer.uri, f'{json_path}.uri', buffer.byte_length)
+        if buffer_index or self._blob is None:
+            raise GltfError(f'{json_path} must have a uri, as the file has no binary chunk for it')
         return self._blob
 
-    def _located(self, uri, place) -> Path:
-        """Return the file of a relative URI, which must be in the folder."""
+    def _located(self, uri, json_path) -> Path:
+        """Return the file of a relative URI, which must be inside the folder."""
         name = urllib.parse.unquote(uri)
-        # Before any file access. A scheme has a colon, as a drive of Windows has.
+        # Before any file access; a colon marks a scheme or a Windows drive.
         if not name or any(sign in name for sign in ':\\\0') or name.startswith('/'):
-            raise GltfError(f'{place} is {_short(uri)}; it must be a data URI or a relative path.')
+            raise GltfError(f'{json_path} must be a data URI or relative path, got {_short(uri)}')
         folder = self.path.parent.resolve()
         try:
             path = (folder / name).resolve()
-            inside = path.is_relative_to(folder)
-            if inside and path.is_file():
+            is_inside = path.is_relative_to(folder)
+            if is_inside and path.is_file():
                 return path
         except (OSError, RuntimeError, ValueError):  # name too long; symbolic links in a cycle
-            inside = True
-        if inside:
-            raise GltfError(f'{place} is {_short(uri)}: no such file.')
-        raise GltfError(f'{place} is {_short(uri)}: outside of the folder of the glTF file.')
+            is_inside = True
+        if is_inside:
+            raise GltfError(f'{json_path}: no such file: {_short(uri)}')
+        raise GltfError(f'{json_path} must not be outside the folder, got {_short(uri)}')
 
-    def _read(self, path, place, limit):
+    def _read(self, path, json_path, limit):
         try:
             with path.open('rb') as file:
-                # Never more than the file's size: the JSON's limit may be a lie.
+                # At most the file's size, as the JSON's limit may be wrong.
                 size = path.stat().st_size
                 return file.read(size if limit is None else min(limit, size))
         except OSError as error:
-            raise GltfError(f'{place} cannot be read: {error.strerror}.') from error
+            raise GltfError(f'{json_path} cannot be read: {error.strerror}') from error
 
 
 def _chunks(data) -> tuple[bytes, bytes | None]:
     """Return the JSON and the binary chunk of a GLB."""
     if len(data) < 20:
-        raise GltfError(f'the GLB is cut off: it has {len(data)} bytes.')
+        raise GltfError(f'the GLB is truncated at {len(data)} bytes')
     version, length = struct.unpack_from('<II', data, 4)
     if version != 2:
-        raise GltfError(f'the GLB is of version {version}; only 2 is supported.')
+        raise GltfError(f'GLB version must be 2, got {version}')
     if not 20 <= length <= len(data):
-        raise GltfError(f'the GLB is cut off: it says {length} bytes and has {len(data)}.')
+        raise GltfError(f'the GLB is truncated: {length} bytes declared, {len(data)} present')
     chunks = list(_split(data[:length]))
     if chunks[0][0] != _JSON:
-        raise GltfError(f'chunk 0 of the GLB is {chunks[0][0]!r}; it must be {_JSON!r}.')
+        raise GltfError(f'chunk 0 of the GLB must be {_JSON!r}, got {chunks[0][0]!r}')
     blob = chunks[1][1] if len(chunks) > 1 and chunks[1][0] == _BIN else None
     return chunks[0][1], blob
 
 
 def _split(data):
     """Yield type and content of the first two chunks; later ones belong to extensions."""
-    at = 12
+    offset = 12
     for number in range(2):
-        if at + 8 > len(data):
+        if offset + 8 > len(data):
             return
-        size, kind = struct.unpack_from('<I4s', data, at)
-        at += 8 + size
-        if at > len(data):
-            raise GltfError(f'chunk {number} of the GLB ends at byte {at} of {len(data)}.')
-        yield kind, data[at - size : at]
+        size, kind = struct.unpack_from('<I4s', data, offset)
+        offset += 8 + size
+        if offset > len(data):
+            raise GltfError(f'chunk {number} must end within the {len(data)} bytes, got {offset}')
+        yield kind, data[offset - size : offset]
 
 
 def _parsed(json) -> Gltf:
@@ -200,11 +205,13 @@ def _parsed(json) -> Gltf:
     except msgspec.ValidationError as error:
         with suppress(msgspec.DecodeError, RecursionError, UnicodeDecodeError):
             _check_version(_decoded_as(json, _Versioned).asset)
-        fault, _, place = str(error).partition(' - at ')
-        raise GltfError(f'{place.strip("`").removeprefix("$.") or "the file"}: {fault}.') from None
+        fault, _, json_path = str(error).partition(' - at ')
+        raise GltfError(
+            f'{json_path.strip("`").removeprefix("$.") or "the file"}: {fault}'
+        ) from None
     except RecursionError:
-        raise GltfError('the JSON is nested too deeply.') from None
-    except ValueError as error:  # of msgspec, or of invalid UTF-8
+        raise GltfError('the JSON is nested too deeply') from None
+    except ValueError as error:  # from msgspec, or for invalid UTF-8
         raise GltfError(f'the file is neither GLB nor JSON: {error}') from None
     _check_version(document.asset)
     return document
@@ -222,34 +229,34 @@ def _decoded_as(json, kind):
     except msgspec.ValidationError as error:
         if 'Expected `int`, got `float`' not in str(error):
             raise
-        # JSON has no integers: 1.0 is one, too.
+        # JSON does not distinguish integers: 1.0 is valid.
         return msgspec.convert(_integral(msgspec.json.decode(json)), kind)
 
 
 def _integral(value):
-    """Return a JSON with integers for all floats that are whole."""
+    """Return JSON with whole floats as integers."""
     if isinstance(value, dict):
-        return {key: _integral(inner) for key, inner in value.items()}
+        return {key: _integral(member) for key, member in value.items()}
     if isinstance(value, list):
-        return [_integral(inner) for inner in value]
+        return [_integral(member) for member in value]
     return int(value) if isinstance(value, float) and value.is_integer() else value
 
 
 def _check_version(asset):
     if not asset.version.startswith('2.'):
-        raise GltfError(f'asset.version is {asset.version[:20]!r}; only 2.x is supported.')
+        raise GltfError(f'asset.version must be 2.x, got {asset.version[:20]!r}')
     if asset.min_version not in (None, '2.0'):
-        raise GltfError(f'asset.minVersion is {asset.min_version[:20]!r}; only 2.0 is supported.')
+        raise GltfError(f'asset.minVersion must be 2.0, got {asset.min_version[:20]!r}')
 
 
-def _decoded(uri, place) -> bytes:
-    head, comma, content = uri.partition(',')
-    if not comma or not head.lower().endswith(';base64'):
-        raise GltfError(f'{place} is {_short(uri)}; a data URI must be in base64.')
+def _decoded(uri, json_path) -> bytes:
+    media_type, comma, content = uri.partition(',')
+    if not comma or not media_type.lower().endswith(';base64'):
+        raise GltfError(f'{json_path} must be base64 if a data URI, got {_short(uri)}')
     try:
         return base64.b64decode(urllib.parse.unquote(content), validate=True)
     except (binascii.Error, ValueError) as error:
-        raise GltfError(f'{place} is no base64: {error}.') from None
+        raise GltfError(f'{json_path} must be valid base64: {error}') from None
 
 
 def _short(text):
@@ -257,5 +264,5 @@ def _short(text):
 
 
 def _clipped(text, length=1000):
-    """Return a text truncated to a readable length."""
+    """Return text truncated to a readable length."""
     return text if len(text) <= length else text[: length - 3] + '...'

@@ -219,8 +219,8 @@ class Target(_Thing, frozen=True):
         pointer = self.extensions.pointer
         if self.path != 'pointer' or pointer is None:
             return self.node, self.path
-        found = _POINTER.fullmatch(pointer.pointer)
-        return (int(found[1]), found[2] or 'visible') if found else (None, pointer.pointer)
+        match = _POINTER.fullmatch(pointer.pointer)
+        return (int(match[1]), match[2] or 'visible') if match else (None, pointer.pointer)
 
 
 class Channel(_Thing, frozen=True):

@@ -1,4 +1,4 @@
-"""Meshes and scenes of trimesh as PyVista meshes with the looks of their materials."""
+"""Meshes and scenes of trimesh as PyVista meshes with their materials."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ COLORS = 'trimesh_colors'
 _INSTANCING = 'EXT_mesh_gpu_instancing'
 
 
-def is_trimesh(thing, kind):
-    """Return True if a thing is of a class of trimesh, without importing trimesh."""
+def is_trimesh(value, class_name):
+    """Return whether a value is an instance of a trimesh class, without importing trimesh."""
     module = sys.modules.get('trimesh')
-    return module is not None and isinstance(thing, getattr(module, kind))
+    return module is not None and isinstance(value, getattr(module, class_name))
 
 
 def read_trimesh(path):
@@ -25,7 +25,7 @@ def read_trimesh(path):
 
     scene = trimesh.load_scene(path, process=False)
     if not scene.geometry:
-        raise ValueError('no geometry in it')
+        raise ValueError('the file has no geometry')
     return scene
 
 
@@ -42,7 +42,7 @@ def trimesh_instances(scene):
         matrices.append(matrix)
         index.append(names.setdefault(name, len(names)))
     if not names:
-        raise ValueError('the trimesh scene has no triangle mesh in it.')
+        raise ValueError('the trimesh scene has no triangle mesh')
     meshes = [scene.geometry[name] for name in names]
     return meshes, np.array(index), np.array(matrices)
 
@@ -50,7 +50,7 @@ def trimesh_instances(scene):
 def as_dataset(mesh, pbr=False, textures=None):
     """Return a trimesh as PolyData, and the add_mesh keywords of its material."""
     dataset = pv.PolyData.from_regular_faces(np.array(mesh.vertices), np.array(mesh.faces))
-    # Only normals from the file: the public property computes missing ones.
+    # Only normals of the file, as the public property computes missing ones.
     normals = mesh._cache.cache.get('vertex_normals')  # noqa: SLF001
     if normals is not None and len(normals) == dataset.n_points:
         dataset.point_data.active_normals = np.array(normals)
@@ -70,13 +70,13 @@ def _warn_dropped(scene, node):
     metadata = scene.graph.transforms.edge_data.get((parent, node), {}).get('metadata') or {}
     if _INSTANCING in metadata.get('gltf_extensions', {}):
         warn(
-            f'node {node!r} has {_INSTANCING}, which trimesh drops: one instance is drawn. '
-            'Give the path of the file instead of the trimesh scene.'
+            f'trimesh drops {_INSTANCING} of node {node!r}, so one instance is drawn: pass the '
+            'path of the file instead of the trimesh scene'
         )
 
 
 def _warn_skipped(name, geometry):
-    warn(f'geometry {name!r} ({type(geometry).__name__}) has no triangles and is not drawn.')
+    warn(f'geometry {name!r} ({type(geometry).__name__}) has no triangles and is not drawn')
 
 
 def _colored(data, colors):
@@ -90,31 +90,31 @@ def _colored(data, colors):
 
 def _material_look(dataset, visual, pbr, textures):
     material = visual.material
-    mode = getattr(material, 'alphaMode', None) or 'OPAQUE'
-    look = _base_color(material, mode)
+    alpha_mode = getattr(material, 'alphaMode', None) or 'OPAQUE'
+    look = _base_color(material, alpha_mode)
     if pbr:
         look |= _metalness(material)
     image = getattr(material, 'baseColorTexture', None) or getattr(material, 'image', None)
     if image is not None and visual.uv is not None:
         dataset.active_texture_coordinates = np.array(visual.uv, dtype=np.float32)
-        look['texture'] = _texture(image, mode, textures)
+        look['texture'] = _texture(image, alpha_mode, textures)
     colors = visual.vertex_attributes.get('color')
     if colors is not None and len(colors) == dataset.n_points:
         look |= _colored(dataset.point_data, _as_bytes(colors))
-    if mode == 'MASK':
+    if alpha_mode == 'MASK':
         cutoff = getattr(material, 'alphaCutoff', None)
         look['alpha_cutoff'] = 0.5 if cutoff is None else float(cutoff)
     return look
 
 
-def _base_color(material, mode):
+def _base_color(material, alpha_mode):
     factor = getattr(material, 'baseColorFactor', None)
     factor = getattr(material, 'diffuse', None) if factor is None else factor
     if factor is None:
         return {'color': 'white'}
     rgba = _as_bytes(np.asarray(factor)[None])[0] / 255
     look = {'color': tuple(rgba[:3].tolist())}
-    return look | ({'opacity': float(rgba[3])} if mode == 'BLEND' and rgba[3] < 1 else {})
+    return look | ({'opacity': float(rgba[3])} if alpha_mode == 'BLEND' and rgba[3] < 1 else {})
 
 
 def _metalness(material):
@@ -137,11 +137,11 @@ def _as_bytes(colors):
     return rgba
 
 
-def _texture(image, mode, textures):
-    key = (hash(image.tobytes()), image.size, mode == 'OPAQUE')
-    if key not in textures:
-        # OPAQUE means that alpha is ignored; VTK would blend it.
-        pixels = np.asarray(image.convert('RGB' if mode == 'OPAQUE' else 'RGBA'))
-        textures[key] = pv.Texture(pixels)
-        textures[key].interpolate = True
-    return textures[key]
+def _texture(image, alpha_mode, textures):
+    cache_key = (hash(image.tobytes()), image.size, alpha_mode == 'OPAQUE')
+    if cache_key not in textures:
+        # OPAQUE ignores alpha, which VTK would blend.
+        pixels = np.asarray(image.convert('RGB' if alpha_mode == 'OPAQUE' else 'RGBA'))
+        textures[cache_key] = pv.Texture(pixels)
+        textures[cache_key].interpolate = True
+    return textures[cache_key]

@@ -1,7 +1,6 @@
-"""Many pictures in one texture, each in a square with mip levels of its own.
+"""Many pictures in one texture, each in a square with its own mip levels.
 
-The side of a square is a power of two and its place a multiple of it: no level mixes it with
-another, down to a texel.
+Sides are powers of two and positions multiples of them, so no mip level mixes squares.
 """
 
 from __future__ import annotations
@@ -14,65 +13,65 @@ from pvibr.gl.mipmaps import Level
 from pvibr.gl.target import blit
 
 #: Texels along a side of the largest square.
-_SIDE = 4096
-#: Bytes of a texel with its mip levels.
-_TEXEL = 4 * 4 / 3
-#: Texels by which the border of a picture is repeated.
+_MAX_SIDE = 4096
+#: Bytes per texel, mip levels included.
+_TEXEL_BYTES = 4 * 4 / 3
+#: Texels by which picture borders are repeated.
 _BORDER = 64
 
 
 def side_of(size) -> int:
-    """Return the side of the square that a picture of (width, height) needs."""
+    """Return the side of the square for a picture of (width, height)."""
     return 1 << int(np.ceil(np.log2(max(*size, 2))))
 
 
-def halved(size, times) -> tuple[int, int]:
-    """Return the size of a picture that was halved, as JPEG decoders do it."""
-    return -(-size[0] >> times), -(-size[1] >> times)
+def halved(size, halving_count) -> tuple[int, int]:
+    """Return the size of a picture after halvings, rounded as by JPEG decoders."""
+    return -(-size[0] >> halving_count), -(-size[1] >> halving_count)
 
 
-def least_halvings(sizes, texels, side=_SIDE) -> int:
-    """Return how often pictures are halved so that all fit in a number of texels."""
-    for times in range(16):
-        sides = [side_of(halved(size, times)) for size in sizes]
-        if max(sides) <= side and sum(s * s for s in sides) <= texels:
-            return times
+def least_halvings(sizes, texels, side=_MAX_SIDE) -> int:
+    """Return the halvings after which all pictures fit into a number of texels."""
+    for halving_count in range(16):
+        square_sides = [side_of(halved(size, halving_count)) for size in sizes]
+        if max(square_sides) <= side and sum(s * s for s in square_sides) <= texels:
+            return halving_count
     return 16
 
 
 class Squares:
-    """Squares of free texels: halved to give, joined when they come back."""
+    """A buddy allocator of squares: split on demand, merged when freed."""
 
-    def __init__(self, side, columns, rows):
+    def __init__(self, side, column_count, row_count):
         self.side = side
-        self._free = {side: {(side * i, side * j) for i in range(columns) for j in range(rows)}}
+        self._free = {side: {(side * i, side * j) for i, j in np.ndindex(column_count, row_count)}}
 
     def take(self, side):
-        """Return x and y of a square, None if there is none."""
+        """Allocate a square; return its x and y, None if there is no space."""
         if side > self.side:
             return None
-        free = self._free.setdefault(side, set())
-        if free:
-            place = min(free)
-            free.remove(place)
-            return place
-        larger = self.take(2 * side)
-        if larger is not None:
-            x, y = larger
-            free |= {(x + side, y), (x, y + side), (x + side, y + side)}
-        return larger
+        free_places = self._free.setdefault(side, set())
+        if free_places:
+            corner_xy = min(free_places)
+            free_places.remove(corner_xy)
+            return corner_xy
+        larger_square = self.take(2 * side)
+        if larger_square is not None:
+            x, y = larger_square
+            free_places |= {(x + side, y), (x, y + side), (x + side, y + side)}
+        return larger_square
 
     def give(self, side, place):
-        """Give a square back."""
-        free = self._free.setdefault(side, set())
+        """Free a square."""
+        free_places = self._free.setdefault(side, set())
         corner = tuple(v & ~(2 * side - 1) for v in place)
-        others = {(corner[0] + dx, corner[1] + dy) for dx in (0, side) for dy in (0, side)}
-        others.remove(place)
-        if side < self.side and others <= free:
-            free -= others
+        sibling_places = {(corner[0] + dx, corner[1] + dy) for dx in (0, side) for dy in (0, side)}
+        sibling_places.remove(place)
+        if side < self.side and sibling_places <= free_places:
+            free_places -= sibling_places
             self.give(2 * side, corner)
         else:
-            free.add(place)
+            free_places.add(place)
 
 
 class PictureSheet:
@@ -81,22 +80,23 @@ class PictureSheet:
     def __init__(self, window, sizes, memory):
         """Reserve up to `memory` bytes for pictures of (width, height)."""
         self.window = window
-        texels, limit = max(int(memory / _TEXEL), 1), texture_limit(window)
-        side = min(_SIDE, limit, max(map(side_of, sizes)))
-        while side > 64 and side * side > texels:
+        max_texels, limit = max(int(memory / _TEXEL_BYTES), 1), texture_limit(window)
+        side = min(_MAX_SIDE, limit, max(map(side_of, sizes)))
+        while side > 64 and side * side > max_texels:
             side //= 2
-        wanted = -(-sum(side_of(size) ** 2 for size in sizes) // side**2)
-        columns = min(int(np.ceil(np.sqrt(min(wanted, texels // side**2)))), limit // side) or 1
-        rows = max(min(-(-wanted // columns), texels // side**2 // columns, limit // side), 1)
-        self.side, self.texels = side, rows * columns * side * side
-        self.squares = Squares(side, columns, rows)
+        needed = -(-sum(side_of(size) ** 2 for size in sizes) // side**2)
+        max_squares, max_count = max_texels // side**2, limit // side
+        column_count = min(int(np.ceil(np.sqrt(min(needed, max_squares)))), max_count) or 1
+        row_count = max(min(-(-needed // column_count), max_squares // column_count, max_count), 1)
+        self.side, self.texels = side, row_count * column_count * side * side
+        self.squares = Squares(side, column_count, row_count)
         self.texture = Texture(window, filter='linear')
         self.texture.object.SetGenerateMipmap(True)
         self.texture.object.SetMinificationFilter(self.texture.object.LinearMipmapLinear)
-        self.texture.allocate(columns * side, rows * side)
+        self.texture.allocate(column_count * side, row_count * side)
         self.texture.nbytes = self.texture.nbytes * 4 // 3
         self._levels = [
-            Level(window, self.texture.object, k, columns * side >> k, rows * side >> k)
+            Level(window, self.texture.object, k, column_count * side >> k, row_count * side >> k)
             for k in range(side.bit_length())
         ]
 
@@ -106,22 +106,23 @@ class PictureSheet:
         return self.texture.nbytes
 
     def put(self, picture):
-        """Copy a picture, row 0 at the bottom; return x, y and side, None if there is no place."""
+        """Copy a picture, row 0 at the bottom; return x, y and side, None without space."""
         height, width = picture.shape[:2]
         side = side_of((width, height))
-        place = self.squares.take(side)
-        if place is None:
+        corner_xy = self.squares.take(side)
+        if corner_xy is None:
             return None
-        # Its border is repeated, so that smaller levels mix it with nothing else.
-        more = [(0, min(side - length, _BORDER)) for length in (height, width)]
-        part = Texture(self.window).upload(np.pad(picture, [*more, (0, 0)], 'edge'))
-        wide, high = part.size
-        source = Level(self.window, part.object, 0, wide, high)
-        x, y = place
+        # Repeat the border, so that smaller levels mix in nothing else.
+        border_padding = [(0, min(side - length, _BORDER)) for length in (height, width)]
+        padded = np.pad(picture, [*border_padding, (0, 0)], 'edge')
+        upload = Texture(self.window).upload(padded)
+        wide, high = upload.size
+        source = Level(self.window, upload.object, 0, wide, high)
+        x, y = corner_xy
         rects = (0, 0, wide, high), (x, y, x + wide, y + high)
         blit(self._state, source.object, self._levels[0].object, gl.COLOR_BUFFER_BIT, *rects)
         self._reduce(x, y, side)
-        release(source, part)
+        release(source, upload)
         return x, y, side
 
     @property
@@ -129,15 +130,15 @@ class PictureSheet:
         return self.window.GetState()
 
     def _reduce(self, x, y, side):
-        """Make the smaller levels of a square."""
+        """Compute the smaller levels of a square."""
         for k in range(side.bit_length() - 1):
-            large, small = self._levels[k].object, self._levels[k + 1].object
+            larger, smaller = self._levels[k].object, self._levels[k + 1].object
             rect = [v >> k for v in (x, y, x + side, y + side)]
             half = [v >> 1 for v in rect]
-            blit(self._state, large, small, gl.COLOR_BUFFER_BIT, rect, half, gl.LINEAR)
+            blit(self._state, larger, smaller, gl.COLOR_BUFFER_BIT, rect, half, gl.LINEAR)
 
     def free(self, place):
-        """Let other pictures take the square of one."""
+        """Free the square of a picture."""
         x, y, side = place
         self.squares.give(side, (x, y))
 

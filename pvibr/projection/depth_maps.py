@@ -1,4 +1,4 @@
-"""Depth of meshes in the views of calibrated cameras and lights: no plotter is needed."""
+"""Depth of meshes in the views of calibrated cameras and lights, without a plotter."""
 
 from __future__ import annotations
 
@@ -19,48 +19,50 @@ from pvibr.projection.samples import bounds_of, with_points
 from pvibr.scene.casters import Casters
 from pvibr.scene.depth_view import DepthView
 
-#: Texels along a side: what every driver has.
+#: Texels along a side that every driver supports.
 LARGEST_MAP = 16_384
-#: Texels around a picture in its depth view: what is compared at its edge lies beyond.
+#: Texels of margin around a picture in its depth map, for comparisons at its edge.
 _EDGE = 4.0
-#: The nearest that is drawn, over the farthest.
+#: Smallest ratio of near to far plane.
 _NEAREST = 1e-3
 
 
 def view_of(camera, bounds, resolution) -> View | None:
-    """Return the view of a calibrated camera with planes around all bounds, None if behind it."""
-    matrix = camera.view_from_world
-    away = -(corners(bounds) @ matrix[2, :3] + matrix[2, 3])
-    if not away.size:
+    """Return a camera's view with planes around all bounds, None if all is behind it."""
+    view_from_world = camera.view_from_world
+    eye_depth = -(corners(bounds) @ view_from_world[2, :3] + view_from_world[2, 3])
+    if not eye_depth.size:
         return None
-    low, high = float(away.min()), float(away.max())
+    low, high = float(eye_depth.min()), float(eye_depth.max())
     margin = _EDGE / resolution
     if not isinstance(camera, Orthographic):
         if high <= 0:
             return None
         near, far = max(0.999 * low, _NEAREST * high), 1.001 * high
-        return View(matrix, camera.clip_from_view(near, far, margin), near, far, False)
+        return View(view_from_world, camera.clip_from_view(near, far, margin), near, far, False)
     low = max(low, camera.near)
     if low >= high and camera.near >= high:
         return None
-    room = max(1e-3 * (high - low), 1e-3 * max(camera.width, camera.height))
-    low, high = low - (room if low > camera.near else 0.0), high + room
-    # The eye is put before all: a camera's planes must be in front of it.
-    back = np.eye(4)
-    back[2, 3] = low - (high - low)
+    clearance = max(1e-3 * (high - low), 1e-3 * max(camera.width, camera.height))
+    low, high = low - (clearance if low > camera.near else 0.0), high + clearance
+    # Move the eye back, as near and far planes must be in front of it.
+    eye_shift = np.eye(4)
+    eye_shift[2, 3] = low - (high - low)
     near, far = high - low, 2 * (high - low)
-    return View(back @ matrix, camera.clip_from_view(near, far, margin), near, far, True)
+    return View(
+        eye_shift @ view_from_world, camera.clip_from_view(near, far, margin), near, far, True
+    )
 
 
 def depth_maps(views, surfaces, resolution) -> list:
-    """Return the depth of meshes in views, drawn off screen."""
+    """Return the depth of meshes in views, (n, n) each, drawn off screen."""
     with depth_scene(surfaces) as scene:
         return [scene.depth(view, resolution) for view in views]
 
 
 @contextmanager
 def depth_scene(surfaces):
-    """Yield meshes in a hidden window, whose depth can be drawn."""
+    """Yield meshes in a hidden window, to draw their depth."""
     with hidden_window() as (_, renderer):
         scene = _Scene(renderer, surfaces)
         try:
@@ -75,8 +77,12 @@ class _Scene:
     def __init__(self, renderer, surfaces):
         self.renderer = renderer
         self.bounds = bounds_of(surfaces)
-        corner = corners(self.bounds).reshape(-1, 3)
-        self.center = (corner.min(0) + corner.max(0)) / 2 if len(corner) else np.zeros(3)
+        bounds_corners = corners(self.bounds).reshape(-1, 3)
+        self.center = (
+            (bounds_corners.min(0) + bounds_corners.max(0)) / 2
+            if len(bounds_corners)
+            else np.zeros(3)
+        )
         self.actors = [_actor(s, self.center) for s in surfaces if s.n_points]
         for actor in self.actors:
             renderer.AddActor(actor)
@@ -85,18 +91,18 @@ class _Scene:
         self._edges: list = []
 
     def depth(self, view, resolution):
-        """Return the depth in a view in world units, (n, n)."""
+        """Return the depth in a world-space view, (n, n)."""
         if self._map is None or self._map.resolution != resolution:
             release(self._map)
             self._map = DepthView(self.drawer, 1, resolution)
         shift = np.eye(4)
         shift[:3, 3] = self.center
-        moved = replace(view, view_from_world=view.view_from_world @ shift, position=None)
-        self._map.update(Frame.of(self.renderer), [moved], Casters(self.actors))
+        centred_view = replace(view, view_from_world=view.view_from_world @ shift, position=None)
+        self._map.update(Frame.of(self.renderer), [centred_view], Casters(self.actors))
         return self._map.texture.download()[..., 0]
 
     def depth_of_edges(self):
-        """Return the same depth with the edges and corners of all triangles drawn over it."""
+        """Return the last depth with the edges and corners of all triangles drawn over it."""
         if not self._edges:
             for style in ('SetRepresentationToWireframe', 'SetRepresentationToPoints'):
                 for actor in self.actors:

@@ -1,4 +1,4 @@
-"""The view of another camera as a texture: monitors, mirrors, insets."""
+"""The view of another camera as a texture, for monitors, mirrors and insets."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from pvibr.scene.content_key import lights_key
 from pvibr.scene.draw_order import in_order
 from pvibr.scene.seen_from import seen_from
 
-_FINE = 2  # pixels drawn for each texel, along a side
+_FINE = 2  # supersampling along a side
 _NEAR_IS_WHITE = """uniform sampler2D depth; uniform vec2 planes; uniform int parallel;
 void main()
 {
@@ -39,19 +39,19 @@ void main()
 
 
 class LiveTexture(Effect):
-    """Render the view of another camera to a texture, again whenever the view changes.
+    """Render the view of another camera to a texture, whenever that view changes.
 
-    ``actor.texture = live.texture`` shows it on a mesh with texture coordinates. It is also an
-    image for `Projector`, `ImageOverlay`, `Backdrop` and `ShaderEffect`. Live textures within its
-    view, itself included, are drawn for that view, to a depth of `recursion`. Points and lines
-    have the same width in pixels as in the window. The texture has mip levels. Volumes,
-    annotations and effects on pixels are left out. Camera lights follow this camera. If the alpha
-    of the background is below 1, meshes with the texture are translucent.
+    ``actor.texture = live.texture`` shows it on a mesh with texture coordinates; it is also an
+    image for `Projector`, `ImageOverlay`, `Backdrop` and `ShaderEffect`. Live textures in its
+    view, itself included, are rendered for it, down to `recursion` levels. Points and lines have
+    the same width in pixels as in the window. The texture has mip levels. Volumes, annotations and
+    image effects are omitted. Camera lights follow this camera. If the alpha of the background is
+    below 1, meshes with the texture are translucent.
 
     Parameters
     ----------
     camera : pyvista.Camera, Pinhole or Orthographic
-        The view; a ``pyvista.Camera`` may move.
+        Camera to render from; a ``pyvista.Camera`` may move.
     actors : None, callable or sequence, optional
         Actors and things to render, or a function that returns True for them; by default all.
     size : tuple of 2 int, optional
@@ -64,7 +64,7 @@ class LiveTexture(Effect):
     texture : vtkTexture
         For ``actor.texture``.
     draws : int
-        Number of times that it was rendered.
+        Number of renders so far.
 
     Raises
     ------
@@ -91,15 +91,20 @@ class LiveTexture(Effect):
 
     web = 'lost', 'is rendered in each frame; a browser shows the last one'
     what = Param(
-        'color', 'Colours, or depth, white at the near plane.', choices=('color', 'depth')
+        'color',
+        'Content: colours, or depth as gray, white at the near plane.',
+        choices=('color', 'depth'),
     )
     background = Param(
-        None, "Background colour, RGBA; the subplot's by default.", range='[0, 1]', kind=tuple
+        None,
+        "Background colour, RGBA, by default the subplot's; alpha 0 isolates the actors.",
+        range='[0, 1]',
+        kind=tuple,
     )
 
     recursion = Param(
         1,
-        'Depth to which live textures show one another: each within a picture is drawn for it.',
+        'Levels of live textures within live textures; each level renders them again.',
         range='[0, 16]',
     )
 
@@ -112,15 +117,15 @@ class LiveTexture(Effect):
             as_camera(camera, self.size)
         self.texture = _vtk.vtkOpenGLTexture()
         self.texture.InterpolateOn()
-        self.texture.SetInputData(_white())  # where there is no picture
+        self.texture.SetInputData(_white())  # until it is rendered
         self.draws = 0
         self._drawer: Any = None
         self._targets: dict[str | int, Target] = {}
         self._texture: Any = None
-        self._gray: Quad | None = None
-        self._key: tuple = ()
+        self._depth_quad: Quad | None = None
+        self._state_key: tuple = ()
         self._channels = 0
-        self._astray = False  # shows a picture for another view
+        self._shows_other_view = False
 
     _flipped = False
 
@@ -128,7 +133,7 @@ class LiveTexture(Effect):
 
     @property
     def shown(self) -> Texture | None:
-        """The texture of its picture; None if it is in no subplot."""
+        """The texture of its picture, None if it is in no subplot."""
         return self._texture
 
     def image(self) -> np.ndarray:
@@ -142,10 +147,10 @@ class LiveTexture(Effect):
         Raises
         ------
         RuntimeError
-            If it is in no subplot, or not rendered yet.
+            If it is in no subplot or not rendered yet.
         """
         if 'whole' not in self._targets:
-            raise RuntimeError(f'{self.name} shows nothing: add it to a subplot and draw a frame')
+            raise RuntimeError(f'{self.name} has no picture: add it to a subplot and render')
         whole = self._targets['whole']
         whole.window.MakeCurrent()
         return np.ascontiguousarray(whole.colors[0].download()[::-1])
@@ -153,28 +158,28 @@ class LiveTexture(Effect):
     # -- the life of an effect ----------------------------------------------------------------
 
     def prepare(self, frame):
-        """Draw it if it is stale."""
+        """Render it if it is stale."""
         self.allocate(frame)
-        key = self._follow(frame), self.scene_key(frame, self.recursion)
-        if self._key == key:
+        state_key = self._light_key(frame), self.scene_key(frame, self.recursion)
+        if self._state_key == state_key:
             return
         self._draw(frame, self.recursion)
         self._copy('drawn', 'whole')
-        self._astray = True
+        self._shows_other_view = True
         for live in self._lives():
             live.show_own()
         self.texture.Modified()
         self.draws += 1
         self.pipeline.surfaces.settle()
-        # Taken again: things may have made actors for this view.
-        self._key = key[0], self.scene_key(frame, self.recursion)
+        # Computed again, as things may have created actors for this view.
+        self._state_key = state_key[0], self.scene_key(frame, self.recursion)
 
-    def _follow(self, frame):
-        """Return what changes with the lights, those included that follow a camera."""
+    def _light_key(self, frame):
+        """Return a value that changes with the lights, camera lights included."""
         return lights_key(frame.renderer)
 
     def picture(self, frame, depth, lamp) -> Target:
-        """Return its picture as another view shows it: the background alone beyond the depth."""
+        """Render it for another view; beyond the recursion depth only its background."""
         self.allocate(frame)
         if depth >= 0 and self.needed(frame) is True:
             self._draw(frame, depth, lamp)
@@ -182,7 +187,7 @@ class LiveTexture(Effect):
         with self._target(depth).drawing(clear=self._clear_color(frame)):
             return self._target(depth)
 
-    # -- what is drawn ------------------------------------------------------------------------
+    # -- rendering ----------------------------------------------------------------------------
 
     def _casters(self) -> Casters:
         things = [t for t in self.pipeline.things if t.enabled]
@@ -193,7 +198,7 @@ class LiveTexture(Effect):
         return [e for e in effects if isinstance(e, LiveTexture) and e.enabled]
 
     def _within(self, casters, view) -> list[LiveTexture]:
-        """Return the live textures that are seen in a view, projected ones and itself too."""
+        """Return the live textures in a view, projected ones and itself included."""
         projected = [live for e in self._scene_effects() for live in e.lives]
         return [
             live
@@ -203,24 +208,24 @@ class LiveTexture(Effect):
 
     def _view(self, frame, bounds) -> View | None:
         """Return its view, None if nothing is in front of it."""
-        # So many texels that there is no margin: the picture ends where the camera's does.
+        # With this resolution the margin vanishes: the picture ends where the camera's does.
         return view_of(as_camera(self.camera, self.size), bounds, 1e12)
 
     def scene_key(self, frame, depth) -> tuple:
-        """Return a value that changes whenever its view of the scene does."""
+        """Return a value that changes with its view of the scene."""
         if depth < 0 or self.needed(frame) is not True:
             return self._clear_color(frame)
         casters = self._casters()
         view = self._view(frame, casters.bounds())
         effects = tuple((id(e), e.content_key()) for e in self._scene_effects())
-        own = casters.key(), effects, self.revision, self._clear_color(frame)
+        own_key = casters.key(), effects, self.revision, self._clear_color(frame)
         if view is None:
-            return own
-        seen, within = frame.elsewhere(view, self.size), self._within(casters, view)
-        return *own, view.key(), [live.scene_key(seen, depth - 1) for live in within]
+            return own_key
+        inner_frame, lives = frame.elsewhere(view, self.size), self._within(casters, view)
+        return *own_key, view.key(), [live.scene_key(inner_frame, depth - 1) for live in lives]
 
     def _scene_effects(self):
-        """Return the effects that depend on the view: shadows, projectors, those of users."""
+        """Return the effects that depend on the view: shadows, projectors, user effects."""
         return [
             e
             for e in self.pipeline.effects
@@ -235,57 +240,60 @@ class LiveTexture(Effect):
             return 0.0, 0.0, 0.0, 1.0
         return self.background or (*frame.renderer.GetBackground(), 1.0)
 
-    def _draw(self, frame, depth, lamp=None):
-        """Draw it with the live textures in it, the lights that follow a camera as at `lamp`."""
-        casters, clear = self._casters(), self._clear_color(frame)
+    def _draw(self, frame, depth, light_view=None):
+        """Render it, after the live textures in it, with camera lights at the view `lamp`."""
+        casters, clear_color = self._casters(), self._clear_color(frame)
         view = self._view(frame, casters.bounds())
-        drawn = self._target('drawn')
+        target = self._target('drawn')
         if view is None:
-            with drawn.drawing(clear=clear):
+            with target.drawing(clear=clear_color):
                 return
-        seen, lamp = frame.elsewhere(view, (drawn.width, drawn.height)), self._lamp(view, lamp)
-        within = self._within(casters, view)
-        pictures = [live.picture(seen, depth - 1, lamp) for live in within]
-        for live, picture in zip(within, pictures, strict=True):
+        inner_frame = frame.elsewhere(view, (target.width, target.height))
+        light_view = self._lamp(view, light_view)
+        lives = self._within(casters, view)
+        pictures = [live.picture(inner_frame, depth - 1, light_view) for live in lives]
+        for live, picture in zip(lives, pictures, strict=True):
             live.show(picture)
-        effects = [e for e in self._scene_effects() if e.needed(seen) is True]
+        effects = [e for e in self._scene_effects() if e.needed(inner_frame) is True]
         for effect in effects:
-            effect.prepare(seen)
-        with seen_from(casters.things, seen), drawn.drawing(clear=clear):
-            ready = {t for t in casters.things if t.needed(seen) is True}
-            found = [(t.draws(seen) if t in ready else t.drawn()) for t in casters.things]
-            things = in_order([actor for actors in found for actor in actors], casters.things)
-            self._drawer.light_from(lamp)
-            self._drawer.look(view, (0, 0, *seen.size))
+            effect.prepare(inner_frame)
+        with seen_from(casters.things, inner_frame), target.drawing(clear=clear_color):
+            thing_actors = []
+            for item in casters.things:
+                ready = item.needed(inner_frame) is True
+                thing_actors += item.draws(inner_frame) if ready else item.drawn()
+            thing_actors = in_order(thing_actors, casters.things)
+            self._drawer.light_from(light_view)
+            self._drawer.look(view, (0, 0, *inner_frame.size))
             frame.window.GetState().vtkglBlendFuncSeparate(*gl.OVER)  # of soft edges
-            self._drawer.draw([*casters.actors, *things])
+            self._drawer.draw([*casters.actors, *thing_actors])
             with self._drawer.blending('over'):
-                self._drawer.draw([*casters.translucent, *things], translucent=True)
+                self._drawer.draw([*casters.translucent, *thing_actors], translucent=True)
         for effect in effects:
-            effect.finish(seen)
+            effect.finish(inner_frame)
         self._drawer.done()
         frame.renderer.UpdateLightsGeometryToFollowCamera()
         if self.what == 'depth':
             self._show_depth(frame, view)
 
     def _lamp(self, view, _lamp) -> View | None:
-        """Return the view that camera lights follow, None for that of the subplot."""
+        """Return the view that camera lights follow, None for the subplot's."""
         return view
 
     def _show_depth(self, frame, view):
-        if self._gray is None:
-            self._gray = Quad(frame.window, _NEAR_IS_WHITE, f'{self.name} depth')
-        drawn = self._target('drawn')
+        if self._depth_quad is None:
+            self._depth_quad = Quad(frame.window, _NEAR_IS_WHITE, f'{self.name} depth')
+        draw_target = self._target('drawn')
         with self._target('gray').drawing():
             uniforms = {'planes': (view.near, view.far), 'parallel': int(view.parallel)}
-            self._gray.draw(uniforms, {'depth': drawn.depth})
-        copy(self._target('gray'), drawn)
+            self._depth_quad.draw(uniforms, {'depth': draw_target.depth})
+        copy(self._target('gray'), draw_target)
 
     # -- memory ---------------------------------------------------------------------------------
 
     def allocate(self, frame):
-        """Allocate its textures, if there are none of the right format."""
-        # VTK takes whatever has an alpha channel for translucent, and draws it in another order.
+        """Allocate its textures unless they have the right format."""
+        # VTK draws textures with an alpha channel in its translucent pass.
         channels = 4 if self._clear_color(frame)[3] < 1 else 3
         if self._texture is not None and self._channels == channels:
             return
@@ -298,12 +306,12 @@ class LiveTexture(Effect):
         self.texture.SetTextureObject(self._texture.object)
 
     def _target(self, name) -> Target:
-        """Return a target: 'drawn', 'gray', 'whole', or by the depth that it is shown at."""
+        """Return a target: 'drawn', 'gray', 'whole', or by recursion depth."""
         if name not in self._targets:
-            fine = _FINE if name in ('drawn', 'gray') else 1
-            width, height = (fine * side for side in self.size)
-            window, deep = self._drawer.window, name == 'drawn'
-            self._targets[name] = Target(window, width, height, ('rgba8',), depth=deep)
+            scale = _FINE if name in ('drawn', 'gray') else 1
+            width, height = (scale * side for side in self.size)
+            window, has_depth = self._drawer.window, name == 'drawn'
+            self._targets[name] = Target(window, width, height, ('rgba8',), depth=has_depth)
         return self._targets[name]
 
     def _copy(self, source, target) -> Target:
@@ -311,25 +319,25 @@ class LiveTexture(Effect):
         return self._target(target)
 
     def show(self, picture):
-        """Copy a picture to the texture that actors have."""
+        """Copy a picture to the texture of its actors."""
         self._texture.take(picture)
-        self._astray = True
+        self._shows_other_view = True
 
     def show_own(self):
-        """Show its own picture again, if it was drawn."""
-        if self._astray and 'whole' in self._targets:
+        """Restore the picture of the window's view, if there is one."""
+        if self._shows_other_view and 'whole' in self._targets:
             self._texture.take(self._targets['whole'])
-        self._astray = False
+        self._shows_other_view = False
 
     def release(self):
         """Free what it holds on the GPU; the context is current."""
         self.texture.SetTextureObject(None)
-        release(*self._targets.values(), self._texture, self._gray, self._drawer)
-        self._targets, self._key = {}, ()
-        self._gray = self._drawer = self._texture = None
+        release(*self._targets.values(), self._texture, self._depth_quad, self._drawer)
+        self._targets, self._state_key = {}, ()
+        self._depth_quad = self._drawer = self._texture = None
 
     def report(self) -> dict:
-        """Return bytes, and the number of times that it was rendered."""
+        """Return bytes and the number of renders."""
         return {'bytes': nbytes_of(*self._targets.values(), self._texture), 'draws': self.draws}
 
 
@@ -337,16 +345,16 @@ class Mirror(LiveTexture):
     """Render the reflection in a flat mirror, for the camera of its subplot.
 
     The mirror is the rectangle ``corner + u * right + v * up``; show ``mirror.texture`` on a mesh
-    there with texture coordinates (u, v). Actors behind the mirror are not reflected. The camera's
-    projection may be perspective or parallel.
+    there with texture coordinates (u, v). Actors behind it are not reflected. The camera may be
+    perspective or parallel.
 
     Parameters
     ----------
     corner : actor or array_like of shape (3,)
-        World units; or an actor of a flat mesh with texture coordinates, such as that of a
-        `pv.Plane`, in place of all three.
+        World units; or the actor of a flat mesh with texture coordinates, such as `pv.Plane`, in
+        place of all three.
     right, up : array_like of shape (3,), optional
-        World units; right and up are perpendicular, as seen by a viewer in front of it.
+        World units, perpendicular, as seen by a viewer in front of it.
     actors : None, callable or sequence, optional
         Actors and things to render, or a function that returns True for them; by default all.
     size : tuple of 2 int, optional
@@ -357,59 +365,55 @@ class Mirror(LiveTexture):
     Raises
     ------
     ValueError
-        If right and up are not perpendicular, or one has no length; if the mesh of an actor is
-        not flat or has no texture coordinates.
+        If right and up are not perpendicular or one is zero; if the mesh of an actor is not flat
+        or has no texture coordinates.
     """
 
     def __init__(self, corner, right=None, up=None, actors=None, size=(512, 512), **settings):
         if isinstance(corner, _vtk.vtkActor):
             corner, right, up = _sides(corner)
         if right is None or up is None:
-            raise TypeError(
-                f'right = {right!r}, up = {up!r}: must be given, unless corner is an actor'
-            )
-        given = {'corner': corner, 'right': right, 'up': up}
-        self.corner, self.right, self.up = (checked_numbers(n, x, (3,)) for n, x in given.items())
-        directions = unit_vectors(np.stack([self.right, self.up]))
-        if not directions.any(1).all() or abs(directions[0] @ directions[1]) > 1e-6:
-            raise ValueError(f'right = {right!r}, up = {up!r}: must be perpendicular and not zero')
+            raise TypeError('right and up must be given unless corner is an actor, got None')
+        self.corner = checked_numbers('corner', corner, (3,))
+        self.right = checked_numbers('right', right, (3,))
+        self.up = checked_numbers('up', up, (3,))
+        unit_sides = unit_vectors(np.stack([self.right, self.up]))
+        if not unit_sides.any(1).all() or abs(unit_sides[0] @ unit_sides[1]) > 1e-6:
+            raise ValueError(f'right and up must be perpendicular, got {right!r} and {up!r}')
         super().__init__(None, actors, size, **settings)
 
-    # Drawn from behind, where left and right change places: u grows along `right` all the same.
+    # Rendered from behind, where left and right are swapped; u still grows along `right`.
     _flipped = True
 
     def needed(self, frame) -> bool | str:
-        """Return True if the camera is in front of it, or in parallel projection faces it."""
+        """Return True if the camera is in front of it, or faces it in parallel projection."""
         normal = np.cross(self.right, self.up)
         toward = frame.view_from_world[2, :3] if frame.parallel else frame.eye - self.corner
         return bool(normal @ toward > 0) or 'the camera is behind it'
 
-    def _follow(self, frame):
+    def _light_key(self, frame):
         return lights_key(frame.renderer, frame.view.key())
 
-    def _lamp(self, view, lamp) -> View | None:
-        return lamp
+    def _lamp(self, view, light_view) -> View | None:
+        return light_view
 
     def _view(self, frame, bounds) -> View | None:
         right = self.right / np.linalg.norm(self.right)
         up = self.up / np.linalg.norm(self.up)
-        back = np.cross(right, up)
+        normal = np.cross(right, up)
         if frame.parallel:
-            return through_rectangle(
-                (self.corner, self.right, self.up), -frame.view_from_world[2, :3], bounds
-            )
-        away = float(back @ (frame.eye - self.corner))
-        eye = frame.eye - 2 * away * back
-        view = look_along(eye, back, up)
-        sides = (
-            view[:3, :3] @ (np.stack([self.corner, self.corner + self.right + self.up]) - eye).T
-        )
-        # Beyond its own plane, else it would see its own back.
-        near = 1.001 * away
-        far = 1.001 * max(near, _farthest(view, bounds))
-        slopes = sides[:2] / away
-        clip = frustum(slopes.min(axis=1), slopes.max(axis=1), near, far)
-        return View(view, clip, near, far, False)
+            rectangle = self.corner, self.right, self.up
+            return through_rectangle(rectangle, -frame.view_from_world[2, :3], bounds)
+        eye_distance = float(normal @ (frame.eye - self.corner))
+        reflected_eye = frame.eye - 2 * eye_distance * normal
+        view_from_world = look_along(reflected_eye, normal, up)
+        ends = np.stack([self.corner, self.corner + self.right + self.up]) - reflected_eye
+        # Just beyond its plane, else it would see its own back.
+        near_plane = 1.001 * eye_distance
+        far_plane = 1.001 * max(near_plane, _farthest(view_from_world, bounds))
+        slopes = view_from_world[:2, :3] @ ends.T / eye_distance
+        clip_from_view = frustum(slopes.min(axis=1), slopes.max(axis=1), near_plane, far_plane)
+        return View(view_from_world, clip_from_view, near_plane, far_plane, False)
 
 
 def _white():
@@ -424,25 +428,25 @@ def _white():
 def _farthest(view, bounds) -> float:
     if not len(bounds):
         return 0.0
-    low, high = bounds[:, 0::2].min(axis=0), bounds[:, 1::2].max(axis=0)
-    ahead = -view[2, :3]
-    return float(np.where(ahead > 0, high, low) @ ahead - view[2, 3])
+    lower, upper = bounds[:, 0::2].min(axis=0), bounds[:, 1::2].max(axis=0)
+    forward = -view[2, :3]
+    return float(np.where(forward > 0, upper, lower) @ forward - view[2, 3])
 
 
 def _sides(actor):
     """Return corner, right and up of a flat actor, where its texture coordinates are 0 and 1."""
     data = actor.GetMapper().GetInput()
-    found = None if data is None else data.GetPointData().GetTCoords()
-    if found is not None:
-        uv = _vtk.vtk_to_numpy(found)[:, :2].astype(float)
+    uv_array = None if data is None else data.GetPointData().GetTCoords()
+    if uv_array is not None:
+        uv = _vtk.vtk_to_numpy(uv_array)[:, :2].astype(float)
         points = _vtk.vtk_to_numpy(data.GetPoints().GetData()).astype(float)
-        ahead = np.column_stack([np.ones(len(uv)), uv])
-        sides, _, rank, _ = np.linalg.lstsq(ahead, points, rcond=None)
+        design_matrix = np.column_stack([np.ones(len(uv)), uv])
+        mesh_sides, _, rank, _ = np.linalg.lstsq(design_matrix, points, rcond=None)
         size = np.linalg.norm(np.ptp(points, axis=0))
-        if rank == 3 and np.abs(ahead @ sides - points).max() <= 1e-4 * size:
+        if rank == 3 and np.abs(design_matrix @ mesh_sides - points).max() <= 1e-4 * size:
             matrix = np.reshape(actor.GetMatrix().GetData(), (4, 4))
-            sides = sides @ matrix[:3, :3].T
-            return sides[0] + matrix[:3, 3], sides[1], sides[2]
+            mesh_sides = mesh_sides @ matrix[:3, :3].T
+            return mesh_sides[0] + matrix[:3, 3], mesh_sides[1], mesh_sides[2]
     raise ValueError(
-        f'corner = {actor!r:.60}: must be a flat mesh with texture coordinates, as pv.Plane has'
+        f'corner must be a flat mesh with texture coordinates, such as pv.Plane, got {actor!r:.60}'
     )

@@ -1,4 +1,4 @@
-"""Colours of images at points and cells, as data."""
+"""Colours of projected images at points and cells, as data."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from pvibr.projection.depth_maps import depth_maps, view_of
 from pvibr.projection.samples import Samples, bounds_of
 
 _GRAZING = 1e-3  # minimum cosine of surfaces that may face away
-_GAIN_POINTS = 20_000  # on which exposures are compared
+_GAIN_POINTS = 20_000  # at which exposures are compared
 
 
 class SlidePainter:
-    """Paints samples of surfaces; what each picture's camera sees of them is drawn once."""
+    """Paints samples of surfaces; the depth of each camera is drawn once."""
 
     def __init__(self, slides, settings, surfaces, time, side):
         self.slides, self.settings = slides, settings
@@ -23,25 +23,25 @@ class SlidePainter:
         self._depths: dict = {}
 
     def solve_gains(self, mesh):
-        """Take the gains that make overlaps on a whole mesh alike, not those on each sample."""
+        """Solve gains on the whole mesh, instead of on each batch of samples."""
         if self.settings.gains == 'auto':
             self._gains = solved_gains(self.slides, self.settings, [mesh], self.surfaces)
 
     def at(self, samples):
-        """Return colours (n, 4) uint8, whether any picture shows there, and how many do."""
+        """Return colours (n, 4) uint8, coverage (n,) bool and the number of pictures (n,)."""
         looks = [_Look(self, slide, samples) for slide in self.slides]
         covers, colors = np.stack([k.cover for k in looks]), np.stack([k.colors for k in looks])
         cosines, texels = np.stack([k.cosine for k in looks]), np.stack([k.texel for k in looks])
         settings = self.settings
-        shares = weights(cosines, texels, masks=covers, method=settings.blend)
+        blend_weights = weights(cosines, texels, masks=covers, method=settings.blend)
         if settings.gains == 'auto':
             gains = exposure_gains(colors, covers) if self._gains is None else self._gains
             colors *= gains[:, None]
-        mixed = np.nan_to_num(blend(colors * settings.gain, shares))
-        cover = np.max(covers, axis=0) * (shares.sum(0) > 0)
-        mixed = np.concatenate([mixed, 255 * cover[:, None] * settings.opacity], 1)
-        mixed = np.rint(np.clip(mixed, 0, 255)).astype(np.uint8)
-        return mixed, cover > 0, np.sum(covers > 0, axis=0)
+        blended = np.nan_to_num(blend(colors * settings.gain, blend_weights))
+        cover = np.max(covers, axis=0) * (blend_weights.sum(0) > 0)
+        blended = np.concatenate([blended, 255 * cover[:, None] * settings.opacity], 1)
+        blended = np.rint(np.clip(blended, 0, 255)).astype(np.uint8)
+        return blended, cover > 0, np.sum(covers > 0, axis=0)
 
     def of_tiles(self, mesh):
         """Return a function that paints tiles of a mesh's texture."""
@@ -52,23 +52,23 @@ class SlidePainter:
         return paint
 
     def depth(self, slide):
-        """Return the view of a picture's camera, None if all is behind it, and its depth."""
+        """Return the view of a slide's camera, None if all is behind it, and its depth."""
         if id(slide) not in self._depths:
-            texels = slide.side(self.settings.resolution)
-            view, depth = view_of(slide.camera(), bounds_of(self.surfaces), texels), None
+            map_resolution = slide.side(self.settings.resolution)
+            view, depth = view_of(slide.camera(), bounds_of(self.surfaces), map_resolution), None
             if view is not None:
-                (depth,) = depth_maps([view], self.surfaces, texels)
+                (depth,) = depth_maps([view], self.surfaces, map_resolution)
             self._depths[id(slide)] = view, depth
         return self._depths[id(slide)]
 
 
 def solved_gains(slides, settings, meshes, casters) -> np.ndarray:
-    """Return the gains of each picture that make overlaps on meshes alike, (v, 3)."""
+    """Return the RGB gains of pictures that match exposures in overlaps on meshes, (v, 3)."""
     parts = [Samples.of(m, 'cells') for m in meshes]
     points = np.concatenate([p.points for p in parts])
     normals = np.concatenate([p.normals for p in parts])
-    step = -(-len(points) // _GAIN_POINTS) or 1
-    samples = Samples.at(points[::step], normals[::step])
+    sample_step = -(-len(points) // _GAIN_POINTS) or 1
+    samples = Samples.at(points[::sample_step], normals[::sample_step])
     painter = SlidePainter(slides, settings, casters, 0.0, 0)
     looks = [_Look(painter, slide, samples) for slide in slides]
     colors, covers = np.stack([k.colors for k in looks]), np.stack([k.cover for k in looks])
@@ -83,20 +83,20 @@ class _Look:
         uv, _ = camera.project(points)
         toward = camera.toward(points)
         cosine = samples.facing(toward, painter.side)
-        limit = max(float(np.cos(np.radians(settings.max_angle))), 0.0)
-        cover = border(uv, settings.feather) * (cosine > limit)
-        rows = np.flatnonzero(cover)
+        min_cosine = max(float(np.cos(np.radians(settings.max_angle))), 0.0)
+        cover = border(uv, settings.feather) * (cosine > min_cosine)
+        covered = np.flatnonzero(cover)
         colors = np.full((len(points), 4), np.nan)
-        colors[rows] = sample(slide.picture(painter.time, settings), uv[rows])
-        cover[rows] *= colors[rows, 3] / 255
-        if settings.occlusion and len(rows):
+        colors[covered] = sample(slide.picture(painter.time, settings), uv[covered])
+        cover[covered] *= colors[covered, 3] / 255
+        if settings.occlusion and len(covered):
             view, depth = painter.depth(slide)
             if view is not None:
-                normals = samples.turned(toward)[rows]
+                normals = samples.turned(toward)[covered]
                 bias = settings.normal_bias
-                cover[rows] *= depth_test.seen(view, depth, points[rows], normals, bias)
-        texel = np.where(cover > 0, camera.texel(points), np.inf)
+                cover[covered] *= depth_test.seen(view, depth, points[covered], normals, bias)
+        texel_size = np.where(cover > 0, camera.texel(points), np.inf)
         self.cover = samples.most(cover)
         self.cosine = samples.most(np.maximum(cosine, _GRAZING) * (cover > 0))
-        self.texel = 1 / np.maximum(samples.most(1 / texel), 1e-300)
+        self.texel = 1 / np.maximum(samples.most(1 / texel_size), 1e-300)
         self.colors = samples.mean(colors[:, :3], cover)

@@ -1,19 +1,19 @@
-// The photographs of a mesh: up to four of each triangle, with weights and corrections at corners.
+// A mesh textured by photographs: up to four per triangle, with weights and corrections at corners.
 //
-// Table: a row of nine texels for each photograph: three rows from clip space to the plane of its
-// camera (x, y, depth), where the third component of clip space is the one that tells the depth;
-// the lens (two); plane to texels of the sheet (two), with the squared radius of the lens as last
-// component of the first; the first and last texel of the photograph; its gain.
+// Table: nine texels per photograph: three rows from clip space to the camera plane (x, y, depth),
+// where the third component of clip space is the one that holds depth; the lens (two); plane to
+// sheet texels (two), with the squared lens radius as last component of the first; the first and
+// last sheet texel of the photograph; its gain.
 //
-// What is coarse has the colours of its corners.
+// The coarse variant interpolates the colours of corners.
 //
-// PHOTOS_VIEWS is 1 if photographs that were taken from near the eye are shown before those of the
-// triangles; their numbers are uniform, their shares of points in a texture.
+// PHOTOS_VIEWS is 1 to show photographs taken from near the eye before those of the triangles;
+// their indices are uniforms, their shares at points a texture.
 //
-// PHOTOS_LENS is 1 if triangles are so large that what the lens does between corners would be seen.
+// PHOTOS_LENS is 1 if lens distortion between the corners of triangles is visible.
 
 //@lens
-// A place on the plane of a camera in texels of the sheet, times its depth.
+// A point of the camera's plane in sheet texels, times its depth.
 vec3 ibr_photos_at(sampler2D table, int row, vec3 q)
 {
   vec4 a = texelFetch(table, ivec2(3, row), 0), b = texelFetch(table, ivec2(4, row), 0);
@@ -101,8 +101,8 @@ in vec3 ibr_photos_spot[4];
 flat in vec4 ibr_photos_views;
 #endif
 
-// The mean of the sheet over the area of a fragment: looks of half the width of its shorter side,
-// or a single one while the view moves.
+// The mean of the sheet over a fragment's footprint: samples half as wide as its shorter side, or
+// a single one while the view moves.
 vec4 ibr_photos_area(vec2 at, vec2 across, vec2 along)
 {
   vec2 size = vec2(textureSize(ibr_photos_sheet, 0));
@@ -112,7 +112,7 @@ vec4 ibr_photos_area(vec2 at, vec2 across, vec2 along)
   float rows = thin > 1.0 && ibr_photos_fine == 1 ? 2.0 : 1.0;
   float looks = ibr_photos_fine == 1 ? ceil(rows * wide / thin - 0.25) : 1.0;
   float level = floor(log2(max(ibr_photos_fine == 1 ? thin / rows : sqrt(wide * thin), 1.0)) + 0.4);
-  // A look is as wide as a texel: together they vary about the middle as the fragment does.
+  // A sample is as wide as a texel: together they have the variance of the footprint.
   vec2 count = vec2(looks, rows), sides = vec2(wide, thin);
   vec2 spread = max(sides * sides - exp2(2.0 * level), 0.0) / max(count * count - 1.0, 1.0);
   spread = min(sqrt(spread) * count / sides, 1.0);
@@ -124,7 +124,7 @@ vec4 ibr_photos_area(vec2 at, vec2 across, vec2 along)
   return sum / (rows * looks);
 }
 
-// What a photograph shows at a place of its plane, times its share.
+// The colour of a photograph at a point of its plane, times its share.
 vec4 ibr_photos_one(int row, vec3 q, float share, vec3 change)
 {
 #if PHOTOS_LENS
@@ -171,7 +171,7 @@ vec4 ibr_photos_one(int row, vec3 q, float share, vec3 change)
   ambientColor = mix(ambientColor, ambientIntensity * ibr_photos_color, ibr_photos_cover);
   diffuseColor = mix(diffuseColor, diffuseIntensity * ibr_photos_color, ibr_photos_cover);
 
-// PHOTOS_WHOLE is 1 if no triangle is bare: light, which takes as long as two photographs, is left out.
+// PHOTOS_WHOLE is 1 if no triangle is bare, to skip lighting, which costs as much as two photographs.
 //@fragment.over
 #if PHOTOS_WHOLE
   gl_FragData[0] = vec4(mix(diffuseColor, ibr_photos_color, ibr_photos_cover), opacity);

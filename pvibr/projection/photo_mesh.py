@@ -1,4 +1,4 @@
-"""A mesh under any number of photographs, as one surface."""
+"""A mesh textured by any number of photographs."""
 
 from __future__ import annotations
 
@@ -19,54 +19,54 @@ from pvibr.gl.feature import Feature, FeatureSet, declared_samplers, sections
 from pvibr.maths.arguments import check_one_of, checked_each, naming
 from pvibr.meshes.parts import as_parts
 from pvibr.projection.photo_bake import data_of, texture_of
-from pvibr.projection.photo_choice import SHOWN, Choice, Surface, Visibility, choose
-from pvibr.projection.photo_colors import Pairs, alike_corners
+from pvibr.projection.photo_choice import FACE_PHOTOS, Choice, Surface, Visibility, choose
+from pvibr.projection.photo_colors import Pairs, unique_corners
 from pvibr.projection.photo_cut import finer
 from pvibr.projection.photo_pages import Needs, PhotoPages
 from pvibr.projection.photo_sources import load_small, sources_of
 from pvibr.projection.photo_views import VIEWS, PhotoViews
-from pvibr.projection.samples import surface_of, surfaces_of
-from pvibr.projection.slide import lens_numbers, plane_from_world
+from pvibr.projection.samples import polydata_of, surface_of, surfaces_of
+from pvibr.projection.slide import lens_numbers, pixel_from_view, plane_from_world
 from pvibr.projection.texture_bake import checked_file
 from pvibr.scene.picking import nearest_actor
 from pvibr.scene.placing import Placed
 
-_SHARP = {'view': 1.0, 'feather': 1.0, 'best': 12.0}
+_SHARPNESS = {'view': 1.0, 'feather': 1.0, 'best': 12.0}
 _MIB = 1 << 20
-#: Pixels along a triangle below which moving frames have the colours of corners, at quality 1.
-_COARSE = 4.0
-#: Texels along a row of the shares that photographs of a view have of points.
-_ROW = 2048
-_NAMES = ('number', 'weight', 'mean', 'point', *(f'change{k}' for k in range(SHOWN)))
+#: Triangle size in pixels below which moving frames use corner colours, at quality 1.
+_COARSE_PIXELS = 4.0
+#: Width of the texture of point shares, texels.
+_SHARES_WIDTH = 2048
+_ATTRIBUTES = ('number', 'weight', 'mean', 'point', *(f'change{k}' for k in range(FACE_PHOTOS)))
 
 
 class PhotoMesh(Placed):
-    """Show a mesh in the colours of photographs, however many, as one surface.
+    """Texture a mesh with any number of photographs.
 
-    Each triangle shows the best few photographs that see all of it, by the pixels that they have
-    there; exposures are equalized and seams levelled. ``plotter.ibr.add_photos`` makes one.
+    Each triangle blends the few photographs that see it whole and in most detail; exposures are
+    equalized and seams levelled. Created by ``plotter.ibr.add_photos``.
 
     Parameters
     ----------
     mesh : pyvista.DataSet
-        World units; its surface is shown, and hides itself from cameras.
+        Mesh in world units; its surface is shown, and occludes itself.
     photos : Photo or sequence of Photo
         See :func:`pvibr.read_cameras`.
     masks : sequence, optional
-        A path, an array or None for each: 0 where the photograph must not be used.
+        A path, an array or None for each photograph: 0 where it must not be used.
     casters : sequence of pyvista.DataSet, actors or things of pvibr, optional
         Other occluders.
     color : ColorLike, optional
         Colour where no photograph sees the mesh; by default the theme's.
     name : str, optional
-        Name in the plotter; what has the same name is replaced.
+        Name in the plotter; replaces whatever has the same name.
     **settings
         Values of the settings.
 
     Raises
     ------
     TypeError
-        If `photos` has something that is no photograph.
+        If an item of `photos` is not a photograph.
     ValueError
         If there are no photographs, one has no picture, or the number of `masks` differs.
 
@@ -88,23 +88,33 @@ class PhotoMesh(Placed):
     FOR_USERS = ('photos', 'choice', 'found_gains', 'bake')
     web = 'baked', 'a mesh with the colours of its points, or a texture'
 
-    opacity = Param(1.0, 'Opacity of the photographs.', range='[0, 1]')
-    lit = Param(False, 'Whether the scene lights the photographs.')
-    gain = Param((1.0, 1.0, 1.0), 'Factors of red, green and blue.', range='[0, inf)')
+    opacity = Param(1.0, 'Opacity of the photographs over the colour of the mesh.', range='[0, 1]')
+    lit = Param(
+        False, 'Shade the photographs with the lights of the scene; for overcast photographs.'
+    )
+    gain = Param((1.0, 1.0, 1.0), 'RGB factors of all photographs.', range='[0, inf)')
     blend = Param(
         'view',
-        'Overlaps: a weighted mean, mostly of those taken from near the eye; one that is the same '
-        'from everywhere; or the best photograph, with borders a triangle wide.',
+        'How overlapping photographs blend: favouring those taken from near the eye, which adds '
+        'gloss and parallax; by a mean independent of the view; or the best photograph only.',
         choices=('view', 'feather', 'best'),
     )
     level = Param(
         'seams',
-        'What is levelled between photographs: nothing, their exposures, or their seams too.',
+        'Colour correction between photographs: none, exposures, or exposures and seams.',
         choices=('none', 'gains', 'seams'),
     )
-    max_angle = Param(85.0, 'Maximum angle of incidence.', range='(0, 90]', unit='degrees')
+    max_angle = Param(
+        85.0,
+        'Maximum angle of incidence; lower it to leave out oblique, blurred views.',
+        range='(0, 90]',
+        unit='degrees',
+    )
     memory = Param(
-        512.0, 'Memory of pictures on the GPU, and of a bake.', range='[1, inf)', unit='MiB'
+        512.0,
+        'Memory of pictures on the GPU, and of a bake; more keeps larger pictures.',
+        range='[1, inf)',
+        unit='MiB',
     )
 
     def __init__(self, mesh, photos, *, masks=None, casters=(), color=None, name=None, **settings):
@@ -122,73 +132,71 @@ class PhotoMesh(Placed):
         self._pages: Any = None
         self._table: Any = None
         self._shares: Any = None
-        self._shown: dict = {}
-        self._known: tuple = ()
-        self._wanted: dict = {}
-        self._later = False
+        self._view_photos: dict = {}
+        self._choice_key: tuple = ()
+        self._halvings: dict = {}
+        self._is_deferred = False
         self._bound: tuple = ()
-        self._make()
+        self._choose()
 
-    # -- what is chosen -----------------------------------------------------------------------
+    # -- choice of photographs ----------------------------------------------------------------
 
-    def _make(self):
-        """Choose the photographs of all triangles, and level their colours."""
-        key = _SHARP[self.blend], self.level, self.max_angle
-        if self._known == key:
+    def _choose(self):
+        """Choose the photographs of all triangles and level their colours."""
+        choice_key = _SHARPNESS[self.blend], self.level, self.max_angle
+        if self._choice_key == choice_key:
             return
         cameras = [source.camera for source in self.sources]
         surface = Surface(*finer(self._mesh.points, self._mesh.regular_faces, cameras))
         with Visibility([self._mesh, *self._casters]) as visibility:
-            how = self.max_angle, _SHARP[self.blend]
-            self.choice: Choice = choose(surface, self.sources, visibility, *how)
-        pairs, count = Pairs(self.choice), len(self.sources)
-        self.found_gains = np.ones((count, 3)) if self.level == 'none' else self.choice.gains
+            criteria = self.max_angle, _SHARPNESS[self.blend]
+            self.choice: Choice = choose(surface, self.sources, visibility, *criteria)
+        pairs, photo_count = Pairs(self.choice), len(self.sources)
+        self.found_gains = np.ones((photo_count, 3)) if self.level == 'none' else self.choice.gains
         colors = pairs.colors(self.choice.points, self.sources) * self.found_gains[pairs.photos]
-        changes = np.zeros((len(pairs.keys), 3))
+        seam_changes = np.zeros((len(pairs.keys), 3))
         if self.level == 'seams' and len(pairs.keys):
-            changes = pairs.corrections(colors)
+            seam_changes = pairs.corrections(colors)
         self.pairs = pairs
-        # The last is of none.
-        self.changes, colors = (np.pad(v / 255, ((0, 1), (0, 0))) for v in (changes, colors))
+        # Index -1, no photograph, reads the padding.
+        self.changes, colors = (np.pad(v / 255, ((0, 1), (0, 0))) for v in (seam_changes, colors))
         colors = np.clip(colors + self.changes, 0, 1)
-        self._show(colors)
-        self._views = PhotoViews(
-            surface, self.choice, self.sources, self.found_gains, pairs.means(255 * colors)
-        )
-        self._viewed, self._shown = None, {}
-        self._known = key
+        self._upload(colors)
+        means = pairs.means(255 * colors)
+        self._views = PhotoViews(surface, self.choice, self.sources, self.found_gains, means)
+        self._view_key, self._view_photos = None, {}
+        self._choice_key = choice_key
 
-    def _show(self, colors):
-        """Give the actor the mesh, its photographs, their weights, corrections and colours."""
+    def _upload(self, colors):
+        """Set the mapper's mesh with photographs, weights, corrections and colours as arrays."""
         choice, changes = self.choice, self.changes
-        numbers = np.repeat(choice.photos[:, None], 3, 1).reshape(-1, SHOWN)
-        weights, change = (
-            choice.weights.reshape(-1, SHOWN),
-            self.pairs.of_corners.reshape(-1, SHOWN),
-        )
-        rows, faces = alike_corners(choice.faces.ravel(), numbers, weights)
-        points = choice.faces.ravel()[rows]
-        found = pv.PolyData.from_regular_faces(choice.points[points], faces.reshape(-1, 3))
-        mean = np.einsum('nk,nkd->nd', weights[rows], colors[change[rows]])
-        mean = np.column_stack([mean, weights[rows].sum(1)])
-        corrections = (changes[change[rows, k]] for k in range(SHOWN))
-        arrays = [numbers[rows], weights[rows], mean, points, *corrections]
-        for name, array in zip(_NAMES, arrays, strict=True):
+        numbers = np.repeat(choice.photos[:, None], 3, 1).reshape(-1, FACE_PHOTOS)
+        weights = choice.weights.reshape(-1, FACE_PHOTOS)
+        change_rows = self.pairs.of_corners.reshape(-1, FACE_PHOTOS)
+        corners, faces = unique_corners(choice.faces.ravel(), numbers, weights)
+        points = choice.faces.ravel()[corners]
+        drawn_mesh = pv.PolyData.from_regular_faces(choice.points[points], faces.reshape(-1, 3))
+        weights, change_rows = weights[corners], change_rows[corners]
+        mean_colors = np.einsum('nk,nkd->nd', weights, colors[change_rows])
+        mean_colors = np.column_stack([mean_colors, weights.sum(1)])
+        corrections = (changes[change_rows[:, k]] for k in range(FACE_PHOTOS))
+        arrays = [numbers[corners], weights, mean_colors, points, *corrections]
+        for name, array in zip(_ATTRIBUTES, arrays, strict=True):
             data = _vtk.numpy_to_vtk(np.ascontiguousarray(array, np.float32), deep=True)
             data.SetName(f'pvibr {name}')
-            found.GetPointData().AddArray(data)
-        self.GetMapper().SetInputData(found)
+            drawn_mesh.GetPointData().AddArray(data)
+        self.GetMapper().SetInputData(drawn_mesh)
         self._needs = Needs(choice, self.sources)
         self._covered = bool((choice.photos[:, 0] >= 0).all())
 
     # -- the life of an effect ----------------------------------------------------------------
 
     def _prepare_actor(self, color):
-        """Draw by itself, with arrays of points that the vertex shader reads."""
+        """Map the point arrays to vertex attributes of the shader."""
         mapper = self.GetMapper()
         mapper.SetNumberOfSubPieces(1)
         mapper.ScalarVisibilityOff()
-        for name in _NAMES:
+        for name in _ATTRIBUTES:
             points = _vtk.vtkDataObject.FIELD_ASSOCIATION_POINTS
             mapper.MapDataArrayToVertexAttribute(f'ibr_photos_{name}', f'pvibr {name}', points, -1)
         self.ForceOpaqueOff()
@@ -196,40 +204,40 @@ class PhotoMesh(Placed):
         self.prop.color = pv.Color(color, default_color=pv.global_theme.color)
 
     def actors(self) -> list:
-        """Return itself: it is the actor that draws."""
+        """Return itself, the actor that draws."""
         return [self]
 
     solids = actors
 
     def SetPickable(self, pickable):
-        """Set `pickable`, also for VTK's pickers."""
+        """Set `pickable`, for VTK's pickers as well."""
         super().SetPickable(pickable)
         pv.Actor.SetPickable(self, self.pickable)
 
     def set_clipping_planes(self, planes):
-        """Do nothing: its own mapper clips it."""
+        """Do nothing: its mapper already clips it."""
 
     def dataset(self):
-        """Return the triangles that are drawn, before they are placed."""
+        """Return the drawn triangles, before its matrix."""
         mesh = pv.wrap(self.GetMapper().GetInput()).copy(deep=False)
         mesh.clear_data()
         return mesh
 
     def pick(self, x, y):
-        """Return the hit at a pixel; its ``index`` is the triangle of the surface."""
+        """Return the hit at a pixel; ``index`` is the triangle of the surface."""
         if not self.pickable or self.pipeline is None or not self.visibility:
             return None
         hit = nearest_actor([self], self.pipeline.renderer, x, y, cells=True)
         return hit and replace(hit, index=int(self.choice.origin[hit.index]))
 
     def draws(self, frame, *, depth=False):
-        """Return itself; its depth needs no photographs."""
+        """Return itself; prepare photographs unless only depth is drawn."""
         if not depth:
             self.prepare(frame)
         return [self]
 
     def bake_into(self, scene):
-        """Hand the mesh to a scene without pvibr."""
+        """Export the mesh to a scene without pvibr."""
         if self._mesh.active_texture_coordinates is None:
             mesh = self.bake('points')
             mesh['projected'][:, 3] = 255
@@ -246,54 +254,53 @@ class PhotoMesh(Placed):
             return 'not visible'
         prop = self.prop
         if prop.GetEdgeVisibility() or prop.GetRenderLinesAsTubes():
-            return 'edges are shown: their shader hands no photographs on'
+            return 'edges are shown, and their shader passes no photographs on'
         if not self.GetMatrix().Determinant():
             return 'its matrix has no inverse'
         return True if self.opacity else 'opacity is 0'
 
     def content_key(self) -> tuple:
-        """Return a value that changes with what it shows."""
+        """Return a value that changes with its appearance."""
         return self.revision, self.GetMTime(), self._pages and self._pages.loads
 
     @property
     def unfinished(self) -> bool:
-        """Whether larger pictures wait until the view rests."""
-        return self._later
+        """Whether larger pictures load once the view rests."""
+        return self._is_deferred
 
     def prepare(self, frame):
-        """Load the pictures that the view needs, and bind them."""
-        self._make()
+        """Load and bind the pictures that the view needs."""
+        self._choose()
         if self._pages is None or self._pages.memory != self.memory * _MIB:
             release(self._pages)
             self._pages = PhotoPages(frame.window, self.sources, self.memory * _MIB)
         if frame.own:
             self._refine(frame)
-        coarse = (
-            frame.quality < 1 and self._needs.size(frame, self.matrix) < _COARSE / frame.quality
-        )
-        whole = self._covered and self.opacity == 1
-        views = self.blend == 'view' and frame.quality >= 1 and bool(self._shown)
-        feature = _feature(self.lit, self._needs.bent, coarse, whole, views)
+        coarse_size = _COARSE_PIXELS / max(frame.quality, 1e-9)
+        coarse = frame.quality < 1 and self._needs.size(frame, self.matrix) < coarse_size
+        is_opaque = self._covered and self.opacity == 1
+        by_view = self.blend == 'view' and frame.quality >= 1 and bool(self._view_photos)
+        feature = _feature(self.lit, self._needs.bent, coarse, is_opaque, by_view)
         self._attached.match([self], lambda _: (feature,))
         uniforms = {'ibr_photos_opacity': float(self.opacity), 'ibr_photos_gain': tuple(self.gain)}
         if not coarse:
-            uniforms |= self._bind(frame, views)
+            uniforms |= self._bind(frame, by_view)
         set_fragment_uniforms([self], uniforms)
 
-    def _bind(self, frame, views) -> dict:
-        """Bind the photographs; return what the fragment shader is told."""
+    def _bind(self, frame, by_view) -> dict:
+        """Bind the photographs; return the uniforms of the fragment shader."""
         if self._table is None:
             self._table = Texture(frame.window)
-        self._table.upload(self._rows(frame).astype(np.float32))
-        self._bound = self._table, self._pages.sheet.texture, *views * [self._shares]
+        self._table.upload(self._table_rows(frame).astype(np.float32))
+        self._bound = self._table, self._pages.sheet.texture, *by_view * [self._shares]
         table, sheet, *shares = (texture.activate() for texture in self._bound)
         vertex: dict = {'ibr_photos_parallel': int(frame.parallel), 'ibr_photos_table': table}
-        if views:
-            numbers = (list(self._shown) + VIEWS * [-1])[:VIEWS]
+        if by_view:
+            numbers = (list(self._view_photos) + VIEWS * [-1])[:VIEWS]
             vertex |= {'ibr_photos_shares': shares[0], 'ibr_photos_shown': numbers}
         set_vertex_uniforms([self], vertex)
-        found = {'ibr_photos_looks': table, 'ibr_photos_sheet': sheet}
-        return found | {'ibr_photos_fine': int(frame.quality >= 1)}
+        uniforms = {'ibr_photos_looks': table, 'ibr_photos_sheet': sheet}
+        return uniforms | {'ibr_photos_fine': int(frame.quality >= 1)}
 
     def finish(self, frame):
         """Release the texture units."""
@@ -310,68 +317,69 @@ class PhotoMesh(Placed):
         """Free what it holds on the GPU; the context is current."""
         self.deactivate()
         release(self._pages, self._table, self._shares)
-        self._pages = self._table = self._shares = self._viewed = None
-        self._shown = {}
+        self._pages = self._table = self._shares = self._view_key = None
+        self._view_photos = {}
 
     def report(self) -> dict:
-        """Return bytes, and how many photographs are held in which size."""
-        held = {'bytes': 0} if self._pages is None else self._pages.report()
-        triangles = self.choice.photos[:, 0]
+        """Return bytes, and the number of photographs held at each size."""
+        photos = self.choice.photos
         return {
-            **held,
+            **({'bytes': 0} if self._pages is None else self._pages.report()),
             'photos': len(self.photos),
-            'used': int((np.bincount(self.choice.photos[self.choice.photos >= 0]) > 0).sum()),
-            'bare triangles': int((triangles < 0).sum()),
+            'used': len(np.unique(photos[photos >= 0])),
+            'bare triangles': int((photos[:, 0] < 0).sum()),
         }
 
-    # -- pictures that a view needs -----------------------------------------------------------
+    # -- pictures for the view ---------------------------------------------------------------
 
     def _refine(self, frame):
         if is_dragged(frame.window) or frame.quality < 1:
-            self._later = True
+            self._is_deferred = True
             return
-        wanted = self._needs.of(frame, self.matrix)
+        halvings = self._needs.of(frame, self.matrix)
         if self.blend == 'view':
-            self._see(frame)
-            wanted = self._shown | {k: min(v, self._shown.get(k, v)) for k, v in wanted.items()}
-        stale = self._pages.stale(wanted)
-        moving = wanted != self._wanted and not frame.window.GetOffScreenRendering()
-        self._wanted = wanted
-        self._later = bool(stale) and moving
-        if stale and not self._later:
-            self._pages.refine(stale, wanted)
+            self._update_view(frame)
+            view = self._view_photos
+            halvings = view | {k: min(v, view.get(k, v)) for k, v in halvings.items()}
+        stale = self._pages.stale(halvings)
+        is_moving = halvings != self._halvings and not frame.window.GetOffScreenRendering()
+        self._halvings = halvings
+        self._is_deferred = bool(stale) and is_moving
+        if stale and not self._is_deferred:
+            self._pages.refine(stale, halvings)
 
-    def _see(self, frame):
-        """Find the photographs that were taken from near the eye, and what they show."""
-        view = frame.clip_from_view @ frame.view_from_world @ self.matrix
-        if self._viewed is not None and np.array_equal(self._viewed, view):
+    def _update_view(self, frame):
+        """Select the photographs taken from near the eye, and upload their shares."""
+        clip_from_mesh = frame.clip_from_view @ frame.view_from_world @ self.matrix
+        if self._view_key is not None and np.array_equal(self._view_key, clip_from_mesh):
             return
-        self._viewed = view
-        self._shown, shares = self._views.of(frame, self.matrix)
-        more = -len(shares) % _ROW
-        shares = np.pad(shares, ((0, more), (0, 0))).reshape(-1, _ROW, VIEWS)
+        self._view_key = clip_from_mesh
+        self._view_photos, shares = self._views.of(frame, self.matrix)
+        row_padding = -len(shares) % _SHARES_WIDTH
+        shares = np.pad(shares, ((0, row_padding), (0, 0))).reshape(-1, _SHARES_WIDTH, VIEWS)
         self._shares = self._shares or Texture(frame.window)
         self._shares.upload(shares.astype(np.float32))
 
-    def _rows(self, frame) -> np.ndarray:
-        """Return the numbers of TABLE in photo_mesh.glsl, (n, 9, 4)."""
-        clip = frame.clip_from_view
-        seen = np.stack([clip[0], clip[1], clip[2 if frame.parallel else 3], [0, 0, 0, 1.0]])
-        world = np.linalg.inv(seen @ frame.view_from_world @ self.matrix)
+    def _table_rows(self, frame) -> np.ndarray:
+        """Return TABLE of photo_mesh.glsl, (n, 9, 4)."""
+        view_from_mesh = frame.view_from_world @ self.matrix
+        mesh_from_pixel = np.linalg.inv(pixel_from_view(frame) @ view_from_mesh)
         table = self._cameras.copy()
-        table[:, :3] @= world
-        places = self._pages.places()
-        size = places[:, 2:, None]
-        table[:, 5:7, :3] *= size
-        table[:, 5:7, 2] += places[:, :2]
-        table[:, 7] = np.concatenate([places[:, :2], places[:, :2] + places[:, 2:]], 1)
+        table[:, :3] @= mesh_from_pixel
+        sheet_places = self._pages.places()
+        sizes = sheet_places[:, 2:, None]
+        table[:, 5:7, :3] *= sizes
+        table[:, 5:7, 2] += sheet_places[:, :2]
+        table[:, 7] = np.concatenate(
+            [sheet_places[:, :2], sheet_places[:, :2] + sheet_places[:, 2:]], 1
+        )
         table[:, 8, :3] = self.found_gains
         return table
 
     # -- as data ------------------------------------------------------------------------------
 
     def bake(self, to='texture', *, size=2048, quality=False, file=None, progress=None):
-        """Return the mesh with the colours of its photographs as data.
+        """Return the mesh with photograph colours as data.
 
         Parameters
         ----------
@@ -381,11 +389,11 @@ class PhotoMesh(Placed):
         size : int or tuple of 2 int, optional
             Width and height of the texture in pixels.
         quality : bool, optional
-            Whether to return, with a texture, the images of a quality map.
+            Also return the images of a quality map, with a texture.
         file : str or Path, optional
-            A ``.tif`` (``pip install pvibr[geo]``) or ``.npy`` that a texture is written to, tile
-            by tile: it may be larger than memory. Images of a quality map are written beside it,
-            as ``name_photo.tif``.
+            A ``.tif`` (``pip install pvibr[geo]``) or ``.npy`` to write the texture to, tile by
+            tile: it may exceed memory. Images of a quality map are written beside it, as
+            ``name_photo.tif``.
         progress : bool, optional
             Show a progress bar; by default in terminals and notebooks.
 
@@ -393,13 +401,13 @@ class PhotoMesh(Placed):
         -------
         pyvista.PolyData
             The triangles of the surface. Unless `to` is a texture, with the arrays ``'projected'``
-            (n, 4) uint8, ``'photo'``, the index of the photograph that has most of it or -1,
-            ``'resolution'``, world units per pixel of it on the surface, and ``'angle'`` in
-            degrees; these are NaN where no photograph sees the surface.
+            (n, 4) uint8, ``'photo'``, the index of the photograph with the largest weight or -1,
+            ``'resolution'``, world units per pixel of it on the surface, and ``'angle'`` of
+            incidence in degrees; these are NaN where no photograph sees the surface.
         numpy.ndarray, shape (h, w, 4), uint8
-            The texture, row 0 at the top; texels around its parts have their colours. Where no
-            photograph sees the surface alpha is 0, and the others are its own colour: drop alpha
-            to show it as this does. The path if it was written to a file.
+            The texture, row 0 at the top, padded around charts. Where no photograph sees the
+            surface alpha is 0 and RGB its own colour; drop alpha to show it as here. The path if
+            written to a file.
         dict
             If `quality`: the images (h, w) ``'photo'``, ``'resolution'`` and ``'angle'``, or
             their paths.
@@ -413,7 +421,7 @@ class PhotoMesh(Placed):
         """
         check_one_of('to', to, ('texture', 'points', 'cells'))
         file = checked_file(file)
-        self._make()
+        self._choose()
         with baking(progress, 'Baking photographs') as advance:
             if to == 'texture':
                 return texture_of(self, self._mesh, size, quality, file, advance)
@@ -421,70 +429,66 @@ class PhotoMesh(Placed):
 
 
 def _triangles(mesh) -> pv.PolyData:
-    """Return the triangles of a mesh's surface, with its texture coordinates only."""
+    """Return the triangles of a mesh's surface with texture coordinates, without other data."""
     if not isinstance(mesh, pv.DataSet):
-        raise TypeError(f'mesh is {mesh!r:.60}; it must be a mesh.')
-    surface = mesh if isinstance(mesh, pv.PolyData) else mesh.extract_surface(algorithm=None)
-    surface = surface.triangulate()
-    found = surface_of(surface)
+        raise TypeError(f'mesh must be a pyvista.DataSet, got {mesh!r:.60}')
+    surface = polydata_of(mesh).triangulate()
+    triangles = surface_of(surface)
     if surface.active_texture_coordinates is not None:
-        found.active_texture_coordinates = surface.active_texture_coordinates
-    if not found.n_cells:
-        raise ValueError('mesh has no triangles.')
-    return found
+        triangles.active_texture_coordinates = surface.active_texture_coordinates
+    if not triangles.n_cells:
+        raise ValueError('mesh must have triangles, got none')
+    return triangles
 
 
 def _checked_photos(photos) -> tuple:
-    photos = checked_each('photos', photos, _is_photo, 'photographs, as of pvibr.read_cameras')
+    allowed = 'photographs, as of pvibr.read_cameras'
+    photos = checked_each('photos', photos, lambda p: isinstance(p, Photo), allowed)
     if not photos:
-        raise ValueError('photos is empty; it must have at least one photograph.')
+        raise ValueError('photos must have at least one photograph, got none')
     return photos
 
 
 def _cameras(sources) -> np.ndarray:
-    """Return what TABLE in photo_mesh.glsl has of cameras, for world space, (n, 9, 4)."""
-    found = np.zeros((len(sources), 9, 4))
-    for row, source in zip(found, sources, strict=True):
+    """Return the part of TABLE in photo_mesh.glsl that depends on cameras only, (n, 9, 4)."""
+    table = np.zeros((len(sources), 9, 4))
+    for row, source in zip(table, sources, strict=True):
         lens, radius, uv = lens_numbers(source.camera)
         row[:3] = plane_from_world(source.camera, 1.0)[[0, 1, 3]]
         row[3:5] = lens.reshape(2, 4)
         row[5:7, :3], row[5, 3] = uv, radius
-    return found
-
-
-def _is_photo(one) -> bool:
-    return isinstance(one, Photo)
+    return table
 
 
 def _checked_masks(masks, count):
     with naming('masks', masks):
         masks = None if masks is None else list(masks)
     if masks is not None and len(masks) != count:
-        raise ValueError(f'masks has {len(masks)} entries; there are {count} photographs.')
+        raise ValueError(f'masks must have {count} entries, one per photograph, got {len(masks)}')
     return masks
 
 
 @lru_cache(maxsize=8)
-def _feature(lit, bent, coarse, whole, views) -> Feature:
+def _feature(lit, has_lens, coarse, is_opaque, by_view) -> Feature:
     """Return the shader text."""
     text = sections(shader_source(__file__))
-    start = 'coarse.' if coarse else ''
-    samplers = f'#define PHOTOS_WHOLE {int(whole)}\n'
-    defines = f'#define PHOTOS_LENS {int(bent)}\n#define PHOTOS_VIEWS {int(views)}\n'
+    prefix = 'coarse.' if coarse else ''
+    samplers = f'#define PHOTOS_WHOLE {int(is_opaque)}\n'
+    defines = f'#define PHOTOS_LENS {int(has_lens)}\n#define PHOTOS_VIEWS {int(by_view)}\n'
     lens = '' if coarse else defines + text['lens']
-    names = () if coarse else ('ibr_photos_looks', 'ibr_photos_sheet')
-    samplers += declared_samplers(dict.fromkeys(names, 'sampler2D'))
+    fragment_samplers = () if coarse else ('ibr_photos_looks', 'ibr_photos_sheet')
+    samplers += declared_samplers(dict.fromkeys(fragment_samplers, 'sampler2D'))
     light = text['fragment.lit'] + '//VTK::Light::Impl\n' if lit else text['fragment.over']
     fragment = {
-        'VTK::CustomUniforms::Dec': samplers + lens + text[f'{start}fragment.declare'],
-        # Before the passes of depth peeling end some fragments: derivatives need them all.
-        'VTK::UniformFlow::Impl': '//VTK::UniformFlow::Impl\n' + text[f'{start}fragment.find'],
+        'VTK::CustomUniforms::Dec': samplers + lens + text[f'{prefix}fragment.declare'],
+        # Before depth peeling discards fragments: derivatives need them all.
+        'VTK::UniformFlow::Impl': '//VTK::UniformFlow::Impl\n' + text[f'{prefix}fragment.find'],
         'VTK::Light::Impl': light,
     }
-    tables = [] if coarse else ['ibr_photos_table'] + views * ['ibr_photos_shares']
-    sampler = declared_samplers(dict.fromkeys(tables, 'sampler2D'))
+    vertex_samplers = [] if coarse else ['ibr_photos_table'] + by_view * ['ibr_photos_shares']
+    sampler = declared_samplers(dict.fromkeys(vertex_samplers, 'sampler2D'))
     vertex = {
-        'VTK::CustomUniforms::Dec': sampler + lens + text[f'{start}vertex.declare'],
-        'VTK::PositionVC::Impl': '//VTK::PositionVC::Impl\n' + text[f'{start}vertex.place'],
+        'VTK::CustomUniforms::Dec': sampler + lens + text[f'{prefix}vertex.declare'],
+        'VTK::PositionVC::Impl': '//VTK::PositionVC::Impl\n' + text[f'{prefix}vertex.place'],
     }
     return Feature('photos', vertex, fragment)

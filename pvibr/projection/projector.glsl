@@ -1,17 +1,17 @@
-// Pictures thrown onto surfaces from calibrated cameras: projective texturing (Segal et al.,
-// "Fast shadows and lighting effects using texture mapping", SIGGRAPH 1992), with the lens of
-// Brown undone at each fragment, and nothing painted that the camera did not see.
+// Images projected from calibrated cameras: projective texturing (Segal et al., "Fast shadows and
+// lighting effects using texture mapping", SIGGRAPH 1992), with Brown's lens distortion per
+// fragment, and occlusion by a depth map.
 //
-// PRE stands for the effect, SLIDE for one of its pictures, VIEW for that one's number.
-// PRE_matrix: for each picture, view space to plane and to depth texture. PRE_number: 24 floats
-// each, see projector.py. PRE_set: feather, least cosine, opacity, outside brightness, normal bias
-// in texels, pixels by which borders of triangles are extrapolated.
+// PRE is the prefix of the effect's names, SLIDE one of its images, VIEW the index of that image.
+// PRE_matrix: per image, view space to plane and to depth texture. PRE_number: 24 floats per image,
+// see slide.py. PRE_set: feather, minimum cosine, opacity, outside brightness, normal bias in
+// texels, pixels of extrapolation beyond borders of triangles.
 
 //@picture
 #ifndef IBR_PICTURE
 #define IBR_PICTURE
-// A picture at a place: several looks along the longer axis of the footprint. Drivers' own
-// anisotropic filters blur what is seen straight ahead, some of them.
+// A picture sampled several times along the longer axis of the footprint: the anisotropic filters
+// of some drivers blur surfaces seen frontally.
 vec4 ibr_picture(sampler2D map, vec2 uv, vec2 across, vec2 along)
 {
   vec2 size = vec2(textureSize(map, 0));
@@ -44,7 +44,7 @@ vec4 PRE_slide_VIEW(vec3 p, vec3 n, float beyond, out float cover, out float sco
 #endif
   vec2 uv = vec2(dot(vec3(NUMBER(9), NUMBER(10), NUMBER(11)), vec3(xy, 1.0)),
     dot(vec3(NUMBER(12), NUMBER(13), NUMBER(14)), vec3(xy, 1.0)));
-  // Here, where all four fragments of a quad still are.
+  // Derivatives need all four fragments of a quad, so take them before any exit.
   vec2 across = dFdx(uv), along = dFdy(uv);
   vec3 toward = normalize(vec3(NUMBER(15), NUMBER(16), NUMBER(17)) - NUMBER(18) * p);
   float cosine = dot(n, toward);
@@ -66,7 +66,7 @@ vec4 PRE_slide_VIEW(vec3 p, vec3 n, float beyond, out float cover, out float sco
 }
 
 //@begin
-// What all pictures show at a place: colour times the cosine of the light, and how much it covers.
+// The blend of all images: colour times the cosine of the light, and coverage.
 vec4 PRE_paint(vec3 p, vec3 n, float beyond)
 {
   vec3 sum = vec3(0.0);

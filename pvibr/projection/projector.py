@@ -1,4 +1,4 @@
-"""Photographs projected on surfaces from calibrated cameras, with occlusion."""
+"""Images projected on surfaces from calibrated cameras, with occlusion."""
 
 from __future__ import annotations
 
@@ -14,50 +14,49 @@ from pvibr.core.progress import baking
 from pvibr.gl import nbytes_of, release, set_fragment_uniforms, shader_source
 from pvibr.gl.drawer import Drawer
 from pvibr.gl.feature import Feature, FeatureSet, declared_samplers, sections
+from pvibr.images.projected import NO_LIVE_PICTURE
 from pvibr.maths.arguments import check_one_of
 from pvibr.maths.cameras import as_camera
 from pvibr.projection.painting import SlidePainter, solved_gains
 from pvibr.projection.samples import Samples, sides_of, surface_of
-from pvibr.projection.slide import Slide, checked_slides
+from pvibr.projection.slide import Slide, checked_slides, pixel_from_view
 from pvibr.projection.texture_bake import baked_texture, checked_file
 from pvibr.scene.casters import Choice
 from pvibr.scene.depth_view import receiver_shader
 
-#: Texels along a side of what is baked at once.
+#: Texels along a side of the tiles that are baked.
 _TILE = 512
 
-#: Window pixels by which a multisampled border is extrapolated beyond its triangle.
-_BEYOND = 0.5
+#: Pixels by which multisampled borders are extrapolated beyond their triangles.
+_EXTRAPOLATION = 0.5
 
 
 class Projector(Effect):
-    """Project a photograph, or several, on all that their cameras see.
+    """Project one or several images on the surfaces that their cameras see.
 
     Parameters
     ----------
     image : Photo, path, array, pyvista.Texture, LiveTexture, or a sequence of them
-        A photograph of :func:`read_cameras`, or several, with their cameras. Else see
-        :class:`pvibr.images.projected.Pictures`; films and sequences run with ``pl.ibr.time``. A
-        list of images if `camera` is a list.
+        Photographs of :func:`read_cameras`, which have cameras; or a path, array or texture. Films
+        and sequences play with ``pl.ibr.time``. A list of images if `camera` is a list.
     camera : pyvista.Camera, Pinhole, Orthographic, Photo, dict, tuple, or list of them, optional
         See :func:`pvibr.maths.cameras.as_camera`: ``(K, R, t)`` or ``(K, R, t, distortion)`` as in
-        OpenCV, or the extent of an orthophoto; only for images that have none. A list has one
-        camera per image, at most 6, since each image takes two texture units.
+        OpenCV, or the extent of an orthophoto; omit it for photographs. A list has one camera per
+        image, at most 6, as each image takes two texture units.
     mask : path or array, optional
-        0 where the image must not be used. If `camera` is a list: a list, None where there is no
-        mask.
+        0 where the image must not be used. A list, with None for no mask, if `camera` is one.
     actors : callable or sequence, optional
         Actors to paint, or a function that returns True for them; by default all.
     casters : callable or sequence, optional
-        Actors and things of pvibr that occlude; by default all that are visible and opaque.
+        Occluding actors and things of pvibr; by default all visible and opaque ones.
     **settings
         Values of the settings.
 
     Raises
     ------
     ValueError
-        If an image cannot be read, a camera is invalid or for another image size, or the lists
-        differ in length.
+        If an image is unreadable, a camera is invalid or for another image size, or lists differ
+        in length.
 
     Examples
     --------
@@ -88,43 +87,59 @@ class Projector(Effect):
     web = 'baked', 'colours or textures of surfaces'
     mode = Param(
         'replace',
-        'Replace the surface colour, light it as a slide projector, cover it by alpha, or add.',
+        'How images combine with the surface colour: replace it, modulate its lighting as a slide '
+        'projector does, cover it by their alpha, or add to it.',
         choices=('replace', 'modulate', 'decal', 'add'),
     )
-    lit = Param(False, 'Whether the scene lights the image, in modes replace and decal.')
-    occlusion = Param(True, 'Whether surfaces hidden from the camera stay unpainted.')
+    lit = Param(
+        False, 'Shade the image with the lights of the scene; modes replace and decal only.'
+    )
+    occlusion = Param(
+        True, 'Leave surfaces hidden from the camera unpainted; turn off to save the depth map.'
+    )
     opacity = Param(1.0, 'Opacity of the image.', range='[0, 1]')
     feather = Param(
-        0.0, 'Width of the fade at the border, as a fraction of the sides.', range='[0, 0.5]'
+        0.0,
+        'Width of the fade at image borders, as a fraction of the sides; hides seams.',
+        range='[0, 0.5]',
     )
-    outside_brightness = Param(1.0, 'Surface brightness outside the image.', range='[0, 1]')
+    outside_brightness = Param(
+        1.0,
+        'Brightness of surfaces outside the images; lower it to show coverage.',
+        range='[0, 1]',
+    )
     max_angle = Param(
-        90.0, 'Maximum angle of incidence; 180 for both sides.', range='(0, 180]', unit='degrees'
+        90.0,
+        'Maximum angle of incidence; lower it to leave out oblique views, 180 paints both sides.',
+        range='(0, 180]',
+        unit='degrees',
     )
-    gain = Param((1.0, 1.0, 1.0), 'Factors of red, green and blue.', range='[0, inf)')
+    gain = Param((1.0, 1.0, 1.0), 'RGB factors of all images.', range='[0, inf)')
     resolution = Param(
         None,
-        'Texels along a side of the depth map; by default two per image pixel, from 2048 to 4096.',
+        'Texels along a side of the depth map; by default twice the image size, 2048 to 4096.',
         range='[16, 16384]',
         kind=int,
     )
     normal_bias = Param(
         0.25,
-        'Offset of receivers along their normal: too low leaves holes on concave surfaces, too '
-        'high paints just behind edges.',
+        'Offset of receivers along their normal: raise it if concave surfaces have holes, lower '
+        'it if paint leaks behind edges.',
         range='[0, 16]',
         unit='texels',
     )
     fps = Param(
-        None, "Frames per second; the film's rate by default.", range='(0, inf)', kind=float
+        None, "Frames per second; by default the film's rate.", range='(0, inf)', kind=float
     )
-    loop = Param(True, 'Whether a sequence repeats; else its last image stays.')
+    loop = Param(True, 'Repeat a sequence; otherwise its last image stays.')
 
     blend = Param(
-        'feather', 'Overlaps: weighted mean, or the best image.', choices=('feather', 'best')
+        'feather',
+        'Overlaps show a weighted mean, or the best image only, which is sharper.',
+        choices=('feather', 'best'),
     )
     gains = Param(
-        'none', 'Whether exposures of overlapping images are equalized.', choices=('none', 'auto')
+        'none', 'Equalize exposures of overlapping images (auto).', choices=('none', 'auto')
     )
 
     def __init__(self, image, camera=None, *, mask=None, actors=None, casters=None, **settings):
@@ -139,13 +154,13 @@ class Projector(Effect):
     # -- the life of an effect ----------------------------------------------------------------
 
     actors, casters = Choice(), Choice()
-    #: Distinguishes its names in shaders from those of other projectors.
+    #: Makes its shader names unique among projectors.
     number = 0
 
     def attach(self, pipeline):
         """Add it to a pipeline."""
-        taken = {e.number for e in pipeline.effects if isinstance(e, Projector)}
-        self.number = next(n for n in range(len(taken) + 1) if n not in taken)
+        used_numbers = {e.number for e in pipeline.effects if isinstance(e, Projector)}
+        self.number = next(n for n in range(len(used_numbers) + 1) if n not in used_numbers)
         super().attach(pipeline)
 
     @property
@@ -156,13 +171,13 @@ class Projector(Effect):
     @property
     def cameras(self) -> tuple:
         """The camera of each image, as given."""
-        return tuple(slide.given for slide in self._slides)
+        return tuple(slide.given_camera for slide in self._slides)
 
     @property
     def found_gains(self) -> np.ndarray:
-        """Factors of red, green and blue of each image, (n, 3), as the last frame used them."""
-        found = self._found_gains[1] if self.gains == 'auto' else None
-        return np.ones((len(self._slides), 3)) if found is None else found.copy()
+        """RGB factors of each image, (n, 3), in the last frame."""
+        gains = self._found_gains[1] if self.gains == 'auto' else None
+        return np.ones((len(self._slides), 3)) if gains is None else gains.copy()
 
     def set_camera(self, camera, view=0):
         """Set the camera of an image.
@@ -179,11 +194,11 @@ class Projector(Effect):
         IndexError
             If there is no such image.
         ValueError
-            If it is no camera, or for another image size; nothing is changed.
+            If the camera is invalid or for another image size; the current one is kept.
         """
         slide = self._slides[view]
         as_camera(camera, slide.pictures.size)
-        slide.given = camera
+        slide.given_camera = camera
 
     def size_of(self, view=0) -> tuple[int, int]:
         """Return width and height of an image.
@@ -200,7 +215,7 @@ class Projector(Effect):
         if self.opacity == 0 and self.outside_brightness == 1:
             return 'opacity is 0'
         if any(live.shown is None for live in self.lives):
-            return 'its live texture is in no subplot, or not drawn yet: add it'
+            return NO_LIVE_PICTURE
         return True
 
     def content_key(self) -> object:
@@ -216,14 +231,14 @@ class Projector(Effect):
         for slide in self._slides:
             slide.show(frame.window, frame.time, self)
             if self.occlusion:
-                slide.look(frame, self._drawer, casters, self.resolution)
+                slide.update_depth(frame, self._drawer, casters, self.resolution)
             else:
                 slide.drop_depth()
         self._attach(frame, casters, things)
 
-    def _receivers(self, things) -> dict:
-        actors, things = self.pipeline.surfaces.chosen(self.actors, things, handles=False)
-        return actors | {address(a): a for thing in things for a in thing.actors()}
+    def _receivers(self, chosen) -> dict:
+        actors, chosen = self.pipeline.surfaces.chosen(self.actors, chosen, handles=False)
+        return actors | {address(a): a for item in chosen for a in item.actors()}
 
     def _attach(self, frame, casters, things):
         receivers = self._receivers(things)
@@ -235,18 +250,19 @@ class Projector(Effect):
 
     def _feature(self, actor) -> Feature:
         prop = actor.GetProperty()
-        # Edges and tubes are made by a geometry shader, which hands nothing on that is not VTK's.
-        between = bool(prop.GetEdgeVisibility() or prop.GetRenderLinesAsTubes())
+        # VTK's geometry shader of edges and tubes drops varyings that are not its own.
+        by_geometry = bool(prop.GetEdgeVisibility() or prop.GetRenderLinesAsTubes())
         lenses = tuple(slide.has_lens for slide in self._slides)
-        seen = tuple(self.occlusion and 'depth' in slide.textures() for slide in self._slides)
-        lit = self.lit and self.mode in ('replace', 'decal')
-        return _feature(self.number, lenses, seen, self.mode, lit, self.blend == 'best', between)
+        has_depth = tuple(self.occlusion and 'depth' in slide.textures() for slide in self._slides)
+        is_lit = self.lit and self.mode in ('replace', 'decal')
+        best = self.blend == 'best'
+        return _feature(self.number, lenses, has_depth, self.mode, is_lit, best, by_geometry)
 
     def _uniforms(self, frame, size, gains) -> dict:
-        pre = f'ibr_projector_{self.number}'
+        prefix = f'ibr_projector_{self.number}'
         view = frame.view_from_world
-        inverse = np.linalg.inv(view)
-        matrices = [m for s in self._slides for m in s.matrices(inverse, size)]
+        world_from_view = np.linalg.inv(view)
+        matrices = [m for s in self._slides for m in s.matrices(world_from_view, size)]
         numbers = [
             x
             for s, gain in zip(self._slides, gains, strict=True)
@@ -258,22 +274,19 @@ class Projector(Effect):
             self.opacity,
             self.outside_brightness,
             self.normal_bias,
-            _BEYOND if frame.window.GetMultiSamples() > 1 else 0.0,
+            _EXTRAPOLATION if frame.window.GetMultiSamples() > 1 else 0.0,
         ]
-        # In perspective depth is taken from w, in a parallel view from z.
-        clip = frame.clip_from_view
-        rows = np.stack([clip[0], clip[1], clip[2 if frame.parallel else 3], [0, 0, 0, 1.0]])
         uniforms = {
-            'ibr_view_from_clip': np.linalg.inv(rows)[None],
+            'ibr_view_from_clip': np.linalg.inv(pixel_from_view(frame))[None],
             'ibr_ahead': (1.0, 0.0) if frame.parallel else (0.0, 1.0),
             'ibr_viewport': (*frame.origin, *frame.size),
-            f'{pre}_matrix': np.stack(matrices),
-            f'{pre}_number': np.reshape(numbers, (-1, 1)),
-            f'{pre}_set': np.reshape(settings, (-1, 1)),
+            f'{prefix}_matrix': np.stack(matrices),
+            f'{prefix}_number': np.reshape(numbers, (-1, 1)),
+            f'{prefix}_set': np.reshape(settings, (-1, 1)),
         }
         for k, slide in enumerate(self._slides):
             for name, texture in slide.textures().items():
-                uniforms[f'{pre}_{name}_{k}'] = texture.activate()
+                uniforms[f'{prefix}_{name}_{k}'] = texture.activate()
         return uniforms
 
     def finish(self, frame):
@@ -281,7 +294,7 @@ class Projector(Effect):
         for slide in self._slides:
             for texture in slide.textures().values():
                 texture.deactivate()
-        # Another subplot that shows the same actor has other pictures, or none.
+        # The same actor in another subplot may have other images, or none.
         self._attached.leave_shared()
 
     def deactivate(self):
@@ -300,7 +313,7 @@ class Projector(Effect):
         self._drawer = None
 
     def report(self) -> dict:
-        """Return bytes, images, depth maps drawn so far, and the reduction of large images."""
+        """Return bytes, counts of images, depth maps drawn and receivers, and the reduction."""
         return {
             'bytes': nbytes_of(*self._slides),
             'pictures': len(self._slides),
@@ -312,15 +325,16 @@ class Projector(Effect):
     # -- exposure -----------------------------------------------------------------------------
 
     def _gains(self, casters, things) -> np.ndarray:
-        """Return the gains of each picture, (v, 3), solved again when the view changed."""
+        """Return the RGB gains of each image, (v, 3), cached until cameras or casters change."""
         if self.gains == 'none' or len(self._slides) == 1:
             return np.ones((len(self._slides), 3))
-        key = (casters.key(), [s.camera() for s in self._slides])
-        if self._found_gains[0] != key:
+        gains_key = (casters.key(), [s.camera() for s in self._slides])
+        if self._found_gains[0] != gains_key:
             receivers, _ = self.pipeline.surfaces.chosen(self.actors, things, handles=False)
             meshes = [surface_of(a) for a in receivers.values() if a.GetVisibility()]
-            others = [surface_of(a) for a in casters.actors]
-            self._found_gains = (key, solved_gains(self._slides, self, meshes, others))
+            caster_meshes = [surface_of(a) for a in casters.actors]
+            gains = solved_gains(self._slides, self, meshes, caster_meshes)
+            self._found_gains = gains_key, gains
         return self._found_gains[1]
 
     # -- as data ------------------------------------------------------------------------------
@@ -344,8 +358,8 @@ class Projector(Effect):
         time : float, optional
             Seconds, for sequences.
         file : str or Path, optional
-            A ``.tif`` (``pip install pvibr[geo]``) or ``.npy`` that a texture is written to, tile
-            by tile: it may be larger than memory.
+            A ``.tif`` (``pip install pvibr[geo]``) or ``.npy`` to write the texture to, tile by
+            tile: it may exceed memory.
         progress : bool, optional
             Show a progress bar; by default in terminals and notebooks.
 
@@ -353,10 +367,10 @@ class Projector(Effect):
         -------
         pyvista.DataSet
             A copy with the arrays ``'projected'`` (n, 4) uint8, transparent outside the images,
-            ``'covered'`` (n,) bool and ``'views'`` (n,) int, the number of images that see it.
+            ``'covered'`` (n,) bool and ``'views'`` (n,) int, the number of images there.
         numpy.ndarray, shape (h, w, 4), uint8
             The texture, row 0 at the top; only for ``to='texture'``, whose mesh has no arrays.
-            The path if it was written to a file.
+            The path if written to a file.
 
         Raises
         ------
@@ -379,22 +393,22 @@ class Projector(Effect):
         check_one_of('to', to, ('points', 'cells', 'texture'))
         file = checked_file(file)
         surfaces = [surface_of(m) for m in (mesh, *casters)]
-        side = 0 if self.max_angle > 90 else sides_of(mesh, None)
-        painter = SlidePainter(self._slides, self, surfaces, time, side)
+        outer_side = 0 if self.max_angle > 90 else sides_of(mesh, None)
+        painter = SlidePainter(self._slides, self, surfaces, time, outer_side)
         if to == 'texture':
             painter.solve_gains(mesh)
             with baking(progress, 'Baking pictures') as advance:
                 return baked_texture(mesh, size, painter.of_tiles, file, advance, side=_TILE)
         samples = Samples.of(mesh, to)
         colors, covered, views = painter.at(samples)
-        found = mesh.copy()
-        data = found.point_data if to == 'points' else found.cell_data
+        baked_mesh = mesh.copy()
+        data = baked_mesh.point_data if to == 'points' else baked_mesh.cell_data
         data['projected'], data['covered'], data['views'] = colors, covered, views
-        found.set_active_scalars('projected', preference=to[:-1])
-        return found
+        baked_mesh.set_active_scalars('projected', preference=to[:-1])
+        return baked_mesh
 
     def bake_into(self, scene):
-        """Add its images to a scene without pvibr."""
+        """Export its images to a scene without pvibr."""
 
         def draped(samples, surfaces, side):
             side = 0 if self.max_angle > 90 else side
@@ -412,35 +426,35 @@ class Projector(Effect):
 
 
 def _size(bounds) -> float:
-    """Return the diagonal of the scene, the unit of lengths in shaders."""
+    """Return the diagonal of the scene, the unit of length in shaders."""
     if not len(bounds):
         return 1.0
-    low, high = bounds[:, ::2].min(0), bounds[:, 1::2].max(0)
-    return float(np.linalg.norm(high - low)) or 1.0
+    lower, upper = bounds[:, ::2].min(0), bounds[:, 1::2].max(0)
+    return float(np.linalg.norm(upper - lower)) or 1.0
 
 
 @lru_cache(maxsize=64)
-def _feature(number, lenses, seen, mode, lit, best, between) -> Feature:
+def _feature(number, lenses, has_depth, mode, is_lit, best, by_geometry) -> Feature:
     """Return the shader text of a projector."""
-    pre = f'ibr_projector_{number}'
+    prefix = f'ibr_projector_{number}'
     text = sections(shader_source(__file__))
     shared = receiver_shader()
-    samplers = {f'{pre}_picture_{k}': 'sampler2D' for k in range(len(lenses))}
-    samplers |= {f'{pre}_depth_{k}': 'sampler2D' for k, s in enumerate(seen) if s}
+    samplers = {f'{prefix}_picture_{k}': 'sampler2D' for k in range(len(lenses))}
+    samplers |= {f'{prefix}_depth_{k}': 'sampler2D' for k, s in enumerate(has_depth) if s}
     parts = [declared_samplers(samplers), shared['plane'], shared['declare']]
-    parts.append(shared['fragment.pixel' if between else 'fragment.clip'])
+    parts.append(shared['fragment.pixel' if by_geometry else 'fragment.clip'])
     parts.append(text['picture'])
     parts.append(f'#define BEST {int(best)}\n#define LIGHT {int(mode == "modulate")}\n')
-    body = text['begin']
-    for k, (lens, sees) in enumerate(zip(lenses, seen, strict=True)):
-        parts.append(f'#define LENS {int(lens)}\n#define OCCLUSION {int(sees)}\n')
+    loop_body = text['begin']
+    for k, (lens, is_occluded) in enumerate(zip(lenses, has_depth, strict=True)):
+        parts.append(f'#define LENS {int(lens)}\n#define OCCLUSION {int(is_occluded)}\n')
         parts.append(text['slide'].replace('VIEW', str(k)))
         parts.append('#undef LENS\n#undef OCCLUSION\n')
-        body += text['one'].replace('VIEW', str(k))
-    parts += [body, text['end'], '#undef BEST\n#undef LIGHT\n']
+        loop_body += text['one'].replace('VIEW', str(k))
+    parts += [loop_body, text['end'], '#undef BEST\n#undef LIGHT\n']
     fragment = {'VTK::CustomUniforms::Dec': ''.join(parts)}
     light, color = '//VTK::Light::Impl\n', '//VTK::TCoord::Impl\n'
-    if lit:
+    if is_lit:
         fragment['VTK::Light::Impl'] = text['find'] + text['lit'] + light
     elif mode == 'modulate':
         fragment['VTK::Light::Impl'] = text['find'] + light + text['modulate']
@@ -451,5 +465,5 @@ def _feature(number, lenses, seen, mode, lit, best, between) -> Feature:
         'VTK::CustomUniforms::Dec': '//VTK::CustomUniforms::Dec\n' + shared['vertex.declare'],
         'VTK::PositionVC::Impl': '//VTK::PositionVC::Impl\n  ibr_clip = gl_Position;\n',
     }
-    fragment = {tag: part.replace('PRE', pre) for tag, part in fragment.items()}
-    return Feature(f'projector{number}', {} if between else vertex, fragment)
+    fragment = {tag: part.replace('PRE', prefix) for tag, part in fragment.items()}
+    return Feature(f'projector{number}', {} if by_geometry else vertex, fragment)

@@ -9,12 +9,13 @@ from pvibr.core.params import checked_flag
 from pvibr.maths.arguments import checked_whole, naming
 from pvibr.maths.cameras import as_camera
 from pvibr.maths.silhouettes import LitMesh, edge_table
+from pvibr.maths.vectors import unit_vectors
 from pvibr.projection.depth_maps import LARGEST_MAP, depth_maps, view_of
-from pvibr.projection.samples import bounds_of, surface_of, surfaces_of
+from pvibr.projection.samples import bounds_of, edges_of, surface_of, surfaces_of
 
-_BESIDE = 1.5  # texels beside a line, off its own surface, where depth is looked up
-_BEFORE = 8.0  # texels by which what hides a line must be before it
-_PIECE = 4.0  # texels that are visible or hidden as one
+_OFF_EDGE = 1.5  # texels off a line, away from its own surface, where depth is sampled
+_MIN_GAP = 8.0  # texels by which an occluder must lie before a line
+_PIECE = 4.0  # texels tested as one piece
 
 
 def silhouette_lines(
@@ -31,7 +32,7 @@ def silhouette_lines(
     casters : sequence of pyvista.DataSet or actors, optional
         Other occluders.
     hidden : bool, optional
-        Whether to keep lines that are occluded or outside the image.
+        Whether to include lines that are occluded or outside the image.
     size : tuple of 2 int, optional
         Width and height of the image in pixels, if the camera has none; by default PyVista's
         window size.
@@ -41,13 +42,13 @@ def silhouette_lines(
     Returns
     -------
     pyvista.PolyData
-        Polylines in float64: edges between front-facing and back-facing triangles, whole or their
+        Polylines in float64: the edges between front-facing and back-facing triangles, or their
         visible parts.
 
     Raises
     ------
     TypeError
-        If an argument is no mesh.
+        If an argument is not a mesh.
     ValueError
         If the camera is invalid.
 
@@ -77,34 +78,35 @@ def silhouette_lines(
     pairs, _ = LitMesh(edges, light).silhouette
     ends = (edges.points + edges.origin)[pairs]
     if not hidden:
-        away = _away(view, ends, _inner(edges, pairs) + edges.origin)
-        ends = _seen(view, ends, away, surfaces, resolution)
+        away_directions = _away(view, ends, _inner(edges, pairs) + edges.origin)
+        ends = _visible_parts(view, ends, away_directions, surfaces, resolution)
     return _lines(ends)
 
 
 def _inner(edges, pairs):
-    """Return for each edge a point on its triangles and off the edge, (k, 3)."""
+    """Return a point on the triangles of each edge but off the edge, (k, 3)."""
     corners = edges.triangles
-    sides = np.concatenate([corners[:, [0, 1]], corners[:, [1, 2]], corners[:, [2, 0]]])
-    third = np.concatenate([corners[:, 2], corners[:, 0], corners[:, 1]])
+    sides = edges_of(corners)
+    opposite = np.roll(corners, -2, 1).T.ravel()
     n = len(edges.points)
     keys = np.sort(sides, 1) @ [n, 1]
     order = np.argsort(keys)
-    wanted = np.sort(pairs, 1) @ [n, 1]
-    first = np.searchsorted(keys[order], wanted)
-    last = np.searchsorted(keys[order], wanted, side='right') - 1
-    return (edges.points[third[order[first]]] + edges.points[third[order[last]]]) / 2
+    pair_keys = np.sort(pairs, 1) @ [n, 1]
+    first_face = np.searchsorted(keys[order], pair_keys)
+    last_face = np.searchsorted(keys[order], pair_keys, side='right') - 1
+    opposite = edges.points[opposite[order]]
+    return (opposite[first_face] + opposite[last_face]) / 2
 
 
 def _texels(view, points):
     """Return texture coordinates and depth of points, (..., 3), and w."""
-    found = points @ view.texture_from_world()[:, :3].T + view.texture_from_world()[:, 3]
+    homogeneous = points @ view.texture_from_world()[:, :3].T + view.texture_from_world()[:, 3]
     with np.errstate(divide='ignore', invalid='ignore'):
-        return found[..., :3] / found[..., 3:], found[..., 3]
+        return homogeneous[..., :3] / homogeneous[..., 3:], homogeneous[..., 3]
 
 
 def _away(view, ends, inner):
-    """Return unit vectors in the picture, off the edges, away from their triangles, (k, 2)."""
+    """Return unit image vectors across the edges, away from their triangles, (k, 2)."""
     places, _ = _texels(view, np.concatenate([ends, inner[:, None]], 1))
     along, to_inner = places[:, 1, :2] - places[:, 0, :2], places[:, 2, :2] - places[:, 0, :2]
     across = np.stack([-along[:, 1], along[:, 0]], 1)
@@ -112,41 +114,41 @@ def _away(view, ends, inner):
     return across / np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-300)
 
 
-def _seen(view, ends, away, surfaces, resolution):
-    """Return the visible parts of edges, as edges."""
+def _visible_parts(view, ends, away, surfaces, resolution):
+    """Return the visible parts of edges, (k, 2, 3)."""
     (depth,) = depth_maps([view], surfaces, resolution)
     side = len(depth)
     places, w = _texels(view, ends)
-    front = (w > 0).all(1) & np.isfinite(places).all((1, 2))
-    ends, away, places = ends[front], away[front], places[front]
-    length = np.linalg.norm(np.diff(places[..., :2], axis=1)[:, 0], axis=1) * side
-    count = np.clip(np.ceil(length / _PIECE), 1, side).astype(int)
-    owner = np.repeat(np.arange(len(ends)), count)
-    step = np.arange(len(owner)) - np.repeat(np.cumsum(count) - count, count)
-    cuts = np.stack([step, step + 1], 1) / count[owner][:, None]
+    in_front = (w > 0).all(1) & np.isfinite(places).all((1, 2))
+    ends, away, places = ends[in_front], away[in_front], places[in_front]
+    texel_length = np.linalg.norm(np.diff(places[..., :2], axis=1)[:, 0], axis=1) * side
+    piece_count = np.clip(np.ceil(texel_length / _PIECE), 1, side).astype(int)
+    owner = np.repeat(np.arange(len(ends)), piece_count)
+    step = np.arange(len(owner)) - np.repeat(np.cumsum(piece_count) - piece_count, piece_count)
+    cuts = np.stack([step, step + 1], 1) / piece_count[owner][:, None]
     pieces = ends[owner, :1] + cuts[..., None] * (ends[owner, 1:] - ends[owner, :1])
-    seen = _nothing_before(view, pieces.mean(1), away[owner], depth)
-    # Runs of pieces that are seen are one edge.
-    joins = seen[1:] & seen[:-1] & (owner[1:] == owner[:-1])
-    first = seen & ~np.append(False, joins)
-    last = seen & ~np.append(joins, False)
-    return np.stack([pieces[first, 0], pieces[last, 1]], 1)
+    is_visible = _is_unoccluded(view, pieces.mean(1), away[owner], depth)
+    # Join runs of visible pieces.
+    joins_next = is_visible[1:] & is_visible[:-1] & (owner[1:] == owner[:-1])
+    starts_run = is_visible & ~np.append(False, joins_next)
+    ends_run = is_visible & ~np.append(joins_next, False)
+    return np.stack([pieces[starts_run, 0], pieces[ends_run, 1]], 1)
 
 
-def _nothing_before(view, points, away, depth):
+def _is_unoccluded(view, points, away, depth):
     side = len(depth)
     toward = view.view_from_world[2, :3] if view.parallel else view.eye - points
-    # How far a texel is across at each point: the eye's distance times that of a unit.
-    scale = 2 / (view.clip_from_view[1, 1] * side)
-    unit = toward if view.parallel else toward / np.linalg.norm(toward, axis=1, keepdims=True)
-    ahead = -(points @ view.view_from_world[2, :3] + view.view_from_world[2, 3])
-    texel = scale * (np.ones(len(points)) if view.parallel else ahead)
+    # Width of a texel at each point, world units.
+    texel_scale = 2 / (view.clip_from_view[1, 1] * side)
+    toward = unit_vectors(toward)
+    view_depth = -(points @ view.view_from_world[2, :3] + view.view_from_world[2, 3])
+    texel = texel_scale * (np.ones(len(points)) if view.parallel else view_depth)
     places, _ = _texels(view, points)
-    nearer, _ = _texels(view, points + _BEFORE * texel[:, None] * unit)
-    column, row = np.floor((places[:, :2] + _BESIDE * away / side) * side).astype(int).T
-    inside = ((places[:, :2] >= 0) & (places[:, :2] <= 1)).all(1)
+    in_front, _ = _texels(view, points + _MIN_GAP * texel[:, None] * toward)
+    column, row = np.floor((places[:, :2] + _OFF_EDGE * away / side) * side).astype(int).T
+    inside_map = ((places[:, :2] >= 0) & (places[:, :2] <= 1)).all(1)
     clipped = depth[np.clip(row, 0, side - 1), np.clip(column, 0, side - 1)]
-    return inside & (nearer[:, 2] <= clipped)
+    return inside_map & (in_front[:, 2] <= clipped)
 
 
 def _lines(ends) -> pv.PolyData:
@@ -156,5 +158,5 @@ def _lines(ends) -> pv.PolyData:
     points, index = np.unique(ends.reshape(-1, 3), axis=0, return_inverse=True)
     pairs = index.reshape(-1, 2)
     lines = np.column_stack([np.full(len(pairs), 2), pairs])
-    found = pv.PolyData(points, lines=lines.ravel())
-    return found.strip(join=True, max_length=max(len(pairs) + 1, 2))
+    segments = pv.PolyData(points, lines=lines.ravel())
+    return segments.strip(join=True, max_length=max(len(pairs) + 1, 2))

@@ -1,4 +1,4 @@
-"""Textures in memory, or in files that are written tile by tile."""
+"""Baked textures in memory, or in files written tile by tile."""
 
 from __future__ import annotations
 
@@ -14,30 +14,31 @@ from pvibr.core.files import replacing
 from pvibr.maths.arguments import naming
 from pvibr.projection.unwrap import checked_size, tiles_of, unwrapped
 
-#: Texels along a side of the blocks of a TIFF: tiles are of whole blocks.
+#: Texels along a side of the blocks of a TIFF; tiles are whole blocks.
 _BLOCK = 512
-#: Share of the progress that is unwrapping.
+#: Share of unwrapping in the progress.
 _UNWRAPPING = 0.3
 
 
 def baked_texture(mesh, size, painter, file, advance, *, side, maps=None):
-    """Return a mesh with texture coordinates, its texture, and other images; or their paths."""
-    # painter(mesh) returns paint(tile, step), which returns images by name, '' for the texture;
-    # step takes the fraction done, maps have types and empty values.
-    size, start = checked_size(size), 0.0
+    """Return a mesh with texture coordinates, its texture, and the images of maps, or their paths.
+
+    painter(mesh) returns paint(tile, step), which returns images by name, '' for the texture.
+    """
+    size, start_progress = checked_size(size), 0.0
     if not isinstance(mesh, pv.PolyData) or mesh.active_texture_coordinates is None:
-        start = _UNWRAPPING
-    mesh = unwrapped(mesh, size, lambda done: advance(start * done))
-    paint, rows = painter(mesh), size[::-1]
-    count = np.prod([-(-n // side) for n in size])
+        start_progress = _UNWRAPPING
+    mesh = unwrapped(mesh, size, lambda done: advance(start_progress * done))
+    paint, shape = painter(mesh), size[::-1]
+    tile_count = np.prod([-(-n // side) for n in size])
     with ExitStack() as stack:
-        images = {'': stack.enter_context(_texture(file, (*rows, 4), np.uint8))}
+        images = {'': stack.enter_context(_texture(file, (*shape, 4), np.uint8))}
         for name, kind in (maps or {}).items():
-            images[name] = stack.enter_context(_texture(_beside(file, name), rows, *kind))
+            images[name] = stack.enter_context(_texture(_beside(file, name), shape, *kind))
         for k, tile in enumerate(tiles_of(mesh, size, side)):
 
-            def step(done, k=k):
-                advance(start + (1 - start) * (k + done) / count)
+            def step(tile_share, k=k):
+                advance(start_progress + (1 - start_progress) * (k + tile_share) / tile_count)
 
             for name, values in paint(tile, step).items():
                 images[name][tile.where] = values
@@ -49,20 +50,18 @@ def baked_texture(mesh, size, painter, file, advance, *, side, maps=None):
 
 
 def _beside(file, name):
-    """Return the path of another image of a texture."""
+    """Return the path of a map beside its texture."""
     return file and (file.with_stem(f'{file.stem}_{name}') if name else file)
 
 
 def checked_file(file) -> Path | None:
-    """Return the path of a texture that is written tile by tile."""
+    """Return the path of a texture file, validated."""
     if file is None:
         return None
     with naming('file', file):
         file = Path(file).expanduser()
     if file.suffix.lower() not in ('.npy', '.tif', '.tiff'):
-        raise ValueError(
-            f'file is {str(file)!r}; it must end in .tif (pip install "pvibr[geo]") or .npy'
-        )
+        raise ValueError(f'file must end in .tif or .npy, got {str(file)!r}')
     if file.suffix.lower() != '.npy':
         require('rasterio', 'geo', 'TIFF files')
     return file
@@ -70,34 +69,34 @@ def checked_file(file) -> Path | None:
 
 @contextmanager
 def _texture(file, shape, dtype, empty=None):
-    """Yield what tiles are assigned to, an array or a file that is renamed once it is whole."""
+    """Yield an array, or a file that takes its name once complete, to assign tiles to."""
     if file is None:
         yield np.zeros(shape, dtype)
         return
-    with replacing(file) as part:
+    with replacing(file) as part_path:
         if file.suffix.lower() == '.npy':
-            with Path(part).open('wb') as array:
+            with Path(part_path).open('wb') as array:
                 yield _Npy(array, shape, np.dtype(dtype))
             return
-        layers = shape[2] if len(shape) == 3 else 1
-        how = {'predictor': 3 if np.dtype(dtype).kind == 'f' else 2, 'nodata': empty}
-        how |= {'photometric': 'RGB', 'alpha': 'UNSPECIFIED'} if layers == 4 else {}
+        band_count = shape[2] if len(shape) == 3 else 1
+        options = {'predictor': 3 if np.dtype(dtype).kind == 'f' else 2, 'nodata': empty}
+        options |= {'photometric': 'RGB', 'alpha': 'UNSPECIFIED'} if band_count == 4 else {}
         with warnings.catch_warnings():
-            warnings.simplefilter('ignore')  # a texture is nowhere on the earth
+            warnings.simplefilter('ignore')  # of a missing georeference
             image = require('rasterio', 'geo', 'TIFF files').open(
-                part,
+                part_path,
                 'w',
                 driver='GTiff',
                 height=shape[0],
                 width=shape[1],
-                count=layers,
+                count=band_count,
                 dtype=dtype,
                 tiled=True,
                 blockxsize=_BLOCK,
                 blockysize=_BLOCK,
                 compress='deflate',
                 bigtiff='IF_SAFER',
-                **how,
+                **options,
             )
         with image:
             yield _Tiff(image)
@@ -106,7 +105,7 @@ def _texture(file, shape, dtype, empty=None):
 class _Npy:
     """An .npy file whose rectangles can be assigned."""
 
-    # Not a memory map: its pages count as the process's, and on a full disk they are bus errors.
+    # Not a memory map, whose pages count as the process's memory, and raise SIGBUS on a full disk.
 
     def __init__(self, file, shape, dtype):
         self.file, self.dtype = file, dtype
@@ -118,9 +117,9 @@ class _Npy:
         file.truncate(self.start + self.row * shape[0])
 
     def __setitem__(self, where, values):
-        rows, columns = where
-        for number, row in enumerate(np.ascontiguousarray(values, self.dtype), rows.start):
-            self.file.seek(self.start + number * self.row + columns.start * self.texel)
+        row_range, columns = where
+        for row_index, row in enumerate(np.ascontiguousarray(values, self.dtype), row_range.start):
+            self.file.seek(self.start + row_index * self.row + columns.start * self.texel)
             self.file.write(row)
 
 

@@ -1,4 +1,4 @@
-"""Texture coordinates of meshes, and the surface point of each texel."""
+"""Texture coordinates of meshes, and the surface points of texels."""
 
 from __future__ import annotations
 
@@ -11,45 +11,45 @@ from scipy import ndimage
 
 from pvibr.gl.offscreen import triangles_seen
 from pvibr.maths.views import orthographic
-from pvibr.projection.samples import Samples, normals_and_areas
+from pvibr.projection.samples import Samples, normals_and_areas, polydata_of
 
-#: Texels around each part of a texture that take its colours, for filters that reach over edges.
+#: Texels of padding around each chart, for filters that reach across its border.
 _PAD = 8
-#: Triangles that xatlas unwraps at once: its time grows faster than their number.
+#: Most triangles that xatlas unwraps at once: its time is superlinear in their number.
 _PART = 5000
-#: Texels that are looked up at once.
+#: Texels processed at once.
 _MANY = 1 << 16
 
 
 def unwrapped(mesh, size=2048, advance=None) -> pv.PolyData:
-    """Return the triangles of a mesh's surface with texture coordinates, for a texture's size."""
-    surface = mesh if isinstance(mesh, pv.PolyData) else mesh.extract_surface(algorithm=None)
-    surface = surface.triangulate()
+    """Return the triangles of a mesh's surface with texture coordinates for a texture size."""
+    surface = polydata_of(mesh).triangulate()
     uv = surface.active_texture_coordinates
     if uv is not None:
-        surface.active_texture_coordinates = np.asarray(uv, np.float32)  # as VTK's glTF wants them
+        # float32, as VTK's glTF writer requires.
+        surface.active_texture_coordinates = np.asarray(uv, np.float32)
         return surface
     try:
         import xatlas
     except ImportError as error:
         raise ImportError(
-            'The mesh has no texture coordinates. Give it some (mesh.active_texture_coordinates), '
-            'or install xatlas, which makes them: pip install "pvibr[uv]"'
+            'mesh must have texture coordinates (mesh.active_texture_coordinates), got none; '
+            'xatlas generates them: pip install "pvibr[uv]"'
         ) from error
     points, faces = np.asarray(surface.points, float), surface.regular_faces
-    # xatlas works with float32: far from the origin it would see nothing else.
-    low, high = points.min(0), points.max(0)
-    small = ((points - low) / ((high - low).max() or 1.0)).astype(np.float32)
-    atlas, origins, parts = xatlas.Atlas(), [], _parts(small[faces].mean(1))
-    for k, rows in enumerate(parts):
-        used, part = np.unique(faces[rows], return_inverse=True)
-        one = xatlas.Atlas()
-        one.add_mesh(small[used], part.reshape(-1, 3).astype(np.uint32))
-        one.generate()
-        origin, part, uv = one.get_mesh(0)
-        uv = uv * [one.width, one.height] / (one.texels_per_unit or 1.0)
-        atlas.add_uv_mesh(uv.astype(np.float32), part)
-        origins.append(used[origin])
+    # xatlas uses float32, too coarse far from the origin.
+    lower, upper = points.min(0), points.max(0)
+    unit_points = ((points - lower) / ((upper - lower).max() or 1.0)).astype(np.float32)
+    atlas, origins, parts = xatlas.Atlas(), [], _parts(unit_points[faces].mean(1))
+    for k, face_rows in enumerate(parts):
+        part_points, part_faces = np.unique(faces[face_rows], return_inverse=True)
+        part_atlas = xatlas.Atlas()
+        part_atlas.add_mesh(unit_points[part_points], part_faces.reshape(-1, 3).astype(np.uint32))
+        part_atlas.generate()
+        origin, part_faces, uv = part_atlas.get_mesh(0)
+        uv = uv * [part_atlas.width, part_atlas.height] / (part_atlas.texels_per_unit or 1.0)
+        atlas.add_uv_mesh(uv.astype(np.float32), part_faces)
+        origins.append(part_points[origin])
         if advance is not None:
             advance((k + 1) / len(parts))
     options = xatlas.PackOptions()
@@ -59,131 +59,134 @@ def unwrapped(mesh, size=2048, advance=None) -> pv.PolyData:
 
 
 def _packed(atlas, points, origins, parts):
-    """Return the mesh of an atlas, its triangles in the order of the surface."""
-    count, places, found = 0, [], np.empty((sum(map(len, parts)), 3), int)
-    for k, rows in enumerate(parts):
-        origin, faces, uv = atlas.get_mesh(k)
-        found[rows] = faces + count
-        count += len(origin)
-        places.append((origins[k][origin], uv))
-    origin, uv = (np.concatenate(values) for values in zip(*places, strict=True))
-    mesh = pv.PolyData.from_regular_faces(points[origin], found)
+    """Return the mesh of an atlas, with triangles in the order of the surface."""
+    point_count, places, atlas_faces = 0, [], np.empty((sum(map(len, parts)), 3), int)
+    for k, face_rows in enumerate(parts):
+        origin_points, faces, uv = atlas.get_mesh(k)
+        atlas_faces[face_rows] = faces + point_count
+        point_count += len(origin_points)
+        places.append((origins[k][origin_points], uv))
+    origin_points, uv = (np.concatenate(values) for values in zip(*places, strict=True))
+    mesh = pv.PolyData.from_regular_faces(points[origin_points], atlas_faces)
     mesh.active_texture_coordinates = uv.astype(np.float32)
     return mesh
 
 
 def _parts(middles) -> list[np.ndarray]:
-    """Return the rows of triangles near each other, halved until they are few."""
-    waiting, found = [np.arange(len(middles))], []
-    while waiting:
-        rows = waiting.pop()
-        if len(rows) <= _PART:
-            found.append(rows)
+    """Return indices of triangles in compact parts of at most `_PART`, by median splits."""
+    pending, parts = [np.arange(len(middles))], []
+    while pending:
+        face_rows = pending.pop()
+        if len(face_rows) <= _PART:
+            parts.append(face_rows)
             continue
-        axis = np.ptp(middles[rows], axis=0).argmax()
-        rows = rows[np.argsort(middles[rows, axis], kind='stable')]
-        waiting += [rows[: len(rows) // 2], rows[len(rows) // 2 :]]
-    return found
+        axis = np.ptp(middles[face_rows], axis=0).argmax()
+        face_rows = face_rows[np.argsort(middles[face_rows, axis], kind='stable')]
+        pending += [face_rows[: len(face_rows) // 2], face_rows[len(face_rows) // 2 :]]
+    return parts
 
 
 @dataclass(frozen=True, eq=False)
 class TexelTile:
-    """Texels of a rectangle of a texture, with those around it."""
+    """Texels of a rectangle of a texture, with padding."""
 
-    #: Rows and columns in the texture, row 0 at the top.
+    #: Rows and columns of the rectangle in the texture, row 0 at the top.
     where: tuple[slice, slice]
-    #: Bottom row first.
+    #: Which texels, padding included, are on a triangle; bottom row first.
     inside: np.ndarray
-    #: The triangle of each texel inside, and its barycentric coordinates there.
+    #: The triangle of each of these, and its barycentric coordinates there.
     cell: np.ndarray
     share: np.ndarray
 
     def values(self, values, empty) -> np.ndarray:
-        """Return values of texels inside as the tile's image, row 0 at the top."""
+        """Return an image of the tile from values of texels inside, row 0 at the top."""
         image = np.full(self.inside.shape, empty, values.dtype)
         image[self.inside] = values
-        return self._own(image)
+        return self._cropped(image)
 
     def filled(self, colors, covered) -> np.ndarray:
-        """Return the tile of a texture; texels around charts take the nearest colour."""
+        """Return the tile's RGBA image, padded around charts with the nearest colour."""
         image = np.zeros((*self.inside.shape, 4), np.uint8)
         image[self.inside] = colors
-        known = self.inside.copy()
-        known[self.inside] = covered
-        if known.any():
-            away, near = ndimage.distance_transform_edt(~known, return_indices=True)
-            margin = away <= _PAD
-            rest = ~known & (margin | ~self.inside)  # mip levels reach over all that is outside
-            outside = ~self.inside[rest]
-            image[rest, :3] = image[near[0][rest], near[1][rest], :3]
-            image[rest, 3] = np.where(outside & margin[rest], 255, 0)
-        return self._own(image)
+        is_known = self.inside.copy()
+        is_known[self.inside] = covered
+        if is_known.any():
+            distance, nearest = ndimage.distance_transform_edt(~is_known, return_indices=True)
+            margin = distance <= _PAD
+            # Mip levels average over everything outside the charts.
+            to_fill = ~is_known & (margin | ~self.inside)
+            outside = ~self.inside[to_fill]
+            image[to_fill, :3] = image[nearest[0][to_fill], nearest[1][to_fill], :3]
+            image[to_fill, 3] = np.where(outside & margin[to_fill], 255, 0)
+        return self._cropped(image)
 
     def samples(self, mesh) -> Samples:
         """Return the surface points of the texels inside."""
         faces = mesh.regular_faces
         corner = np.asarray(mesh.points, float)[faces]
         normals, area = normals_and_areas(corner)
-        places = np.einsum('nk,nkd->nd', self.share, corner[self.cell])
-        return Samples.at(places, normals[self.cell], faces[self.cell], area[self.cell])
+        texel_points = np.einsum('nk,nkd->nd', self.share, corner[self.cell])
+        return Samples.at(texel_points, normals[self.cell], faces[self.cell], area[self.cell])
 
-    def _own(self, image):
-        rows, columns = (part.stop - part.start for part in self.where)
-        return np.ascontiguousarray(image[_PAD : _PAD + rows, _PAD : _PAD + columns][::-1])
+    def _cropped(self, image):
+        height, width = (part.stop - part.start for part in self.where)
+        return np.ascontiguousarray(image[_PAD : _PAD + height, _PAD : _PAD + width][::-1])
 
 
 def checked_size(size) -> tuple[int, int]:
-    """Return the width and height of a texture."""
+    """Return the width and height of a texture, validated."""
     width, height = np.broadcast_to(np.asarray(size), 2).tolist()
     if not (int(width) == width > 0 and int(height) == height > 0):
-        raise ValueError(f'size is {size!r}; it must be whole numbers of pixels above 0.')
+        raise ValueError(f'size must be positive whole numbers of pixels, got {size!r}')
     return int(width), int(height)
 
 
 def tiles_of(mesh, size, side=2048) -> Iterator[TexelTile]:
-    """Yield the tiles of a texture of a mesh, rows of them from the top."""
+    """Yield the tiles of a mesh's texture, row by row from the top."""
     width, height = checked_size(size)
-    wide, high = min(side, width), min(side, height)
+    tile_w, tile_h = min(side, width), min(side, height)
     uv = np.asarray(mesh.active_texture_coordinates, float)
     faces = mesh.regular_faces
-    flat = pv.PolyData.from_regular_faces(np.column_stack([uv, np.zeros(len(uv))]), faces)
-    starts = [(x, y) for y in range(0, height, high) for x in range(0, width, wide)]
+    uv_mesh = pv.PolyData.from_regular_faces(np.column_stack([uv, np.zeros(len(uv))]), faces)
+    tile_corners = [(x, y) for y in range(0, height, tile_h) for x in range(0, width, tile_w)]
     scale = np.array([width, height], float)
-    corners = [np.array([x - _PAD, height - min(y + high, height) - _PAD]) for x, y in starts]
-    room = np.array([wide, high]) + 2 * _PAD
+    corners = [np.array([x, height - min(y + tile_h, height)]) - _PAD for x, y in tile_corners]
+    tile_size = np.array([tile_w, tile_h]) + 2 * _PAD
     views = [
-        orthographic(np.eye(3), (*(low / scale), -1.0), (*((low + room) / scale), 1.0))
-        for low in corners
+        orthographic(np.eye(3), (*(lower / scale), -1.0), (*((lower + tile_size) / scale), 1.0))
+        for lower in corners
     ]
-    seen = triangles_seen(flat, views, tuple(room.tolist()))
-    for (x, y), low, number in zip(starts, corners, seen, strict=True):
-        where = slice(y, min(y + high, height)), slice(x, min(x + wide, width))
-        yield TexelTile(where, number >= 0, *_places(uv, faces, number, low, scale))
+    tile_triangles = triangles_seen(uv_mesh, views, tuple(tile_size.tolist()))
+    for (x, y), lower, face_of_texel in zip(tile_corners, corners, tile_triangles, strict=True):
+        where = slice(y, min(y + tile_h, height)), slice(x, min(x + tile_w, width))
+        yield TexelTile(
+            where, face_of_texel >= 0, *_places(uv, faces, face_of_texel, lower, scale)
+        )
 
 
-def _places(uv, faces, number, low, scale):
-    """Return the triangles of a tile's texels that have one, and barycentric coordinates there."""
-    row, column = np.nonzero(number >= 0)
-    cell = number[row, column]
+def _places(uv, faces, face_of_texel, lower_texel, scale):
+    """Return triangles and barycentric coordinates of a tile's texels that have a triangle."""
+    row, column = np.nonzero(face_of_texel >= 0)
+    cell = face_of_texel[row, column]
     share = np.empty((len(cell), 3), np.float32)
     for start in range(0, len(cell), _MANY):
-        part = slice(start, start + _MANY)
-        at = (np.column_stack([column[part], row[part]]) + 0.5 + low) / scale
-        share[part] = _barycentric(uv[faces[cell[part]]], at)
+        chunk = slice(start, start + _MANY)
+        texel_uv = (np.column_stack([column[chunk], row[chunk]]) + 0.5 + lower_texel) / scale
+        share[chunk] = _barycentric(uv[faces[cell[chunk]]], texel_uv)
     return cell, share
 
 
 def texel_spacing(mesh, size) -> float:
-    """Return the mean distance of a texture's texels on a mesh, world units."""
+    """Return the mean distance between texels on a mesh, world units."""
     uv = np.asarray(mesh.active_texture_coordinates, float) * checked_size(size)
-    flat = np.pad(uv, ((0, 0), (0, 1)))[mesh.regular_faces]
-    return float(np.sqrt(mesh.area / max(normals_and_areas(flat)[1].sum(), 1e-300)))
+    uv_corners = np.pad(uv, ((0, 0), (0, 1)))[mesh.regular_faces]
+    return float(np.sqrt(mesh.area / max(normals_and_areas(uv_corners)[1].sum(), 1e-300)))
 
 
-def _barycentric(corners, at):
+def _barycentric(corners, texel_uv):
     """Return barycentric coordinates, (n, 3), clipped to the triangle."""
     a, b = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-    p = at - corners[:, 0]
+    p = texel_uv - corners[:, 0]
     det = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
     det = np.where(det == 0, 1, det)
     s = (p[:, 0] * b[:, 1] - p[:, 1] * b[:, 0]) / det

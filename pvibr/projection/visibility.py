@@ -1,4 +1,4 @@
-"""Visibility from a camera and light on a mesh, as data: no plotter is needed."""
+"""Visibility from a camera and light on a mesh, as data, without a plotter."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ from pvibr.projection.rays import Rays, ray_method
 from pvibr.projection.samples import Samples, bounds_of, sides_of, surface_of, surfaces_of
 from pvibr.scene.lights import lights_of
 
-#: Texels along a side of a map of a light of some size: edges are blurred.
-_TEXELS = 4096
-#: Texels that faces beside a point may be before its own: each corner is one.
-_BESIDE = 1.5
+#: Texels along a side of the depth map of each sample of an area light: edges are blurred anyway.
+_MAP_TEXELS = 4096
+#: Texels by which adjacent faces may lie before a point's own, as at corners.
+_TOUCHING_TEXELS = 1.5
 #: Apparent diameter of the sun, degrees.
-_SUN = 0.53
+_SUN_DIAMETER = 0.53
 
 
 def visible(
@@ -56,12 +56,12 @@ def visible(
         Width and height of the image in pixels, if the camera has none: required with ``K``, and
         PyVista's window size by default for others.
     method : {'auto', 'rays', 'map'}
-        Rays are exact, and need embree (``pip install "pvibr[rays]"``); a depth map finds what is
-        wider than its texels. By default rays where embree is installed.
+        Rays are exact and need embree (``pip install "pvibr[rays]"``); a depth map resolves what
+        is wider than its texels. By default rays if embree is installed.
     resolution : int, optional
         Texels along a side of the depth map.
     two_sided : bool, optional
-        Whether back faces are visible; by default if the mesh is not closed.
+        Whether back faces are visible; by default only if the mesh is open.
 
     Returns
     -------
@@ -95,34 +95,32 @@ def visible(
     samples = Samples.of(mesh, to)
     uv, _ = camera.project(samples.points)
     with np.errstate(invalid='ignore'):
-        inside = ((uv >= 0) & (uv <= 1)).all(1)
+        inside_image = ((uv >= 0) & (uv <= 1)).all(1)
     toward = camera.toward(samples.points)
-    facing = samples.facing(toward, sides_of(mesh, two_sided))
-    rows = np.flatnonzero(inside & (facing > 0))
-    found = np.zeros(len(inside))
+    facing_cosines = samples.facing(toward, sides_of(mesh, two_sided))
+    candidates = np.flatnonzero(inside_image & (facing_cosines > 0))
+    points, normals = samples.points[candidates], samples.turned(toward)[candidates]
+    is_visible = np.zeros(len(inside_image))
     surfaces = [surface_of(mesh), *surfaces_of(casters)]
     if ray_method(method):
-        reach = _away(camera, samples.points[rows])
-        free = Rays(surfaces).free(
-            samples.points[rows], samples.turned(toward)[rows], toward[rows], reach
-        )
-        found[rows] = free & (reach > 0)
-        return samples.most(found) >= 0.5
+        ray_length = _away(camera, points)
+        is_free = Rays(surfaces).free(points, normals, toward[candidates], ray_length)
+        is_visible[candidates] = is_free & (ray_length > 0)
+        return samples.most(is_visible) >= 0.5
     view = view_of(camera, bounds_of(surfaces), resolution)
-    if view is not None and len(rows):
+    if view is not None and len(candidates):
         (depth,) = depth_maps([view], surfaces, resolution)
-        normals = samples.turned(toward)[rows]
-        found[rows] = depth_test.seen(view, depth, samples.points[rows], normals, OFFSET)
-    return samples.most(found) >= 0.5
+        is_visible[candidates] = depth_test.seen(view, depth, points, normals, OFFSET)
+    return samples.most(is_visible) >= 0.5
 
 
 def _check_has_size(camera):
     """Raise a ValueError for an intrinsic matrix without the size of its picture."""
-    rows = isinstance(camera, tuple | list | np.ndarray)
-    if rows or (isinstance(camera, dict) and 'size' not in camera):
+    is_intrinsic = isinstance(camera, tuple | list | np.ndarray)
+    if is_intrinsic or (isinstance(camera, dict) and 'size' not in camera):
         raise ValueError(
-            'size = None: must be width and height of the picture of camera in pixels, as in '
-            'size=(1920, 1080): K does not tell them'
+            "size must be the width and height of the camera's picture in pixels, got None; K "
+            'does not contain them: pass for example size=(1920, 1080)'
         )
 
 
@@ -152,32 +150,32 @@ def shadow_mask(
     to : {'points', 'cells'}
         Result per point or per cell.
     method : {'auto', 'rays', 'map'}
-        Rays are exact, and need embree (``pip install "pvibr[rays]"``); a depth map may be wrong
-        within a texel of a shadow's edge, and loses casters thinner than that. By default rays
-        where embree is installed.
+        Rays are exact and need embree (``pip install "pvibr[rays]"``); a depth map may be wrong
+        within a texel of a shadow's edge, and misses casters thinner than that. By default rays if
+        embree is installed.
     resolution : int, optional
-        Texels along a side of a depth map of what the light sees of all meshes. By default 4096,
-        and 16384 in those of its parts where samples are in doubt beside edges and thin casters.
+        Texels along a side of the light's depth map of all meshes. By default 4096, and 16384 in
+        the parts where edges and thin casters leave samples in doubt.
     samples : int, optional
-        Samples on the light; more than 1 gives soft shadows.
+        Sample points on the light; more than 1 gives soft shadows.
     extent : float, optional
-        Size of the light for more than one sample: angular diameter of a directional light in
-        degrees, by default 0.53 as the sun; radius of a positional light in world units.
+        Size of the light if `samples` is above 1: angular diameter of a directional light in
+        degrees, by default the sun's 0.53; radius of a positional light in world units.
     two_sided : bool, optional
         Whether back faces are lit. By default they are not: closed meshes are lit from outside,
-        others on the side that mostly faces the light.
+        open ones on the side that mostly faces the light.
     doubt : bool, optional
-        Return a bound of the error too.
+        Also return an error bound.
 
     Returns
     -------
     lit : numpy.ndarray, shape (n,), float64
         Lit fraction, 0 to 1; 0 on faces turned away.
     doubt : numpy.ndarray, shape (n,), float64
-        If asked for: by how much each value may be wrong, 0 to 1. Of a depth map it is 1 where a
-        texel beside tells otherwise, or holds an edge of a caster that is thinner than a texel; of
-        rays it is 0. Its sum is the most that counts of lit cells may be off by; for points, leave
-        some texels around what touches them aside.
+        With ``doubt=True``: the error bound of each value, 0 to 1. With a depth map it is 1 where
+        a neighbouring texel disagrees or holds an edge of a caster thinner than a texel; with rays
+        it is 0. Its sum bounds the error of counts of lit cells; for points, ignore a few texels
+        around contacts.
 
     Raises
     ------
@@ -200,29 +198,31 @@ def shadow_mask(
         resolution = checked_whole('resolution', resolution, 1, LARGEST_MAP)
     doubt = checked_flag('doubt', doubt)
     by_rays = ray_method(method)
-    found = Samples.of(mesh, to)
+    mesh_samples = Samples.of(mesh, to)
     surfaces = [surface_of(mesh), *surfaces_of(casters)]
-    sides = sides_of(mesh, two_sided) or (0 if two_sided else _lit_side(light, found))
-    total = np.zeros(len(found.points))
-    places = _spread(_scene_light(light), samples, extent)
-    wrong = np.zeros(len(total))
+    sides = sides_of(mesh, two_sided) or (0 if two_sided else _lit_side(light, mesh_samples))
+    lit_sum = np.zeros(len(mesh_samples.points))
+    light_points = _spread(_scene_light(light), samples, extent)
+    doubt_sum = np.zeros(len(lit_sum))
     if by_rays:
         rays = Rays(surfaces)
-        for place in places:
-            total += _lit_by_rays(place, rays, found, sides)
+        for light_point in light_points:
+            lit_sum += _lit_by_rays(light_point, rays, mesh_samples, sides)
     else:
-        texels = resolution or (None if samples == 1 else _TEXELS)
+        texels = resolution or (None if samples == 1 else _MAP_TEXELS)
+        touching = _TOUCHING_TEXELS if to == 'points' else 0.0
         with depth_scene(surfaces) as scene:
-            for place in places:
-                toward, reached = _reached(place, found, sides)
-                rows, normals = np.flatnonzero(reached), found.turned(toward)[reached]
-                points = found.points[rows]
-                how = {'judge': doubt, 'touching': _BESIDE if to == 'points' else 0.0}
-                lit, unsure = lit_by_maps(scene, place, points, normals, texels, **how)
-                total[rows] += lit
-                wrong[rows] += unsure
-    lit = found.most(total / samples)
-    return (lit, found.most(wrong / samples)) if doubt else lit
+            for light_point in light_points:
+                toward, reached = _reached(light_point, mesh_samples, sides)
+                points = mesh_samples.points[reached]
+                normals = mesh_samples.turned(toward)[reached]
+                lit, is_doubtful = lit_by_maps(
+                    scene, light_point, points, normals, texels, judge=doubt, touching=touching
+                )
+                lit_sum[reached] += lit
+                doubt_sum[reached] += is_doubtful
+    lit = mesh_samples.most(lit_sum / samples)
+    return (lit, mesh_samples.most(doubt_sum / samples)) if doubt else lit
 
 
 def shadowed_area(mesh, lit) -> float:
@@ -238,7 +238,7 @@ def shadowed_area(mesh, lit) -> float:
     Returns
     -------
     float
-        In the square of the mesh's unit; half shadow counts half.
+        In squared mesh units; half shadow counts half.
 
     Raises
     ------
@@ -257,19 +257,17 @@ def shadowed_area(mesh, lit) -> float:
     lit = as_array('lit', lit, float)
     if lit.shape not in ((mesh.n_cells,), (mesh.n_points,)):
         sizes = f'({mesh.n_cells},) or ({mesh.n_points},)'
-        raise ValueError(
-            f'lit has the shape {lit.shape}; it must be {sizes}, as mesh has cells and points.'
-        )
-    own = lit[faces.owner] if len(lit) == mesh.n_cells else lit[faces.corner].mean(1)
-    return float((faces.area * (1 - own)).sum())
+        raise ValueError(f'lit must have shape {sizes}, for cells or points, got {lit.shape}')
+    face_lit = lit[faces.owner] if len(lit) == mesh.n_cells else lit[faces.corner].mean(1)
+    return float((faces.area * (1 - face_lit)).sum())
 
 
 def _away(camera, points):
-    """Return how far points are from a camera: from where it is, or from its near plane."""
-    matrix = camera.view_from_world
+    """Return the distance of points from a camera, or from its near plane if orthographic."""
+    view_from_world = camera.view_from_world
     if isinstance(camera, Orthographic):
-        return -(points @ matrix[2, :3] + matrix[2, 3]) - camera.near
-    return np.linalg.norm(points @ matrix[:3, :3].T + matrix[:3, 3], axis=1)
+        return -(points @ view_from_world[2, :3] + view_from_world[2, 3]) - camera.near
+    return np.linalg.norm(points @ view_from_world[:3, :3].T + view_from_world[:3, 3], axis=1)
 
 
 # -- light --------------------------------------------------------------------------------------
@@ -277,71 +275,65 @@ def _away(camera, points):
 
 def _check_light(light, samples, extent):
     if not hasattr(light, 'GetConeAngle') or not light.LightTypeIsSceneLight():
-        raise ValueError(
-            f"light is {light!r:.100}; it must be a pyvista.Light of light_type 'scene light'."
-        )
+        raise ValueError(f"light must be a pv.Light of type 'scene light', got {light!r:.80}")
     if light.GetPosition() == light.GetFocalPoint():
-        raise ValueError(
-            f'light.position and focal_point are both {light.GetPosition()}: no direction.'
-        )
+        raise ValueError(f'light must have a direction, got focal_point = {light.GetPosition()}')
     checked_whole('samples', samples, 1, 1 << 20)
     if extent is not None:
         checked_number('extent', extent, 0.0)
     if samples > 1 and extent is None and light.GetPositional():
-        raise ValueError(
-            'extent is None; samples of a positional light need its radius in world units.'
-        )
+        raise ValueError('extent must be the radius of the light if samples > 1, got None')
 
 
 def _scene_light(light):
     renderer = _vtk.vtkOpenGLRenderer()
     renderer.AddLight(light)
-    (found,) = lights_of(renderer)
-    return found
+    (scene_light,) = lights_of(renderer)
+    return scene_light
 
 
-def _spread(found, samples, extent):
-    """Yield point-like lights that sample an extended one."""
+def _spread(scene_light, samples, extent):
+    """Yield point lights that sample an area light."""
     if samples == 1:
-        yield found
+        yield scene_light
         return
-    middle, ahead = np.array(found.position), np.array(found.direction)
-    helper = np.eye(3)[np.abs(ahead).argmin()]
-    right = np.cross(ahead, helper) / np.linalg.norm(np.cross(ahead, helper))
-    axes = np.stack([right, np.cross(ahead, right)])
-    if not found.positional:
-        extent = np.tan(np.radians((_SUN if extent is None else extent) / 2))
-    for aside in vogel_disk(int(samples)) * extent @ axes:
-        if found.positional:
-            yield replace(found, position=tuple(middle + aside))
+    light_position, ahead = np.array(scene_light.position), np.array(scene_light.direction)
+    helper_axis = np.eye(3)[np.abs(ahead).argmin()]
+    side_axis = np.cross(ahead, helper_axis) / np.linalg.norm(np.cross(ahead, helper_axis))
+    disk_axes = np.stack([side_axis, np.cross(ahead, side_axis)])
+    if not scene_light.positional:
+        extent = np.tan(np.radians((_SUN_DIAMETER if extent is None else extent) / 2))
+    for lens_offset in vogel_disk(int(samples)) * extent @ disk_axes:
+        if scene_light.positional:
+            yield replace(scene_light, position=tuple(light_position + lens_offset))
         else:
-            way = ahead + aside
-            yield replace(found, direction=tuple(way / np.linalg.norm(way)))
+            direction = ahead + lens_offset
+            yield replace(scene_light, direction=tuple(direction / np.linalg.norm(direction)))
 
 
 def _lit_side(light, samples) -> int:
     """Return the side of an open mesh that mostly faces a light, 1 or -1."""
-    weighted = samples.area[:, None] * samples.normals
+    weighted_normals = samples.area[:, None] * samples.normals
     toward = toward_light(_scene_light(light), samples.points)
-    return 1 if np.einsum('ij,ij->', weighted, toward) >= 0 else -1
+    return 1 if np.einsum('ij,ij->', weighted_normals, toward) >= 0 else -1
 
 
 def toward_light(light, points) -> np.ndarray:
     """Return unit vectors to a light, (m, 3)."""
-    place = light.homogeneous()[:3]
+    position = light.homogeneous()[:3]
     if light.positional:
-        return unit_vectors(place - points)
-    return np.broadcast_to(unit_vectors(place), points.shape)
+        return unit_vectors(position - points)
+    return np.broadcast_to(unit_vectors(position), points.shape)
 
 
 def _views(scene, light, resolution) -> list:
-    """Return the views of a point-like light, and their depth."""
+    """Return the (view, depth) pairs of a point light."""
     views = views_of(scene, light, resolution)
     return [(view, scene.depth(view, resolution)) for view in views]
 
 
 def _reached(light, samples, sides):
-    """Return unit vectors to a light, and which samples it reaches if nothing hides it."""
+    """Return unit vectors to a light, and which samples it would reach unoccluded."""
     toward = toward_light(light, samples.points)
     reached = samples.facing(toward, sides) > 0
     if light.kind == 'spot':
@@ -350,49 +342,51 @@ def _reached(light, samples, sides):
 
 
 def _lit_by_rays(light, rays, samples, sides):
-    """Return the visibility of a point-like light from each sample, 0 or 1."""
+    """Return the visibility of a point light from each sample, 0 or 1, by rays."""
     toward, reached = _reached(light, samples, sides)
-    found = np.zeros(len(toward))
-    rows = slice(None) if reached.all() else np.flatnonzero(reached)
-    points = samples.points[rows]
-    reach = np.full(len(points), np.inf)
+    lit = np.zeros(len(toward))
+    reached_rows = slice(None) if reached.all() else np.flatnonzero(reached)
+    points = samples.points[reached_rows]
+    ray_length = np.full(len(points), np.inf)
     if light.positional:
-        reach = np.linalg.norm(np.array(light.position) - points, axis=1)
-    found[rows] = rays.free(points, samples.turned(toward)[rows], toward[rows], reach)
-    return found
+        ray_length = np.linalg.norm(np.array(light.position) - points, axis=1)
+    normals = samples.turned(toward)[reached_rows]
+    lit[reached_rows] = rays.free(points, normals, toward[reached_rows], ray_length)
+    return lit
 
 
 def _lit(light, views, samples, sides):
-    """Return the visibility of a point-like light from each sample, by depth in its views."""
+    """Return the visibility of a point light from each sample, by depth maps."""
     toward, reached = _reached(light, samples, sides)
     normals = samples.turned(toward)
     nearest = nearest_view([view for view, _ in views], samples.points)
-    found = np.zeros(len(normals))
+    lit = np.zeros(len(normals))
     for k, (view, depth) in enumerate(views):
-        rows = np.flatnonzero(reached & (nearest == k))
-        if len(rows):
-            points, turned = samples.points[rows], normals[rows]
-            found[rows] = depth_test.seen(view, depth, points, turned, OFFSET)
-    return found
+        view_rows = np.flatnonzero(reached & (nearest == k))
+        if len(view_rows):
+            points, turned = samples.points[view_rows], normals[view_rows]
+            lit[view_rows] = depth_test.seen(view, depth, points, turned, OFFSET)
+    return lit
 
 
 class Reach:
-    """How much of some lights reaches places among meshes, which are drawn once for each light."""
+    """Lit fraction of samples among meshes, whose depth is drawn once per light."""
 
     def __init__(self, surfaces, lights, resolution, samples=1, extents=()):
-        self._places: list = []
+        self._light_points: list = []
         extents = list(extents) or [None] * len(lights)
         if not any(surface.n_points for surface in surfaces):
-            self._places = [[] for _ in lights]
+            self._light_points = [[] for _ in lights]
             return
         with depth_scene(surfaces) as scene:
             for light, extent in zip(lights, extents, strict=True):
-                places = _spread(light, samples, extent)
-                self._places.append([(p, _views(scene, p, resolution)) for p in places])
+                points = _spread(light, samples, extent)
+                self._light_points.append([(p, _views(scene, p, resolution)) for p in points])
 
-    def of(self, number, samples) -> np.ndarray:
-        """Return how much of a light reaches samples that are turned to it, (m,), 0 to 1."""
-        places = self._places[number]
-        if not places:
+    def of(self, light_index, samples) -> np.ndarray:
+        """Return the lit fraction of samples that face a light, (m,), 0 to 1."""
+        light_points = self._light_points[light_index]
+        if not light_points:
             return np.ones(len(samples.points))
-        return np.mean([_lit(place, views, samples, 0) for place, views in places], axis=0)
+        lit = [_lit(light_point, views, samples, 0) for light_point, views in light_points]
+        return np.mean(lit, axis=0)

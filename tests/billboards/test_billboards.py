@@ -675,7 +675,7 @@ def test_what_is_of_another_kind_is_named(wrong):
 def test_textures_without_an_image_and_images_that_are_no_numbers_are_refused():
     pl = plotter()
     for wrong in (pv.Texture(), np.full((4, 4), np.nan)):
-        with pytest.raises(ValueError, match='image has'):
+        with pytest.raises(ValueError, match='image must have'):
             pl.ibr.add_billboards([[0, 0, 0]], wrong)
     pl.close()
 

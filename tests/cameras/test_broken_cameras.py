@@ -119,7 +119,7 @@ def test_no_broken_file_does_harm(kind, tmp_path):
         except ValueError as error:
             text = str(error)
             assert str(tmp_path) in text, (case, text)
-            assert PLACE.search(text) or 'the folder at this path has no cameras' in text, text
+            assert PLACE.search(text) or 'the folder must have' in text, text
             assert len(text) < 1500
         file.write_bytes(whole)
     peak = tracemalloc.get_traced_memory()[1]
@@ -166,7 +166,11 @@ def test_pictures_of_another_size(tmp_path):
     with pytest.warns(pvibr.PvibrWarning) as said:
         photos = pvibr.read_cameras(path)
     (warning,) = said
-    for text in ('1 have pictures of another size', '1 have pictures of other', 'cannot be read'):
+    for text in (
+        '1 have pictures of another size',
+        '1 have pictures of another aspect',
+        'have unreadable pictures',
+    ):
         assert text in str(warning.message)
     assert [photo.size for photo in photos] == [(640, 480), (320, 240), (640, 480), (640, 480)]
     assert [photo.path is None for photo in photos] == [False, False, True, True]
@@ -180,7 +184,7 @@ def test_pictures_of_another_size(tmp_path):
     ('name', 'change', 'wanted'),
     [
         ('transforms', ('"fl_x": 600', '"fl_x": "wide"'), r'transforms\.json, line 5 \(fl_x\): '),
-        ('blender', ('"camera_angle_x"', '"angle"'), r'\(frames\[0\]\): there is no fl_x'),
+        ('blender', ('"camera_angle_x"', '"angle"'), r'\(frames\[0\]\): fl_x or camera_angle_x'),
         (
             'opensfm',
             ('"focal": 0.9', '"focal": 1e999'),
@@ -198,7 +202,7 @@ def test_pictures_of_another_size(tmp_path):
         ),
         ('metashape', ('<document', '<!DOCTYPE a [<!ENTITY b "c">]><document'), 'document type'),
         ('bundler', ('5 0', '5000000000 0'), 'bundle.out, line 2'),
-        ('nvm', ('\n4\n', '\n900000\n'), r'scene\.nvm, line 9: .* should be 10 finite numbers'),
+        ('nvm', ('\n4\n', '\n900000\n'), r'scene\.nvm, line 9: values must be 10 finite numbers'),
         ('colmap-OPENCV', ('OPENCV', 'OPENCW'), "cameras.txt, line 2: camera model 'OPENCW'"),
     ],
 )
@@ -213,16 +217,16 @@ def test_errors_name_file_and_line(name, change, wanted, tmp_path):
 
 
 def test_arguments_are_checked(tmp_path):
-    with pytest.raises(FileNotFoundError, match='path is'):
+    with pytest.raises(FileNotFoundError, match='path must be'):
         pvibr.read_cameras(tmp_path / 'no')
-    with pytest.raises(ValueError, match='the folder at this path has no cameras'):
+    with pytest.raises(ValueError, match='the folder must have'):
         pvibr.read_cameras(tmp_path)
     (tmp_path / 'a.json').write_text('{}')
-    with pytest.raises(ValueError, match='the path is of no camera file'):
+    with pytest.raises(ValueError, match='not a recognised camera file'):
         pvibr.read_cameras(tmp_path / 'a.json')
     with pytest.raises(ValueError, match='format must be'):
         pvibr.read_cameras(tmp_path, format='x')
-    with pytest.raises(FileNotFoundError, match='images is'):
+    with pytest.raises(FileNotFoundError, match='images must be'):
         pvibr.read_cameras(tmp_path, tmp_path / 'no')
 
 

@@ -44,9 +44,9 @@ def test_what_a_format_lacks_is_refused(tmp_path):
         pvibr.write_cameras(
             tmp_path / 'b', pvibr.Orthographic.from_extent(0, 1, 0, 1, size=(9, 9))
         )
-    with pytest.raises(ValueError, match='cameras is empty'):
+    with pytest.raises(ValueError, match='cameras must have'):
         pvibr.write_cameras(tmp_path / 'b', [])
-    with pytest.raises(ValueError, match='size is None'):
+    with pytest.raises(ValueError, match='size must be given'):
         pvibr.write_cameras(tmp_path / 'b', pv.Camera())
     assert not (tmp_path / 'b').exists()
 

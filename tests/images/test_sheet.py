@@ -91,9 +91,9 @@ def test_levels_arrive_on_the_gpu():
 @pytest.mark.parametrize(
     ('image', 'words'),
     [
-        (np.zeros((0, 4)), 'not empty'),
+        (np.zeros((0, 4)), 'shape'),
         (np.zeros((2, 2, 5)), 'shape'),
-        (np.array([[0.0, np.nan]]), 'floats must be'),
+        (np.array([[0.0, np.nan]]), 'floats from 0 to 1'),
         ([], 'empty list'),
         ([np.zeros((2, 2)), np.zeros(3)], r'image\[1\]'),
     ],

@@ -237,7 +237,7 @@ def test_a_file_does_not_lead_out_of_its_folder(glb):
     buffers = [{'byteLength': len(glb.blob), 'uri': '../secret.bin'}]
     path.write_text(json.dumps(glb.json | {'buffers': buffers}))
     for read in (as_parts, scene_instances):
-        with pytest.raises(ValueError, match='outside of the folder'):
+        with pytest.raises(ValueError, match='outside the folder'):
             read(path)
 
 

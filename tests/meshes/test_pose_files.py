@@ -75,12 +75,12 @@ def test_named_columns(tmp_path):
 @pytest.mark.parametrize(
     ('text', 'match'),
     [
-        ('x,y,z\n1,2,3\n\n1,oops,3\n', r"line 4, column 2 \('y'\): 'oops'"),
-        ('x,y,z\n1,2,nan\n', r"line 2, column 3 \('z'\): 'nan'"),
-        ('x,y,z\n1,2,\n', r"line 2, column 3 \('z'\): ''"),
-        ('x,y,z\n1,2,3\n1,2\n', 'line 3, column 3: 2 values'),
-        ('x,y,z\n1,2,3\n1,2,3,4\n', 'line 3, column 4: 4 values'),
-        ('x,y,z,s\n1,2,3,4\n1,2,3,a\n', r"line 3, column 4 \('s'\): 'a' is not a number"),
+        ('x,y,z\n1,2,3\n\n1,oops,3\n', r"line 4, column 2 \('y'\): .* got 'oops'"),
+        ('x,y,z\n1,2,nan\n', r"line 2, column 3 \('z'\): .* got 'nan'"),
+        ('x,y,z\n1,2,\n', r"line 2, column 3 \('z'\): .* got ''"),
+        ('x,y,z\n1,2,3\n1,2\n', 'line 3, column 3: .* got 2'),
+        ('x,y,z\n1,2,3\n1,2,3,4\n', 'line 3, column 4: .* got 4'),
+        ('x,y,z,s\n1,2,3,4\n1,2,3,a\n', r"line 3, column 4 \('s'\): must be a number, got 'a'"),
         ('x,y,kind\n1,2,a\n', "no column 'z'"),
         ('1,2,3\n', "no column 'x'"),
         ('', 'empty'),
@@ -156,9 +156,9 @@ def test_parquet(tmp_path):
 
 
 def test_broken_parquet_says_where(tmp_path):
-    with pytest.raises(ValueError, match="row 1, column 'y': nan"):
+    with pytest.raises(ValueError, match="row 1, column 'y': must be finite, got nan"):
         read_poses(_parquet(tmp_path, x=[1, 2], y=[1, None], z=[0, 0]))
-    with pytest.raises(ValueError, match="column 'y' does not hold numbers"):
+    with pytest.raises(ValueError, match="column 'y' must hold numbers"):
         read_poses(_parquet(tmp_path, x=[1, 2], y=['a', 'b'], z=[0, 0]))
     file = tmp_path / 'broken.parquet'
     file.write_bytes(b'PAR1 and nothing else PAR1')

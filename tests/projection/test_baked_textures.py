@@ -288,11 +288,11 @@ def test_projectors_bake_in_tiles_too(tmp_path, monkeypatch):
 
 
 def test_bad_files_are_refused(painted, tmp_path, monkeypatch):
-    with pytest.raises(ValueError, match=r"'site.png'; it must end in .tif"):
+    with pytest.raises(ValueError, match=r'file must end in .tif .*site.png'):
         painted.bake(file='site.png')
     with pytest.raises(TypeError, match='file'):
         painted.bake(file=3)
-    with pytest.raises(ValueError, match=r'size is 0'):
+    with pytest.raises(ValueError, match=r'size must be .* got 0'):
         painted.bake(size=0, file=tmp_path / 'site.npy')
     monkeypatch.setitem(__import__('sys').modules, 'rasterio', None)
     with pytest.raises(ImportError, match='geo'):

@@ -15,10 +15,9 @@ from benchmarks.common.rays import Rays, edge_band
 from pvibr.capture.adaptive_quality import AdaptiveQuality
 from pvibr.core.frame import Frame
 from pvibr.images.picture_sheet import Squares
-from pvibr.maths.levelling import levelled
-from pvibr.projection import photo_choice
 from pvibr.projection.photo_choice import Surface, Visibility, choose
 from pvibr.projection.photo_sources import load_small, sources_of
+from pvibr.projection.rays import Rays as Occlusion
 
 SIZE = (200, 150)
 
@@ -106,8 +105,6 @@ def made(tmp_path_factory):
 
 def seen_by(mesh, photos, surface):
     """Return whether each camera sees the place of each pixel, (photos, h, w), by rays."""
-    from pvibr.projection.rays import Rays as Occlusion
-
     rays, found = Occlusion([mesh]), []
     points, normals = surface.points.reshape(-1, 3), surface.normals.reshape(-1, 3)
     for photo in photos:
@@ -228,10 +225,10 @@ def test_a_choice_made_anew_forgets_the_view(gloss):
     """Its points are others: the next frame at rest finds their shares."""
     mesh, photos = gloss
     pl, painted = window(mesh, photos, max_angle=40.0)
-    assert painted._shown
+    assert painted._view_photos
     painted.max_angle = 85.0
-    painted._make()
-    assert not painted._shown
+    painted._choose()
+    assert not painted._view_photos
     pl.render()
     shown = pl.screenshot(return_img=True).astype(int)
     pl.close()
@@ -242,8 +239,6 @@ def test_a_choice_made_anew_forgets_the_view(gloss):
 
 def test_photographs_of_a_view_show_what_they_see_and_never_jump(gloss):
     """By rays: no share where something hides the point; an eye that moves changes little."""
-    from pvibr.projection.rays import Rays as Occlusion
-
     mesh, photos = gloss
     pl, painted = window(mesh, photos)
     views, before, steps = painted._views, None, []
@@ -265,7 +260,7 @@ def test_photographs_of_a_view_show_what_they_see_and_never_jump(gloss):
     assert max(steps) < 0.01
     points, normals = views.surface.points, views.surface.outward
     for number in needs:
-        rows, part = views._part(number)
+        rows, part = views._coverage(number)
         rows = rows[part > 0]
         assert len(rows) > 100
         toward = photos[number].camera.toward(points[rows])
@@ -401,15 +396,15 @@ def test_baked_with_what_it_is_worth(made):
 
 def test_bad_input_is_refused(made):
     mesh, photos = made
-    with pytest.raises(TypeError, match='must be photographs'):
-        pvibr.PhotoMesh(mesh, ['a.jpg'])
-    with pytest.raises(ValueError, match='at least one'):
-        pvibr.PhotoMesh(mesh, [])
-    with pytest.raises(ValueError, match='masks has 1 entries'):
-        pvibr.PhotoMesh(mesh, photos, masks=[None])
-    with pytest.raises(ValueError, match='has no picture'):
-        pvibr.PhotoMesh(mesh, pvibr.Photo('a.jpg', photos[0].camera))
-    with pytest.raises(ValueError, match=r"to must be .* got 'paper'"):
+    for error, match, wrong, masks in (
+        (TypeError, 'must be photographs', ['a.jpg'], None),
+        (ValueError, 'at least one', [], None),
+        (ValueError, 'masks must have', photos, [None]),
+        (ValueError, 'has no picture', pvibr.Photo('a.jpg', photos[0].camera), None),
+    ):
+        with pytest.raises(error, match=match):
+            pvibr.PhotoMesh(mesh, wrong, masks=masks)
+    with pytest.raises(ValueError, match="to is 'paper'"):
         pvibr.PhotoMesh(pv.Plane(), photos[:1]).bake('paper')
 
 
@@ -436,7 +431,7 @@ def test_that_much_faces_inwards_is_said(made, method, recwarn):
         found.append([str(warning.message) for warning in recwarn.list])
         recwarn.clear()
     assert found[:2] == [[], []]
-    assert re.match(r'[1-4]\d% of the surface that photographs see is bare', found[2][0])
+    assert re.match(r'[1-4]\d% of the surface in view of photographs is bare', found[2][0])
 
 
 @pytest.mark.parametrize('seed', [1, 2])
@@ -458,35 +453,6 @@ def test_squares_come_back_whole(seed):
     for old in taken:
         squares.give(*old)
     assert all(squares.take(256) for _ in range(4))
-
-
-def test_agreement_is_that_of_the_neighbourhood(monkeypatch):
-    """Each photograph of a vertex has the mean of those that its neighbours have of it."""
-    rng, count = np.random.default_rng(4), 30
-    numbers = np.array([rng.permutation(5)[:3] for _ in range(count)])
-    numbers[rng.random(numbers.shape) < 0.2] = -1
-    pairs = np.unique(np.sort(rng.integers(0, count, (60, 2)), 1), axis=0)
-    pairs = pairs[pairs[:, 0] < pairs[:, 1]]
-    edges = np.concatenate([pairs, pairs[:, ::-1]])
-    values = rng.random(numbers.shape).astype(np.float32)
-    monkeypatch.setattr(photo_choice, '_EVEN', 1)
-    found = photo_choice._even(values.copy(), numbers, edges)
-    for vertex, place in np.argwhere(numbers >= 0):
-        near = [vertex, *edges[edges[:, 0] == vertex, 1]]
-        alike = values[near][numbers[near] == numbers[vertex, place]]
-        assert np.isclose(found[vertex, place], alike.mean(), rtol=1e-5)
-    assert (found[numbers < 0] == values[numbers < 0]).all()
-
-
-def test_levelled_colours_are_alike():
-    rng = np.random.default_rng(5)
-    base = np.repeat(rng.uniform(50, 200, 60), 2)
-    shift = np.tile([8.0, -8.0], 60)
-    edges = np.arange(118)[:, None] + [0, 2]
-    colors = (base + shift)[:, None]
-    found = (colors + levelled(np.repeat(np.arange(60), 2), colors, edges)).ravel()
-    assert np.abs(found[::2] - found[1::2]).max() < 1
-    assert np.abs(found - base).max() < 1
 
 
 def test_masks_of_wide_lenses_cover_what_they_mask(tmp_path):

@@ -74,9 +74,9 @@ def test_several_and_their_own_masks(tmp_path):
     found = pvibr.Projector(photos, mask=[None, none]).bake(plane, to='cells')
     assert (found['views'] == 1).all()
     assert pvibr.visible(plane, photos[0], to='cells').all()
-    with pytest.raises(ValueError, match='takes 1 to 6'):
+    with pytest.raises(ValueError, match='image must be 1 to 6 pictures'):
         pvibr.Projector([photograph('spherical', 3, tmp_path), *photos])
-    with pytest.raises(TypeError, match='camera is missing'):
+    with pytest.raises(TypeError, match='camera must be given'):
         pvibr.Projector(none)
     with pytest.raises(ValueError, match='needs resampling'):
         pvibr.Projector(photograph('equidistant', 3, tmp_path), mask=none)

@@ -51,7 +51,7 @@ def test_intrinsics_ask_for_the_size_of_their_picture(kind):
     mesh, camera = grid(), looking((0.2, -4, 3), (0, 0, 0))
     bare = {'K': camera.K, 'R': camera.R, 't': camera.t}
     given = bare if kind is dict else kind(bare.values())
-    with pytest.raises(ValueError, match='size = None: must be width and height'):
+    with pytest.raises(ValueError, match='size must be the width and height'):
         pvibr.visible(mesh, given)
     wanted = pvibr.visible(mesh, camera)
     assert 0 < wanted.sum() < len(wanted) or wanted.all()
@@ -244,7 +244,7 @@ def test_a_tree_serves_until_a_triangle_moves():
             np.asarray(roof.points)[:, 0] += 0.3
         lit = pvibr.shadow_mask(mesh, light, [roof], to='cells', method='rays')
         areas.append(mesh.cell_centers().points[lit == 0].mean(0)[0])
-        scenes.append(rays._KEPT[-1])
+        scenes.append(rays._CACHED_SCENE[-1])
     assert scenes[0] is scenes[1] is not scenes[2] is scenes[3]
     assert areas[1] < areas[0] - 0.1
     assert areas[2] == areas[3] > areas[1] + 0.2

@@ -78,15 +78,15 @@ def test_a_mesh_of_the_decoder_itself(glb):
 @pytest.mark.parametrize(
     ('data', 'attributes', 'said'),
     [
-        (sequential(faces=4), None, '5 vertices and 4 faces, its accessors 5 and 3'),
-        (sequential(points=6), None, '6 vertices and 3 faces'),
-        (b'DRACO\2\2\1\1\0\0\0\6\3', None, '6 vertices and 3 faces'),
-        (b'DRACO\2\2\1\0\0\0\xff\xff\xff\xff\x0f\5', None, '4294967295 faces'),
+        (sequential(faces=4), None, '5 vertices and 3 faces of its accessors, got 5 and 4'),
+        (sequential(points=6), None, 'got 6 and 3'),
+        (b'DRACO\2\2\1\1\0\0\0\6\3', None, 'got 6 and 3'),
+        (b'DRACO\2\2\1\0\0\0\xff\xff\xff\xff\x0f\5', None, 'and 4294967295'),
         (sequential(flags=0x8000), None, 'has metadata'),
-        (b'DRACO\1\1\1\0\0\0', None, 'no Draco mesh of version 2.2'),
-        (b'', None, 'no Draco mesh'),
+        (b'DRACO\1\1\1\0\0\0', None, 'must be a Draco mesh of version 2.2'),
+        (b'', None, 'must be a Draco mesh'),
         (sequential(), None, 'cannot be decoded: broken'),
-        (sequential() + bytes(9), {'POSITION': 8}, 'POSITION is 8, which the compressed'),
+        (sequential() + bytes(9), {'POSITION': 8}, 'POSITION 8 is missing'),
         (sequential() + bytes(9), {'POSITION': 7, 'NORMAL': 1}, 'accessors of all its'),
     ],
 )
@@ -98,7 +98,9 @@ def test_compressed_meshes_that_lie(glb, decoder, data, attributes, said):
 def test_accessors_of_another_shape(glb, decoder):
     packed(glb, sequential() + bytes(9))
     glb.json['accessors'][1]['count'] = 12
-    with pytest.raises(pvibr.animation.GltfError, match=r'\(9, 1\); accessors\[1\] is \(12, 1\)'):
+    with pytest.raises(
+        pvibr.animation.GltfError, match=r'\(12, 1\) as accessors\[1\], got \(9, 1\)'
+    ):
         pvibr.read_gltf(glb.write())
 
 

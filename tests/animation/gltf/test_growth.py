@@ -54,7 +54,7 @@ def test_materials_share_points_but_looks_and_vertex_colours_are_their_own(glb, 
 
 
 def test_unlike_primitives_beyond_the_size_of_the_file_are_refused(glb, monkeypatch):
-    monkeypatch.setattr(gltf_file, '_ROOM', 2**22)
+    monkeypatch.setattr(gltf_file, '_BASE_BUDGET', 2**22)
     points = [glb.array(np.eye(3) * k) for k in range(1, 21)]
     corners = [glb.array([0, 1, 2], 'B') for _ in range(20)]
     every = [{'attributes': {'POSITION': p}, 'indices': c} for p in points for c in corners]

@@ -81,42 +81,70 @@ def test_the_file_itself_is_sound(rich):
     ('place', 'value', 'said'),
     [
         # References
-        ('scene', 5, r'scene is 5; the file has 1 scenes'),
-        ('scenes.0.nodes.0', 9, r'scenes\[0\].nodes\[0\] is 9; the file has 4 nodes'),
-        ('nodes.0.mesh', 1, r'nodes\[0\].mesh is 1; the file has 1 meshes'),
-        ('nodes.0.skin', 1, r'nodes\[0\].skin is 1'),
-        ('nodes.0.camera', 1, r'nodes\[0\].camera is 1'),
-        ('nodes.1.children.0', 7, r'nodes\[1\].children\[0\] is 7'),
-        ('skins.0.joints.1', 4, r'skins\[0\].joints\[1\] is 4'),
-        ('skins.0.inverseBindMatrices', 99, r'skins\[0\].inverseBindMatrices is 99'),
-        ('meshes.0.primitives.0.indices', 99, r'meshes\[0\].primitives\[0\].indices is 99'),
-        ('meshes.0.primitives.0.material', 2, r'primitives\[0\].material is 2'),
-        ('materials.0.pbrMetallicRoughness.baseColorTexture.index', 3, r'index is 3'),
-        ('textures.0.source', 3, r'textures\[0\].source is 3'),
-        ('textures.0.sampler', 3, r'textures\[0\].sampler is 3'),
-        ('accessors.4.bufferView', 99, r'accessors\[4\].bufferView is 99'),
-        ('bufferViews.4.buffer', 1, r'bufferViews\[4\].buffer is 1'),
-        ('animations.0.channels.0.sampler', 4, r'animations\[0\].channels\[0\].sampler is 4'),
-        ('animations.0.channels.0.target.node', 4, r'channels\[0\].target.node is 4'),
-        ('animations.0.samplers.0.input', 99, r'animations\[0\].samplers\[0\].input is 99'),
+        ('scene', 5, r'scene must be below 1 .scenes., got 5'),
+        (
+            'scenes.0.nodes.0',
+            9,
+            r'scenes\[0\].nodes\[0\] must be below 4 .nodes., got 9',
+        ),
+        ('nodes.0.mesh', 1, r'nodes\[0\].mesh must be below 1 .meshes., got 1'),
+        ('nodes.0.skin', 1, r'nodes\[0\].skin must be below .*, got 1'),
+        ('nodes.0.camera', 1, r'nodes\[0\].camera must be below .*, got 1'),
+        ('nodes.1.children.0', 7, r'nodes\[1\].children\[0\] must be below .*, got 7'),
+        ('skins.0.joints.1', 4, r'skins\[0\].joints\[1\] must be below .*, got 4'),
+        (
+            'skins.0.inverseBindMatrices',
+            99,
+            r'skins\[0\].inverseBindMatrices must be below .*, got 99',
+        ),
+        (
+            'meshes.0.primitives.0.indices',
+            99,
+            r'meshes\[0\].primitives\[0\].indices must be below .*, got 99',
+        ),
+        ('meshes.0.primitives.0.material', 2, r'primitives\[0\].material must be below .*, got 2'),
+        (
+            'materials.0.pbrMetallicRoughness.baseColorTexture.index',
+            3,
+            r'index must be below .*, got 3',
+        ),
+        ('textures.0.source', 3, r'textures\[0\].source must be below .*, got 3'),
+        ('textures.0.sampler', 3, r'textures\[0\].sampler must be below .*, got 3'),
+        ('accessors.4.bufferView', 99, r'accessors\[4\].bufferView must be below .*, got 99'),
+        ('bufferViews.4.buffer', 1, r'bufferViews\[4\].buffer must be below .*, got 1'),
+        (
+            'animations.0.channels.0.sampler',
+            4,
+            r'animations\[0\].channels\[0\].sampler must be below .*, got 4',
+        ),
+        (
+            'animations.0.channels.0.target.node',
+            4,
+            r'channels\[0\].target.node must be below .*, got 4',
+        ),
+        (
+            'animations.0.samplers.0.input',
+            99,
+            r'animations\[0\].samplers\[0\].input must be below .*, got 99',
+        ),
         # Offsets, counts and strides
-        ('bufferViews.4.byteOffset', 10**6, r'bufferViews\[4\] ends at byte 1000048 of a buffer'),
-        ('bufferViews.4.byteLength', 10**15, r'bufferViews\[4\] ends at byte'),
-        ('accessors.4.byteOffset', 4, r'accessors\[4\] ends at byte 52 of a bufferView of 48'),
-        ('accessors.4.count', 2**40, r'must have 1099511627776 elements, as POSITION'),
-        ('accessors.6.count', 2**40, r'accessors\[6\] ends at byte'),
-        ('bufferViews.4.byteStride', 8, r'byteStride 8 is less than an element of 12'),
+        ('bufferViews.4.byteOffset', 10**6, r'bufferViews\[4\] must end within .* got 1000048'),
+        ('bufferViews.4.byteLength', 10**15, r'bufferViews\[4\] must end within'),
+        ('accessors.4.byteOffset', 4, r'accessors\[4\] must end within the 48 bytes .* got 52'),
+        ('accessors.4.count', 2**40, r'POSITION 1099511627776'),
+        ('accessors.6.count', 2**40, r'accessors\[6\] must end within'),
+        ('bufferViews.4.byteStride', 8, r'byteStride must be at least 12, got 8'),
         ('bufferViews.4.byteStride', 2, r'bufferViews\[4\].byteStride: Expected `int` >= 4'),
         ('accessors.4.count', 0, r'accessors\[4\].count: Expected `int` >= 1'),
         ('accessors.4.count', -1, r'accessors\[4\].count'),
         ('accessors.4.count', 10**30, r'accessors\[4\].count'),
         ('accessors.4.componentType', 5124, r'accessors\[4\].componentType: Invalid enum value'),
-        ('accessors.4.type', 'VEC5', r'attributes.POSITION is accessors\[4\] of VEC5'),
-        ('accessors.4.type', 'VEC2', r'attributes.POSITION is accessors\[4\] of VEC2'),
-        ('accessors.5.count', 3, r'attributes.NORMAL must have 4 elements, as POSITION'),
-        ('accessors.3.count', 3, r'targets\[0\].POSITION must have 4 elements, got 3'),
-        ('accessors.6.componentType', 5126, r'accessors\[6\], which must hold unsigned'),
-        ('accessors.7.count', 1, r'inverseBindMatrices must have 2 matrices'),
+        ('accessors.4.type', 'VEC5', r'attributes.POSITION must be .* got accessors\[4\] of VEC5'),
+        ('accessors.4.type', 'VEC2', r'attributes.POSITION must be .* got accessors\[4\] of VEC2'),
+        ('accessors.5.count', 3, r'attributes.NORMAL has 3 elements, POSITION 4'),
+        ('accessors.3.count', 3, r'targets\[0\].POSITION has 3 elements of 4'),
+        ('accessors.6.componentType', 5126, r'must be unsigned integers: accessors\[6\]'),
+        ('accessors.7.count', 1, r'inverseBindMatrices has 1 matrices for 2 joints'),
         ('meshes.0.primitives.0.mode', 9, r'mode: Expected `int` <= 6'),
         # Graph
         ('nodes.3.children', [2], r'nodes\[3\].children\[0\] .* got 2, a child of'),
@@ -132,13 +160,13 @@ def test_the_file_itself_is_sound(rich):
         ('nodes.1.rotation', [0, 0, 0, 0], r'nodes: '),
         ('nodes.1.scale', [1e31, 1, 1], r'nodes\[1\].scale\[0\]: Expected `float` <= 1e'),
         # Morphs and clips
-        ('nodes.0.weights', [1, 2], r'nodes\[0\] must have 1 weights, got 2'),
-        ('animations.0.samplers.0.output', 0, r'output is accessors\[0\] of VEC2'),
-        ('animations.0.samplers.0.interpolation', 'CUBICSPLINE', r'24 numbers for 2 keys'),
+        ('nodes.0.weights', [1, 2], r'nodes\[0\] has 2 morph weights for 1 targets'),
+        ('animations.0.samplers.0.output', 0, r'output must be .* got accessors\[0\] of VEC2'),
+        ('animations.0.samplers.0.interpolation', 'CUBICSPLINE', r'2 keys need 24'),
         ('animations.0.samplers.0.interpolation', 'SPLINE', r'samplers\[0\].interpolation'),
         # What is not glTF 2.0, or no JSON
-        ('asset.version', '1.0', r"asset.version is '1.0'"),
-        ('asset.minVersion', '2.1', r"asset.minVersion is '2.1'"),
+        ('asset.version', '1.0', r"asset.version must be 2.x, got '1.0'"),
+        ('asset.minVersion', '2.1', r"asset.minVersion must be 2.0, got '2.1'"),
         ('asset', {}, r'asset: Object missing required field `version`'),
         ('nodes', None, r'nodes: Expected `array`, got `null`'),
         ('nodes.1.translation', [0, '1', 0], r'nodes\[1\].translation\[1\]'),
@@ -154,13 +182,13 @@ def test_an_error_names_the_place(rich, place, value, said):
 @pytest.mark.parametrize(
     ('accessor', 'element', 'value', 'said'),
     [
-        (4, 5, 'nan', r'accessors\[4\] holds nan in element 1'),
-        (3, 0, 'inf', r'accessors\[3\] holds inf in element 0'),
-        (7, 3, 'nan', r'accessors\[7\] holds nan'),
-        (8, 1, 'nan', r'accessors\[8\] holds nan'),
-        (9, 0, '-inf', r'accessors\[9\] holds -inf'),
-        (2, 0, 'nan', r'accessors\[2\] holds nan in element 0'),
-        (7, 3, '0.5', r'inverseBindMatrices\[0\] must be affine'),
+        (4, 5, 'nan', r'accessors\[4\]: element 1 must be finite, got nan'),
+        (3, 0, 'inf', r'accessors\[3\]: element 0 must be finite, got inf'),
+        (7, 3, 'nan', r'accessors\[7\]: .* must be finite, got nan'),
+        (8, 1, 'nan', r'accessors\[8\]: .* must be finite, got nan'),
+        (9, 0, '-inf', r'accessors\[9\]: .* must be finite, got -inf'),
+        (2, 0, 'nan', r'accessors\[2\]: element 0 must be finite, got nan'),
+        (7, 3, '0.5', r'skins\[0\].inverseBindMatrices: matrix 0 is not affine'),
     ],
 )
 def test_numbers_that_are_none(rich, accessor, element, value, said):
@@ -337,7 +365,7 @@ def test_very_deep_nodes(glb):
     [
         (b'', 'neither GLB nor JSON'),
         (b'PK\3\4', 'neither GLB nor JSON'),
-        (b'glTF', 'cut off: it has 4 bytes'),
+        (b'glTF', 'truncated at 4 bytes'),
         (b'\xff\xfe{\0}\0', 'neither GLB nor JSON'),
         (b'[]', 'the file: Expected `object`, got `array`'),
         (b'{"asset": {"version": "2.0"}', 'neither GLB nor JSON'),
@@ -345,9 +373,12 @@ def test_very_deep_nodes(glb):
         (b'{"asset": {"version": "2.0"}, "scene": NaN}', 'neither GLB nor JSON'),
         (b'{"asset": {"version": "\xff"}}', 'neither GLB nor JSON'),
         (b'{"nodes": 3, "asset": {"version": "\xff"}}', 'nodes: Expected `array`, got `int`'),
-        (struct.pack('<4sIII4s', b'glTF', 1, 20, 0, b'JSON'), 'version 1; only 2'),
-        (struct.pack('<4sIII4s', b'glTF', 2, 99, 0, b'JSON'), 'says 99 bytes and has 20'),
-        (struct.pack('<4sIII4s', b'glTF', 2, 20, 9, b'JSON'), 'chunk 0 .* ends at byte 29 of 20'),
+        (struct.pack('<4sIII4s', b'glTF', 1, 20, 0, b'JSON'), 'version must be 2, got 1'),
+        (struct.pack('<4sIII4s', b'glTF', 2, 99, 0, b'JSON'), '99 bytes declared, 20 present'),
+        (
+            struct.pack('<4sIII4s', b'glTF', 2, 20, 9, b'JSON'),
+            'chunk 0 must end within the 20 bytes, got 29',
+        ),
         (struct.pack('<4sIII4s', b'glTF', 2, 20, 0, b'BIN\0'), 'chunk 0 .* must be'),
     ],
 )
@@ -438,7 +469,9 @@ def test_a_file_in_a_folder_below_may_be_named(glb):
 def test_a_buffer_shorter_than_it_says(glb):
     glb.shown(glb.primitive())
     glb.json['buffers'] = [{'byteLength': 2**50}]
-    with pytest.raises(GltfError, match=r'buffers\[0\].byteLength is 1125899906842624'):
+    with pytest.raises(
+        GltfError, match=r'buffers\[0\].byteLength must be .* got 1125899906842624'
+    ):
         pvibr.read_gltf(glb.write())
 
 
@@ -446,7 +479,8 @@ def test_a_buffer_without_bytes(glb):
     glb.shown(glb.primitive())
     path = glb.folder / 'a.gltf'
     path.write_text(json.dumps(glb.json | {'buffers': [{'byteLength': 4}]}), encoding='utf-8')
-    refused(r'buffers\[0\] has no uri', pvibr.read_gltf, path, kind=GltfError)
+    with pytest.raises(GltfError, match=r'buffers\[0\] must have a uri'):
+        pvibr.read_gltf(path)
 
 
 # Anything at all

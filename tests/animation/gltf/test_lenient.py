@@ -132,13 +132,10 @@ def test_odd_weights_are_those_of_other_readers(glb):
 @pytest.mark.parametrize(
     ('picture', 'said'),
     [
-        (
-            {'uri': 'data:image/png;base64,iVBORw0KGgo='},
-            'images[0] must be PNG, JPEG or WebP, got another format',
-        ),
-        ({'uri': 'http://localhost/a.png'}, 'must be a data URI or a relative path'),
-        ({'uri': 'data:;base64,' + base64.b64encode(b'\xabKTX 20\xbb').decode()}, 'got KTX2'),
-        ({}, 'images[0] must have uri or bufferView'),
+        ({'uri': 'data:image/png;base64,iVBORw0KGgo='}, 'images[0] is in another format'),
+        ({'uri': 'http://localhost/a.png'}, 'must be a data URI or relative path'),
+        ({'uri': 'data:;base64,' + base64.b64encode(b'\xabKTX 20\xbb').decode()}, 'is KTX2'),
+        ({}, 'images[0] has neither uri nor bufferView'),
     ],
 )
 def test_a_picture_that_cannot_be_read_is_named_and_left_out(glb, picture, said):
@@ -250,7 +247,7 @@ def test_whole_numbers_may_be_written_as_floats(glb):
 def test_files_of_version_1_say_so(tmp_path):
     path = tmp_path / 'old.gltf'
     path.write_text('{"asset": {"version": "1.0"}, "accessors": {}}')
-    with pytest.raises(pvibr.animation.GltfError, match=r"asset.version is '1.0'; only 2.x"):
+    with pytest.raises(pvibr.animation.GltfError, match=r"asset.version must be 2.x, got '1.0'"):
         pvibr.read_gltf(path)
 
 
