@@ -97,8 +97,8 @@ class _Staged(Bloom):
     def stages(self, stand) -> dict:
         """Return what draws each stage of a picture that the bloom was drawn on."""
         self.render(stand, stand)
-        side = self._side
-        blur = self._ready(stand, stand.size, side)
+        side = self._texel_size
+        blur = self._ready_blur(stand, stand.size, side)
         return {
             'bright pass': partial(self._draw_source, stand, stand, blur.source, side),
             'is there light': blur.lit,

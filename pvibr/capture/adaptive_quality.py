@@ -1,4 +1,4 @@
-"""Adaptive quality: what the frame time allows while the view moves, full and refined at rest."""
+"""Adaptive quality: lowered to meet a frame time while the view moves, full at rest."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from pvibr.core.plotters import is_dragged
 
 #: Levels of quality, 3 dB apart.
 LEVELS = tuple(2 ** (-k / 2) for k in range(9))
-#: Maximum number of levels that one slow frame lowers.
+#: Most levels by which one slow frame lowers quality.
 _LEAP = 4
-#: Fraction of the budget below which a frame is easy, and easy frames until quality rises.
+#: Fraction of the budget below which a frame is easy; easy frames until quality rises.
 _EASY, _PATIENCE = 0.6, 5
-#: Moving frames for which the time of a level is remembered; doubled after each mistake.
+#: Moving frames for which a level's time is remembered; doubled after each premature rise.
 _MEMORY = 60
-#: Weight of the last frame in the running mean of a level.
+#: Weight of the last frame in a level's running mean.
 _WEIGHT = 0.4
-#: Speed-up that justifies lower quality.
+#: Least speed-up that justifies lower quality.
 _GAIN = 1.25
 #: Seconds after the last moving frame until the view is at rest.
 SETTLE = 0.2
@@ -32,100 +32,102 @@ _BUTTONS = ('Left', 'Middle', 'Right')
 
 
 class Budget:
-    """Quality within a frame time, from the times of past frames."""
+    """Quality that meets a frame time, from the times of past frames."""
 
     def __init__(self, ms=100.0):
         self.ms = ms
         self._forget()
 
     def _forget(self):
-        self._level = self._frame = self._easy = self._stuck = 0
-        self._raised = False
-        self._memory = _MEMORY
-        self._took: dict[int, tuple[float, int]] = {}
-        self._rests: list[float] = []
+        self._level = self._frame_number = self._easy_frames = self._stuck_frames = 0
+        self._was_raised = False
+        self._memory_frames = _MEMORY
+        self._level_means: dict[int, tuple[float, int]] = {}
+        self._rest_times: list[float] = []
 
     @property
     def quality(self) -> float:
         """Quality of the next moving frame, in (0, 1]."""
         return LEVELS[self._level] if self.ms else 1.0
 
-    def rested(self, ms):
+    def rested(self, frame_ms):
         """Record a frame at rest, drawn at full quality."""
-        # The faster of two: a frame may include a bake.
-        self._rests = [*self._rests[-1:], ms]
-        full = min(self._rests)
-        if full <= _EASY * self.ms:
+        # The faster of two frames: one may include a bake.
+        self._rest_times = [*self._rest_times[-1:], frame_ms]
+        full_ms = min(self._rest_times)
+        if full_ms <= _EASY * self.ms:
             self._forget()
-            self._rests = [ms]
-        elif full > self.ms > 0 and len(self._rests) > 1 and not self._level and not self._stuck:
-            self._level = _steps(full / self.ms)
+            self._rest_times = [frame_ms]
+            return
+        is_unsure = len(self._rest_times) < 2 or self._level or self._stuck_frames
+        if full_ms > self.ms > 0 and not is_unsure:
+            self._level = _steps(full_ms / self.ms)
 
-    def moved(self, ms):
+    def moved(self, frame_ms):
         """Record a moving frame, drawn at `quality`."""
         if not self.ms:
             return
-        self._frame += 1
-        self._stuck = max(0, self._stuck - 1)
-        before = self._known(self._level)
-        mean = RunningMean(ms if before is None else before, _WEIGHT).add(ms)
-        self._took[self._level] = mean, self._frame
-        raised, self._raised = self._raised, False
-        self._easy = self._easy + 1 if mean < _EASY * self.ms else 0
-        if min(ms, mean) > self.ms:
-            if raised:  # too early
-                self._memory *= 2
-            self._lower(mean)
-        elif self._easy >= _PATIENCE:
+        self._frame_number += 1
+        self._stuck_frames = max(0, self._stuck_frames - 1)
+        old_mean = self._mean_of(self._level)
+        mean_ms = RunningMean(frame_ms if old_mean is None else old_mean, _WEIGHT).add(frame_ms)
+        self._level_means[self._level] = mean_ms, self._frame_number
+        was_raised, self._was_raised = self._was_raised, False
+        self._easy_frames = self._easy_frames + 1 if mean_ms < _EASY * self.ms else 0
+        if min(frame_ms, mean_ms) > self.ms:
+            if was_raised:  # raised too early
+                self._memory_frames *= 2
+            self._lower(mean_ms)
+        elif self._easy_frames >= _PATIENCE:
             self._raise()
 
-    def _lower(self, ms):
-        if self._stuck:
+    def _lower(self, mean_ms):
+        if self._stuck_frames:
             return
-        last = len(LEVELS) - 1
-        if self._level < last:
-            self._level = min(self._level + _steps(ms / self.ms), last)
+        coarsest = len(LEVELS) - 1
+        if self._level < coarsest:
+            self._level = min(self._level + _steps(mean_ms / self.ms), coarsest)
             return
-        times = {k: self._known(k) for k in self._took}
-        self._level = min(k for k, t in times.items() if t is not None and t <= _GAIN * ms)
-        self._stuck = _MEMORY
+        means = {k: self._mean_of(k) for k in self._level_means}
+        self._level = min(k for k, ms in means.items() if ms is not None and ms <= _GAIN * mean_ms)
+        self._stuck_frames = _MEMORY
 
     def _raise(self):
         if not self._level:
             return
-        finer = self._known(self._level - 1)
-        if finer is None or finer <= self.ms:
-            self._level, self._easy, self._raised = self._level - 1, 0, True
+        finer_ms = self._mean_of(self._level - 1)
+        if finer_ms is None or finer_ms <= self.ms:
+            self._level, self._easy_frames, self._was_raised = self._level - 1, 0, True
 
-    def _known(self, level):
-        """Return the milliseconds of a level, None if unknown or outdated."""
-        ms, frame = self._took.get(level, (0.0, -math.inf))
-        return ms if self._frame - frame < self._memory else None
+    def _mean_of(self, level):
+        """Return the mean milliseconds of a level, None if unknown or outdated."""
+        level_ms, frame_number = self._level_means.get(level, (0.0, -math.inf))
+        return level_ms if self._frame_number - frame_number < self._memory_frames else None
 
 
 def _steps(ratio) -> int:
-    """Return how many levels lower are so many times faster, if time is linear in quality."""
+    """Return the levels to lower for a speed-up, if time is linear in quality."""
     return min(_LEAP, max(1, math.ceil(2 * math.log2(ratio))))
 
 
 class AdaptiveQuality:
-    """Detects and times moving frames of a window, and sets their quality."""
+    """Detects and times a window's moving frames, and sets their quality."""
 
-    def __init__(self, plotter, budget, playing=lambda: False, effects=list):
-        self._plotter, self._asked_ms, self._playing = plotter, budget, playing
+    def __init__(self, plotter, budget_ms, playing=lambda: False, effects=list):
+        self._plotter, self._budget_ms, self._playing = plotter, budget_ms, playing
         self._effects = effects
         self.budget = Budget()
         self.lowered = False
         self.why = ''
         self._quality = 1.0
-        self._moves = self._full = self._drawing = False
+        self._is_moving_frame = self._is_full = self._draw_pending = False
         self._window: _vtk.vtkRenderWindow | None = None
-        self._tags: list = []
-        self._asked = self._takes = False
-        self._began: float | None = None
-        self._moved = -math.inf
-        self._wheels = False
-        self._samples = 0
+        self._observers: list = []
+        self._is_asked = self._wraps_screenshot = False
+        self._start_time: float | None = None
+        self._last_move = -math.inf
+        self._wheel_turned = False
+        self._multi_samples = 0
         self._ticks: Timer | Loop | None = None
 
     @property
@@ -134,19 +136,19 @@ class AdaptiveQuality:
         return self._quality
 
     def quality(self, renderer) -> float:
-        """Return the quality of the frame that a renderer is about to draw."""
-        self._asked = True
+        """Return the quality of the frame about to be drawn."""
+        self._is_asked = True
         self._watch(renderer.GetRenderWindow())
         return self._quality
 
     @contextmanager
     def full(self):
         """Draw all frames at full quality."""
-        before, self._full = self._full, True
+        was_full, self._is_full = self._is_full, True
         try:
             yield
         finally:
-            self._full = before
+            self._is_full = was_full
 
     # -- the window's frames ---------------------------------------------------------------------
 
@@ -154,129 +156,130 @@ class AdaptiveQuality:
         if window is self._window:
             return
         self.release()
-        self._window, self._moved = window, perf_counter()
+        self._window, self._last_move = window, perf_counter()
         interactor = window.GetInteractor()
-        calls = [
-            (window, 'StartEvent', self._on_start, 1.0),  # before and after all others
+        observers = [
+            (window, 'StartEvent', self._on_start, 1.0),  # before, and after, all others
             (window, 'EndEvent', self._on_end, -1.0),
         ]
         if interactor is not None:
-            events = [(f'MouseWheel{w}Event', self._on_wheel) for w in _WHEELS]
-            events += [(f'{b}ButtonPressEvent', self._on_press) for b in _BUTTONS]
-            calls += [(interactor, *event, 1.0) for event in events]
-        self._tags = [(owner, owner.AddObserver(*call)) for owner, *call in calls]
+            interactor_events = [(f'MouseWheel{w}Event', self._on_wheel) for w in _WHEELS]
+            interactor_events += [(f'{b}ButtonPressEvent', self._on_press) for b in _BUTTONS]
+            observers += [(interactor, *event, 1.0) for event in interactor_events]
+        self._observers = [(owner, owner.AddObserver(*call)) for owner, *call in observers]
 
     def release(self):
         """Stop watching the window; may be called again."""
         self._stop()
         if self._window is not None:
-            self._put_back(self._window)
-        for owner, tag in self._tags:
+            self._restore_samples(self._window)
+        for owner, tag in self._observers:
             owner.RemoveObserver(tag)
-        if self._takes:
+        if self._wraps_screenshot:
             self._plotter.__dict__.pop('screenshot', None)
-        self._tags, self._window, self._takes = [], None, False
-        self._quality, self._began, self._moves, self.lowered = 1.0, None, False, False
+        self._observers, self._window, self._wraps_screenshot = [], None, False
+        self._quality, self._start_time = 1.0, None
+        self._is_moving_frame = self.lowered = False
 
     def _on_start(self, window, _event):
-        if not self._asked:  # in the last frame: pvibr is no longer in the window
+        if not self._is_asked:  # nobody asked in the last frame: pvibr left the window
             self.release()
             return
-        self._asked = False
-        self.budget.ms = self._asked_ms()
-        self._moves = self._is_moving(window)
-        self._quality = self.budget.quality if self._moves else 1.0
+        self._is_asked = False
+        self.budget.ms = self._budget_ms()
+        self._is_moving_frame = self._is_moving(window)
+        self._quality = self.budget.quality if self._is_moving_frame else 1.0
         if self._quality < 1:
-            # Expensive on a CPU, and least visible in motion.
-            self._samples = window.GetMultiSamples()
+            # Multisamples are expensive on CPUs, and least visible in motion.
+            self._multi_samples = window.GetMultiSamples()
             window.SetMultiSamples(0)
-        self._began = perf_counter()
+        self._start_time = perf_counter()
 
     def _on_end(self, window, _event):
-        self._put_back(window)
-        began, self._began = self._began, None
-        if began is None or _is_picking(window):
+        self._restore_samples(window)
+        start_time, self._start_time = self._start_time, None
+        if start_time is None or _is_picking(window):
             return
         window.WaitForCompletion()
-        now = perf_counter()
-        self._note(1e3 * (now - began))
+        end_time = perf_counter()
+        self._record(1e3 * (end_time - start_time))
         self.lowered = self._quality < 1
-        self._drawing = False
-        if self._moves or not all(effect.rests for effect in self._effects()):
-            self._moved = now
+        self._draw_pending = False
+        if self._is_moving_frame or not all(effect.rests for effect in self._effects()):
+            self._last_move = end_time
         if self.lowered:
             self._watch_screenshots()
         if self._may_refine():
-            self._follows()
+            self._start_ticks()
 
-    def _put_back(self, window):
-        if self._samples:
-            window.SetMultiSamples(self._samples)
-            self._samples = 0
+    def _restore_samples(self, window):
+        if self._multi_samples:
+            window.SetMultiSamples(self._multi_samples)
+            self._multi_samples = 0
 
-    def _note(self, ms):
+    def _record(self, frame_ms):
         quality = self._quality
-        if not self._moves:
-            self.budget.rested(ms)
+        if not self._is_moving_frame:
+            self.budget.rested(frame_ms)
             return
-        self.budget.moved(ms)
-        if quality < 1 or ms > self.budget.ms > 0:
-            budget = f'interactive_frame_ms is {self.budget.ms:g}'
-            self.why = f'{quality:.2g} while moving: {ms:.0f} ms, {budget}'
+        self.budget.moved(frame_ms)
+        if quality < 1 or frame_ms > self.budget.ms > 0:
+            budget_text = f'interactive_frame_ms is {self.budget.ms:g}'
+            self.why = f'{quality:.2g} while moving: {frame_ms:.0f} ms, {budget_text}'
 
     # -- motion ----------------------------------------------------------------------------------
 
     def _is_moving(self, window) -> bool:
-        if self._full or not self.budget.ms or filming(self._plotter) or is_deterministic():
+        if self._is_full or not self.budget.ms or filming(self._plotter) or is_deterministic():
             return False
         if _is_picking(window) or tuple(window.GetTileScale()) != (1, 1):
             return False
         if is_dragged(window):
-            # VTK's styles render a still at the end, and treat any timer event as a move.
+            # VTK's styles render a still at the end, and take timer events for moves.
             self._stop()
             return True
-        moves = self._wheels or self._playing()
-        lowers = moves and self.budget.quality < 1
-        # No style renders a still at the end: lower the quality only if a timer will.
-        follows = lowers and self._follows()
-        self._wheels = self._wheels and follows
-        return follows if lowers else moves
+        is_moving = self._wheel_turned or self._playing()
+        is_lowered = is_moving and self.budget.quality < 1
+        # No style renders a still at the end: lower quality only if a timer will.
+        has_timer = is_lowered and self._start_ticks()
+        self._wheel_turned = self._wheel_turned and has_timer
+        return has_timer if is_lowered else is_moving
 
     def _on_wheel(self, *_):
-        self._wheels = True
+        self._wheel_turned = True
 
     def _on_press(self, *_):
-        self._wheels = False
-        self._stop()  # while a button is held, no observer may go
+        self._wheel_turned = False
+        self._stop()  # observers must not be removed while a button is held
 
-    def _follows(self) -> bool:
-        """Start a timer that waits for rest; return True if there is one."""
+    def _start_ticks(self) -> bool:
+        """Start a timer that waits for rest; return False if there is none."""
         if self._ticks is None:
             self._ticks = ticks(self._plotter, self._tick)
         return self._ticks is not None
 
     def _tick(self):
-        if perf_counter() - self._moved < SETTLE:
+        if perf_counter() - self._last_move < SETTLE:
             return
         if self.lowered or not self._may_refine():
             self._stop()
-        self._wheels = False
+        self._wheel_turned = False
         if self.lowered:
             self._draw_full()
-        elif self._may_refine() and not self._drawing:  # pages draw later, or never
-            self._drawing = True
+        elif self._may_refine() and not self._draw_pending:  # pages may draw later, or never
+            self._draw_pending = True
             draw(self._plotter)
 
     def _may_refine(self) -> bool:
-        """Return True if further frames of the same view are of use, and may be drawn unasked."""
+        """Return True if more frames of the same view refine it, and may be drawn unprompted."""
         if is_dragged(self._window) or filming(self._plotter) or is_deterministic():
             return False
         return not self._playing() and any(effect.unfinished for effect in self._effects())
 
     def _stop(self):
-        stopped, self._ticks = self._ticks, None
-        if stopped is not None:
-            stopped.stop()
+        old_ticks, self._ticks = self._ticks, None
+        if old_ticks is not None:
+            old_ticks.stop()
 
     def _draw_full(self):
         with self.full():
@@ -285,19 +288,19 @@ class AdaptiveQuality:
     # -- screenshots -----------------------------------------------------------------------------
 
     def _watch_screenshots(self):
-        take = getattr(self._plotter, 'screenshot', None)
-        if take is None or self._takes:
+        take_screenshot = getattr(self._plotter, 'screenshot', None)
+        if take_screenshot is None or self._wraps_screenshot:
             return
 
-        # They show the last frame, and VTK and PyVista have no event for them.
-        @functools.wraps(take)
+        # Screenshots show the last frame; VTK and PyVista have no event for them.
+        @functools.wraps(take_screenshot)
         def screenshot(*args, **kwargs):
             if self.lowered:
                 self._draw_full()
-            return take(*args, **kwargs)
+            return take_screenshot(*args, **kwargs)
 
         self._plotter.screenshot = screenshot
-        self._takes = True
+        self._wraps_screenshot = True
 
 
 def _is_picking(window) -> bool:

@@ -1,4 +1,4 @@
-"""Time, screenshots and movies of ``plotter.ibr``."""
+"""Time, quality, screenshots and movies of ``plotter.ibr``."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ class CaptureFacade(Facade):
 
     interactive_frame_ms = Param(
         100.0,
-        'Frame time allowed while the view moves: quality is lowered to stay below it and is '
-        'full again at rest; 0 never lowers it.',
+        'Frame time that is met while the view moves, by lower quality, which is full again at '
+        'rest; 0 never lowers it.',
         range='[0, inf)',
         unit='ms',
     )
@@ -41,7 +41,7 @@ class CaptureFacade(Facade):
 
     @property
     def time(self) -> float:
-        """Time shown by everything animated, in seconds."""
+        """Animation time in seconds."""
         return self._time
 
     @time.setter
@@ -53,17 +53,19 @@ class CaptureFacade(Facade):
         self._time = seconds
         for pipeline in self._pipelines:
             pipeline.time = seconds
-            things: list[Thing] = pipeline.things
-            for kind in dict.fromkeys([type(thing) for thing in things]):
-                kind.follow_all([thing for thing in things if type(thing) is kind])
+            by_kind: dict[type[Thing], list[Thing]] = {}
+            for item in pipeline.things:
+                by_kind.setdefault(type(item), []).append(item)
+            for kind, items in by_kind.items():
+                kind.follow_all(items)
 
     def play(self, speed=1.0, loop=None, *, fps=None):
         """Start the animation clock of windows, notebooks and movies.
 
-        A window follows the wall clock, and so do pages rendered on a server
-        (``jupyter_backend='server'`` or ``'trame'``, trame applications) from their first frame
-        on. While a movie is open, each ``plotter.write_frame()`` advances the time by one frame.
-        Off screen nothing else advances it: set `time`.
+        Windows, and pages rendered on a server (``jupyter_backend='server'`` or ``'trame'``, trame
+        applications), follow the wall clock from their first frame on. While a movie is open,
+        each ``plotter.write_frame()`` advances the time by one frame. Off screen nothing else
+        does: set `time`.
 
         Parameters
         ----------
@@ -72,7 +74,7 @@ class CaptureFacade(Facade):
         loop : float, optional
             Duration in seconds after which the animation restarts.
         fps : float, optional
-            Frames per second of a movie; by default those that the movie was opened with.
+            Frames per second of a movie; by default those with which it was opened.
 
         Raises
         ------
@@ -185,9 +187,9 @@ class CaptureFacade(Facade):
     ):
         """Record a movie: each frame shows its own time, however long it takes to render.
 
-        Frames are kept beside the movie until it is complete. After an error, a full disk or
-        Ctrl-C the same call resumes, also in another process, if time, cameras, settings and
-        window are the same; otherwise it starts anew.
+        Frames are stored beside the movie until it is complete. After an error, a full disk or
+        Ctrl-C, the same call resumes, in any process, if time, cameras, settings and window are
+        the same; otherwise it starts over.
 
         Parameters
         ----------
@@ -208,14 +210,14 @@ class CaptureFacade(Facade):
             Called with the time before each frame, for example to move the camera. A frame must
             depend on its time alone.
         resume : bool
-            Whether to reuse the frames of an earlier call.
+            Whether to reuse frames of an earlier call.
         progress : bool, optional
-            Whether to show a progress bar on standard error; by default if that is a terminal.
+            Whether to show a progress bar on standard error; by default on terminals.
         samples : int
             Samples of each pixel, as for :meth:`screenshot`.
         shutter : float
-            Share of a frame's time over which its samples are spread: what moves is blurred, 0.5
-            as by most film cameras.
+            Fraction of a frame's time over which its samples are spread, for motion blur; 0.5 is
+            that of most film cameras.
 
         Returns
         -------
@@ -229,7 +231,7 @@ class CaptureFacade(Facade):
         ImportError
             If the extra ``movie`` is needed and not installed.
         OSError
-            If there is no such folder, or a file cannot be written.
+            If the folder does not exist, or a file cannot be written.
 
         Examples
         --------

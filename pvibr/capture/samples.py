@@ -1,4 +1,4 @@
-"""Frames of a window that are each the mean of several samples."""
+"""Frames that are the mean of several samples."""
 
 from __future__ import annotations
 
@@ -8,38 +8,39 @@ from pvibr.effects.accumulation import Accumulation
 
 
 @contextmanager
-def sampled(pipelines, count, moments=None):
-    """Yield a function that draws a frame of a window, of so many samples in all subplots.
+def sampled(pipelines, sample_count, set_moment=None):
+    """Yield a function that draws a window as the mean of many samples in all subplots.
 
-    `moments` is called with each share of an exposure, 0 to 1, before the samples of it.
+    `set_moment` is called before each sample with its time in the exposure, 0 to 1.
     """
-    if count == 1:
+    if sample_count == 1:
         yield lambda window: window.Render()
         return
-    found = [(p, _accumulation(p)) for p in pipelines if p.renderer.GetDraw()]
-    effects = [effect or p.add(Accumulation()) for p, effect in found]
-    enabled = [effect.enabled for effect in effects]
+    drawing = [pipeline for pipeline in pipelines if pipeline.renderer.GetDraw()]
+    old_effects = [_accumulation(pipeline) for pipeline in drawing]
+    was_enabled = [old is not None and old.enabled for old in old_effects]
+    effects = [old or p.add(Accumulation()) for p, old in zip(drawing, old_effects, strict=True)]
 
     def draw(window):
-        for k in range(count):
-            if moments is not None:
-                moments((k + 0.5) / count)
+        for k in range(sample_count):
+            if set_moment is not None:
+                set_moment((k + 0.5) / sample_count)
             for effect in effects:
                 effect.enabled = True
-                effect.take(k, count)
+                effect.take(k, sample_count)
             window.Render()
 
     try:
         yield draw
     finally:
-        for (pipeline, old), effect, was_on in zip(found, effects, enabled, strict=True):
-            if old is None:
-                pipeline.remove(effect)
+        for k, pipeline in enumerate(drawing):
+            if old_effects[k] is None:
+                pipeline.remove(effects[k])
             else:
-                effect.enabled = was_on
-                effect.take(None)
+                effects[k].enabled = was_enabled[k]
+                effects[k].take(None)
 
 
 def _accumulation(pipeline):
-    """Return the accumulation of a pipeline, None without."""
+    """Return a pipeline's accumulation, or None."""
     return next((e for e in pipeline.effects if isinstance(e, Accumulation)), None)

@@ -1,4 +1,4 @@
-"""Screenshots larger than the window or than the GPU can draw at once, in overlapping tiles."""
+"""Screenshots larger than the window or the GPU's limit, in overlapping tiles."""
 
 from __future__ import annotations
 
@@ -20,40 +20,42 @@ from pvibr.maths.arguments import naming
 
 #: Reach in pixels of VTK's own passes, such as FXAA and EDL.
 _NEIGHBOURS = 8
-#: Tiles begin at multiples of it, so that effects in blocks of pixels have the same blocks.
+#: Tiles start at multiples of this, so that effects on blocks of pixels see the same blocks.
 _GRID = 16
-#: Maximum overlap as a fraction of a tile's side, at either end.
-_MOST = 0.4
+#: Largest overlap as a fraction of a tile's side, at either end.
+_MAX_OVERLAP = 0.4
 
 
-def spans(whole, tile, margin) -> list[tuple[int, int, int]]:
-    """Return the begin of tiles along one side of an image, and the range kept of each."""
-    grid = _GRID if tile - 2 * margin > 2 * _GRID else 1
-    found, done = [], 0
-    while done < whole:
-        begin = max(0, min((done - margin) // grid * grid, whole - tile))
-        end = whole if begin + tile == whole else begin + tile - margin
-        found.append((begin, done, end))
-        done = end
-    return found
+def spans(image_size, tile_size, margin) -> list[tuple[int, int, int]]:
+    """Return the start of each tile along an image's side, and the range used of it."""
+    grid_step = _GRID if tile_size - 2 * margin > 2 * _GRID else 1
+    tile_spans, next_pixel = [], 0
+    while next_pixel < image_size:
+        on_grid = (next_pixel - margin) // grid_step * grid_step
+        tile_start = max(0, min(on_grid, image_size - tile_size))
+        tile_end = tile_start + tile_size
+        span_end = image_size if tile_end == image_size else tile_end - margin
+        tile_spans.append((tile_start, next_pixel, span_end))
+        next_pixel = span_end
+    return tile_spans
 
 
 def picture(window, scale, effects, draw, *, transparent=False) -> np.ndarray:
-    """Draw a magnified window by a function, in tiles of the window's size."""
+    """Draw a magnified window in tiles of the window's size."""
     size = window.GetActualSize()
     with _own_cameras(window) as cameras:
         window.SetTileScale(scale, scale)
         margins = _margins(window, cameras, effects, size, scale)
         columns, rows = (spans(n * scale, n, m) for n, m in zip(size, margins, strict=True))
-        whole = np.empty((size[1] * scale, size[0] * scale, 4 if transparent else 3), np.uint8)
+        image = np.empty((size[1] * scale, size[0] * scale, 4 if transparent else 3), np.uint8)
         for bottom, low, high in rows:
             for left, first, last in columns:
                 _look(window, cameras, (left, bottom), size, scale)
                 draw(window)
                 tile = read_pixels(window, size, alpha=transparent)
-                kept = tile[low - bottom : high - bottom, first - left : last - left]
-                whole[low:high, first:last] = kept
-    return whole[::-1]
+                inner = tile[low - bottom : high - bottom, first - left : last - left]
+                image[low:high, first:last] = inner
+    return image[::-1]
 
 
 def _renderers(window):
@@ -63,59 +65,61 @@ def _renderers(window):
 
 @contextmanager
 def _own_cameras(window):
-    """Give each renderer a copy of its camera; yield the originals, which are restored."""
+    """Give each renderer a copy of its camera; yield the originals, and restore them."""
     cameras = {r: r.GetActiveCamera() for r in _renderers(window) if r.GetDraw()}
-    viewport, scale = tuple(window.GetTileViewport()), tuple(window.GetTileScale())
+    tile_viewport, tile_scale = tuple(window.GetTileViewport()), tuple(window.GetTileScale())
     try:
         for renderer, camera in cameras.items():
-            own = camera.NewInstance()
-            own.ShallowCopy(camera)
-            renderer.SetActiveCamera(own)
+            tile_camera = camera.NewInstance()
+            tile_camera.ShallowCopy(camera)
+            renderer.SetActiveCamera(tile_camera)
         yield cameras
     finally:
-        window.SetTileScale(*scale)
-        window.SetTileViewport(*viewport)
+        window.SetTileScale(*tile_scale)
+        window.SetTileViewport(*tile_viewport)
         for renderer, camera in cameras.items():
             renderer.SetActiveCamera(camera)
             renderer.DrawOn()
 
 
-def _look(window, cameras, corner, size, scale):
-    """Set window and cameras to a tile."""
-    low = np.array(corner) / (np.array(size) * scale)
-    tile = np.concatenate([low, low + 1 / scale])
-    window.SetTileViewport(*tile)
+def _look(window, cameras, tile_corner, size, scale):
+    """Aim window and cameras at a tile."""
+    tile_low = np.array(tile_corner) / (np.array(size) * scale)
+    tile_rect = np.concatenate([tile_low, tile_low + 1 / scale])
+    window.SetTileViewport(*tile_rect)
     for renderer, camera in cameras.items():
-        whole = np.array(renderer.GetViewport()).reshape(2, 2)
-        seen = np.clip(whole, tile[:2], tile[2:])
-        # A renderer with fewer pixels here than the overlap is drawn in another tile; VTK's passes
-        # would create empty textures for it.
-        least = np.minimum(_NEIGHBOURS / np.array(size), _MOST) / scale
-        least = 0.99 * np.minimum(least, whole[1] - whole[0])
-        renderer.SetDraw(bool((seen[1] - seen[0] > least).all()))
+        renderer_rect = np.array(renderer.GetViewport()).reshape(2, 2)
+        visible_rect = np.clip(renderer_rect, tile_rect[:2], tile_rect[2:])
+        # A renderer with fewer pixels here than the overlap is drawn in another tile: VTK's passes
+        # would create empty textures.
+        min_extent = np.minimum(_NEIGHBOURS / np.array(size), _MAX_OVERLAP) / scale
+        min_extent = 0.99 * np.minimum(min_extent, renderer_rect[1] - renderer_rect[0])
+        visible_extent = visible_rect[1] - visible_rect[0]
+        renderer.SetDraw(bool((visible_extent > min_extent).all()))
         if not renderer.GetDraw():
             continue
-        share = (seen[1] - seen[0]) / (whole[1] - whole[0])
-        own = renderer.GetActiveCamera()
-        of = share[0] if camera.GetUseHorizontalViewAngle() else share[1]
-        half = math.tan(math.radians(camera.GetViewAngle()) / 2)
-        own.SetViewAngle(math.degrees(2 * math.atan(half * of)))
-        own.SetParallelScale(camera.GetParallelScale() * share[1])
-        # In half sizes of the tile; the user's own window centre is in half sizes of the whole.
-        shift = (seen.sum(0) - whole.sum(0)) / (seen[1] - seen[0])
-        own.SetWindowCenter(*(np.array(camera.GetWindowCenter()) / share + shift))
+        visible_share = visible_extent / (renderer_rect[1] - renderer_rect[0])
+        tile_camera = renderer.GetActiveCamera()
+        angle_share = visible_share[0] if camera.GetUseHorizontalViewAngle() else visible_share[1]
+        half_tangent = math.tan(math.radians(camera.GetViewAngle()) / 2)
+        tile_camera.SetViewAngle(math.degrees(2 * math.atan(half_tangent * angle_share)))
+        tile_camera.SetParallelScale(camera.GetParallelScale() * visible_share[1])
+        # In half sizes of the tile; the user's window centre is in half sizes of the whole.
+        center_shift = (visible_rect.sum(0) - renderer_rect.sum(0)) / visible_extent
+        window_center = np.array(camera.GetWindowCenter()) / visible_share + center_shift
+        tile_camera.SetWindowCenter(*window_center)
 
 
 def _margins(window, cameras, effects, size, scale):
     """Return the overlap of tiles, in columns and rows."""
     frames = {}
     for renderer in cameras:
-        # Each in a tile that has some of it: the first may have nothing.
-        corner = [
+        # Each in a tile that shows a part of it: the first may not.
+        tile_corner = [
             min(int(low * n * scale), n * (scale - 1))
             for low, n in zip(renderer.GetViewport()[:2], size, strict=True)
         ]
-        _look(window, cameras, corner, size, scale)
+        _look(window, cameras, tile_corner, size, scale)
         if renderer.GetDraw():
             frames[renderer] = Frame.of(renderer)
     reaches = [_reach_of_passes(*item) for item in frames.items()]
@@ -123,15 +127,15 @@ def _margins(window, cameras, effects, size, scale):
         frame = frames.get(effect.pipeline.renderer)
         if frame is not None and effect.enabled:
             reaches.append(effect.reach(frame))
-    return [min(math.ceil(max(reaches, default=0)), int(_MOST * n)) for n in size]
+    return [min(math.ceil(max(reaches, default=0)), int(_MAX_OVERLAP * n)) for n in size]
 
 
 def _reach_of_passes(renderer, frame):
-    """Return the reach in pixels of VTK's passes, above all of ambient occlusion."""
-    found = [p for p in passes_of(renderer) if p.IsA('vtkSSAOPass')]
-    # At the near plane, where it is widest.
+    """Return the reach of VTK's passes in pixels, mainly that of ambient occlusion."""
+    occlusion_passes = [p for p in passes_of(renderer) if p.IsA('vtkSSAOPass')]
+    # At the near plane, where it is largest.
     scale = frame.pixel_scale / (1 if frame.parallel else frame.near)
-    return _NEIGHBOURS + sum(p.GetRadius() * scale for p in found)
+    return _NEIGHBOURS + sum(p.GetRadius() * scale for p in occlusion_passes)
 
 
 class TiledScreenshot:
@@ -144,7 +148,7 @@ class TiledScreenshot:
     def take(
         self, scale=None, size=None, transparent=None, filename=None, *, samples=1, moments=None
     ) -> np.ndarray:
-        """Draw an image, and write it if there is a file name; see `sampled` for the last two."""
+        """Draw an image, and write it to an optional file; see `sampled` for the last two."""
         check_samples(samples)
         if filename is not None:
             filename = in_a_folder('filename', filename)
@@ -156,7 +160,7 @@ class TiledScreenshot:
             transparent = bool(getattr(theme, 'transparent_background', False))
         with _resized(window, tile), _transparent(window, transparent), self._full():
             if scale > 1:
-                window.Render()  # effects spread light over the whole image at the window's size
+                window.Render()  # light that spreads over the whole image needs a whole frame
             with sampled(self._pipelines(), samples, moments) as draw:
                 effects = self._effects()
                 image = picture(window, scale, effects, draw, transparent=transparent)
@@ -169,15 +173,15 @@ class TiledScreenshot:
         return image
 
     def draw(self):
-        """Draw the window as it is: what reads it next finds no tile and no other time."""
+        """Draw the window without tiles at the current time, for whatever reads it next."""
         with self._full():
             self._window().Render()
 
     def _window(self):
         if is_closed(self._plotter):
-            raise ClosedError('the plotter was closed: nothing can be drawn')
+            raise ClosedError('the plotter is closed and cannot draw')
         if is_never_shown(self._plotter):
-            self._plotter.screenshot(return_img=False)  # sets up camera and window
+            self._plotter.screenshot(return_img=False)  # initializes camera and window
         return self._plotter.renderer.GetRenderWindow()
 
     @contextmanager
@@ -186,7 +190,7 @@ class TiledScreenshot:
         window = self._window()
         cameras = [renderer.GetActiveCamera() for renderer in _renderers(window)]
         copies = [camera.NewInstance() for camera in cameras]
-        notes = [dict(vars(camera)) for camera in cameras]  # of PyVista, such as the azimuth
+        notes = [dict(vars(camera)) for camera in cameras]  # PyVista's own, such as the azimuth
         for camera, copy in zip(cameras, copies, strict=True):
             copy.DeepCopy(camera)
         try:
@@ -209,31 +213,32 @@ class TiledScreenshot:
                 vars(camera).update(note)
 
 
-def _checked(window, scale, size):
+def _checked(window_size, scale, image_size):
     """Return the size of the window, the scale and the size of the image."""
-    if scale is not None and size is not None:
-        raise ValueError(f'scale = {scale!r} and window_size = {size!r}: give only one of them.')
-    if size is None:
+    if scale is not None and image_size is not None:
+        raise ValueError(
+            f'scale must be None with a window_size, got {scale!r} and {image_size!r}'
+        )
+    if image_size is None:
         scale = 1 if scale is None else scale
         if not _is_count(scale):
-            raise ValueError(f'scale = {scale!r}: must be a positive integer.')
-        return window, scale, tuple(n * scale for n in window)
-    if np.shape(size) != (2,) or not all(map(_is_count, size)):
+            raise ValueError(f'scale must be a positive integer, got {scale!r}')
+        return window_size, scale, tuple(n * scale for n in window_size)
+    if np.shape(image_size) != (2,) or not all(map(_is_count, image_size)):
         raise ValueError(
-            f'window_size = {size!r}: must be two positive integers, width and height in pixels.'
+            f'window_size must be two positive integers, width and height, got {image_size!r}'
         )
-    scale = max(-(-n // m) for n, m in zip(size, window, strict=True))
-    return tuple(-(-n // scale) for n in size), scale, tuple(size)
+    scale = max(-(-n // m) for n, m in zip(image_size, window_size, strict=True))
+    return tuple(-(-n // scale) for n in image_size), scale, tuple(image_size)
 
 
 def check_samples(samples):
-    """Raise an error unless a number of samples of each pixel is one."""
+    """Raise an error unless samples is a positive integer."""
     if not _is_count(samples):
-        raise ValueError(f'samples = {samples!r}: must be a positive integer.')
+        raise ValueError(f'samples must be a positive integer, got {samples!r}')
 
 
-#: Of what VTK takes as a whole number.
-_LARGEST = 1 << 30
+_LARGEST = 1 << 30  # of VTK's integers
 
 
 def _is_count(number):
@@ -245,24 +250,24 @@ def _is_count(number):
 
 
 @contextmanager
-def _resized(window, size):
-    before = tuple(window.GetActualSize())
-    if size != before:
-        window.SetSize(*size)
+def _resized(window, new_size):
+    old_size = tuple(window.GetActualSize())
+    if new_size != old_size:
+        window.SetSize(*new_size)
     try:
         yield
     finally:
-        if size != before:
-            window.SetSize(*before)
+        if new_size != old_size:
+            window.SetSize(*old_size)
 
 
 @contextmanager
-def _transparent(window, wanted):
-    """Draw with alpha, which VTK keeps only in windows with alpha planes."""
-    before = window.GetAlphaBitPlanes()
-    if wanted:
+def _transparent(window, is_wanted):
+    """Draw with alpha, for which VTK needs alpha planes."""
+    old_planes = window.GetAlphaBitPlanes()
+    if is_wanted:
         window.SetAlphaBitPlanes(1)
     try:
         yield
     finally:
-        window.SetAlphaBitPlanes(before)
+        window.SetAlphaBitPlanes(old_planes)

@@ -19,7 +19,7 @@ from pvibr.maths.sequences import disk
 from pvibr.scene.buffers import Tap
 from pvibr.scene.content_key import scene_key
 
-#: Samples over which the picture before them fades.
+#: Samples over which the picture before them fades out.
 _FADE = 8
 _MOVES = 'the view moves'
 
@@ -27,20 +27,20 @@ _MOVES = 'the view moves'
 class Accumulation(Effect):
     """Refinement of a still view, frame by frame: the mean of many samples of each pixel.
 
-    Each sample has its own place within the pixels, and varies what else is sampled: the eye
-    within the lens of `DepthOfField`, the point of a light that casts ``Shadows(method='pcss')``,
-    the directions of `AmbientOcclusion`. It begins once a frame is unchanged, and again after each
+    Each sample has its own position within the pixels, and varies whatever else is sampled: the
+    eye within the lens of `DepthOfField`, the point of a light of ``Shadows(method='pcss')``, the
+    directions of `AmbientOcclusion`. It starts once a frame is unchanged, and restarts after each
     change; while the view moves it costs nothing. Windows and pages keep drawing until it is done;
     text, scalar bars and picking are unaffected.
 
     Parameters
     ----------
     samples : int, optional
-        Samples per pixel until the picture is done.
+        Samples per pixel of the finished picture.
 
     See Also
     --------
-    pvibr.component.IBRComponent.screenshot : ``samples=`` takes them all at once.
+    pvibr.component.IBRComponent.screenshot : ``samples=`` draws them all at once.
 
     Examples
     --------
@@ -62,158 +62,157 @@ class Accumulation(Effect):
     presets = {'fast': {'samples': 16}, 'fine': {'samples': 256}}
     web = 'lost', 'browsers draw a frame at a time'
 
-    samples = Param(64, 'Samples per pixel until the picture is done.', range='[1, 65536]')
+    samples = Param(64, 'Samples per pixel of the picture: more takes longer.', range='[1, 65536]')
 
     def __init__(self, samples=samples.default, **settings):
         super().__init__(samples=samples, **settings)
         self._quads: dict[str, Quad] = {}
-        self._eyes: dict[bool, _Mean] = {}
-        self._mean: Any = None  # of the frame that is drawn, None if it is not of use
+        self._means: dict[bool, _Mean] = {}
+        self._current_mean: Any = None  # of the current frame; None if it does not count
         self._camera: Any = None
-        self._asked: Any = None  # number and count of the sample that is drawn next
-
-    # -- which frame is which sample ----------------------------------------------------------
+        self._fixed_sample: Any = None  # number and count, set by `take`
 
     def take(self, index=None, count=1):
-        """Let the next frames be a certain sample, whatever changes between them.
+        """Render the next frames as one fixed sample, whatever changes between them.
 
         Parameters
         ----------
         index : int, optional
-            Number of the sample, from 0; by default frames are what they are without this.
+            Number of the sample, from 0; None ends this.
         count : int
-            Number of samples: the mean of all is shown with the last one.
+            Number of samples; the last one shows the mean of all.
         """
         if index is None or index == 0:
-            self._eyes = {eye: mean.restart() for eye, mean in self._eyes.items()}
-        self._asked = None if index is None else (index, count)
+            self._means = {eye: mean.restart() for eye, mean in self._means.items()}
+        self._fixed_sample = None if index is None else (index, count)
 
     @property
     def unfinished(self) -> bool:
         """Whether more frames would refine the picture."""
-        means = self._eyes.values()
+        means = self._means.values()
         return self.enabled and self.samples > 1 and any(m.count < self.samples for m in means)
 
     @property
     def rests(self) -> bool:
-        """Whether nothing had changed in the last frame."""
-        return all(mean.count >= 0 for mean in self._eyes.values())
+        """Whether nothing changed in the last frame."""
+        return all(mean.count >= 0 for mean in self._means.values())
 
     @property
     def one_sample(self) -> bool:
         """Whether the frame is a sample."""
-        return self._mean is not None and self._mean.sample is not None
+        return self._current_mean is not None and self._current_mean.sample is not None
 
     def as_sampled(self, frame) -> Frame:
         """Return the frame of the next sample, if nothing changed since the last one."""
-        self._mean = None
-        if 0 in frame.size or (self.samples == 1 and self._asked is None):
+        self._current_mean = None
+        if 0 in frame.size or (self.samples == 1 and self._fixed_sample is None):
             return frame
         if not frame.window.GetStereoRender():
-            release(self._eyes.pop(True, None))
-        mean = self._eyes.setdefault(_is_left(frame), _Mean())
-        if self._asked is not None:
-            mean.count = mean.sample = self._asked[0]
-        elif self._is_read:
-            mean.sample = None
+            release(self._means.pop(True, None))
+        eye_mean = self._means.setdefault(_is_left(frame), _Mean())
+        if self._fixed_sample is not None:
+            eye_mean.count = eye_mean.sample = self._fixed_sample[0]
+        elif self._is_tapped:
+            eye_mean.sample = None
         else:
-            mean.follow(frame, self.pipeline, self.samples)
-        self._mean = mean if mean.count >= 0 else None
-        return frame if mean.sample is None else self._sampled(frame, mean.sample)
+            eye_mean.follow(frame, self.pipeline, self.samples)
+        self._current_mean = eye_mean if eye_mean.count >= 0 else None
+        return frame if eye_mean.sample is None else self._sampled(frame, eye_mean.sample)
 
     def needed(self, frame) -> bool | str:
-        """Return True if the frame is a sample, or the first one at rest."""
-        return super().needed(frame) if self.samples == 1 else self._mean is not None or _MOVES
+        """Return True if the frame is a sample, or the first at rest."""
+        if self.samples == 1:
+            return super().needed(frame)
+        return self._current_mean is not None or _MOVES
 
     @property
-    def _is_read(self) -> bool:
-        """Whether buffers of the frame are read, which are those of the view itself."""
+    def _is_tapped(self) -> bool:
+        """Whether a tap reads the frame's buffers, which must be those of the unshifted view."""
         return any(isinstance(effect, Tap) for effect in self.pipeline.effects)
 
     def _sampled(self, frame, index) -> Frame:
-        """Return a frame of another eye, and of another place within each pixel."""
-        count = self.samples if self._asked is None else self._asked[1]
-        user, sample = frame.renderer.GetActiveCamera(), Sample(index, count)
+        """Return a frame whose eye and position within each pixel are those of a sample."""
+        sample_count = self.samples if self._fixed_sample is None else self._fixed_sample[1]
+        user_camera, sample = frame.renderer.GetActiveCamera(), Sample(index, sample_count)
         if self._camera is None:
             self._camera = _vtk.vtkOpenGLCamera()
-        self._camera.DeepCopy(user)
-        drawn = samples_of(frame.renderer)
+        self._camera.DeepCopy(user_camera)
+        supersamples = samples_of(frame.renderer)
         if not frame.renderer.GetPreserveColorBuffer():
-            drawn //= max(frame.window.GetMultiSamples(), 1)
+            supersamples //= max(frame.window.GetMultiSamples(), 1)
         # Supersampling has smaller pixels.
-        place = np.subtract(sample.pair('pixel'), 0.5) * 2 / np.array(frame.size) / np.sqrt(drawn)
-        _aim(self._camera, frame, place, self._eye(frame, sample))
+        pixel_size = 2 / np.array(frame.size) / np.sqrt(supersamples)
+        pixel_shift = np.subtract(sample.pair('pixel'), 0.5) * pixel_size
+        _aim(self._camera, frame, pixel_shift, self._eye(frame, sample))
         frame.renderer.SetActiveCamera(self._camera)
         sampled = Frame.of(frame.renderer, index=frame.index, time=frame.time)
-        return replace(sampled, sample=replace(sample, camera=user))
+        return replace(sampled, sample=replace(sample, camera=user_camera))
 
     def _eye(self, frame, sample) -> tuple[float, float, float]:
-        """Return the place of the eye within a lens, and the distance in focus."""
+        """Return the eye's position within a lens, and the focus distance."""
         for effect in self.pipeline.effects:
             lens = effect.lens_of(frame) if effect.enabled else None
             if lens is not None:
-                x, y = disk(*sample.pair('lens'))
-                return lens[0] * x, lens[0] * y, lens[1]
+                lens_x, lens_y = disk(*sample.pair('lens'))
+                return lens[0] * lens_x, lens[0] * lens_y, lens[1]
         return 0.0, 0.0, 1.0
-
-    # -- drawing --------------------------------------------------------------------------------
 
     def render(self, frame, picture):
         """Add the picture to the sum, and show the mean."""
-        mean, kept = self._mean, self._asked is None
+        mean, accumulates = self._current_mean, self._fixed_sample is None
         if not self._quads:
             self._quads = quads_of(frame.window, __file__)
-        mean.allocate(frame.window, picture.size, keeps_first=kept)
+        mean.allocate(frame.window, picture.size, keeps_first=accumulates)
         if mean.sample is not None:
             self._add(mean, picture)
         elif mean.count == 0:
             mean.first.draw(self._quads['copy'], {}, {'color': picture.color})
             picture.blit_depth(mean.first.object, (0, 0, *picture.size))
-        if kept or self._asked[0] == self._asked[1] - 1:
+        if accumulates or self._fixed_sample[0] == self._fixed_sample[1] - 1:
             self._show(mean, picture)
-        if kept and not self._is_read:
-            self._settle(mean, picture)
+        if accumulates and not self._is_tapped:
+            self._settle_changes(mean, picture)
 
     def _add(self, mean, picture):
-        start = (0.0, 0.0, 0.0, 0.0) if mean.sample == 0 else None
+        clear_color = (0.0, 0.0, 0.0, 0.0) if mean.sample == 0 else None
         color = {'color': picture.color}
-        mean.sum.draw(self._quads['add'], {}, color, blend='sum', clear=start)
+        mean.sum.draw(self._quads['add'], {}, color, blend='sum', clear=clear_color)
 
     def _show(self, mean, picture):
-        count = mean.count if mean.sample is None else mean.sample + 1
-        if count == 0:
+        sample_count = mean.count if mean.sample is None else mean.sample + 1
+        if sample_count == 0:
             return
-        first = mean.first or mean.sum
-        share = min(count / _FADE, 1.0) if mean.first else 1.0
+        first_picture = mean.first or mean.sum
+        mean_share = min(sample_count / _FADE, 1.0) if mean.first else 1.0
         with picture.drawing():
             self._quads['show'].draw(
-                {'count': float(count), 'share': share},
-                {'sum': mean.sum.colors[0], 'first': first.colors[0]},
+                {'count': float(sample_count), 'share': mean_share},
+                {'sum': mean.sum.colors[0], 'first': first_picture.colors[0]},
             )
 
-    def _settle(self, mean, picture):
-        """Let what drawing changed be no change, and the depth that of the view itself."""
+    def _settle_changes(self, mean, picture):
+        """Restore the depth of the unshifted view, and record the scene as drawn."""
         if mean.sample is not None and picture.find_depth is None:
             picture.put_depth(mean.first.object)
         self.pipeline.surfaces.settle()
         mean.scene = scene_key(self.pipeline)
 
     def deactivate(self):
-        """Free the pictures: the view moves."""
-        for mean in self._eyes.values():
+        """Free the pictures while the view moves."""
+        for mean in self._means.values():
             mean.release()
             mean.count, mean.sample = -1, None
 
     def release(self):
         """Free GPU memory; the context is current."""
-        release(*self._eyes.values(), *self._quads.values())
-        self._eyes, self._quads, self._mean = {}, {}, None
+        release(*self._means.values(), *self._quads.values())
+        self._means, self._quads, self._current_mean = {}, {}, None
 
     def report(self) -> dict:
-        """Return bytes, and how many samples the picture has."""
-        means = self._eyes.values()
-        count = min((mean.count for mean in means), default=0)
-        return {'bytes': sum(mean.nbytes for mean in means), 'samples': max(count, 0)}
+        """Return bytes, and the number of samples in the picture."""
+        means = self._means.values()
+        sample_count = min((mean.count for mean in means), default=0)
+        return {'bytes': sum(mean.nbytes for mean in means), 'samples': max(sample_count, 0)}
 
 
 class _Mean:
@@ -221,38 +220,38 @@ class _Mean:
 
     def __init__(self):
         self.sum: Any = None
-        self.first: Any = None  # the picture before all samples, and its depth
+        self.first: Any = None  # the picture before all samples, with its depth
         self.view: tuple = ()
         self.scene: Any = None
         self.restart()
 
     def restart(self) -> _Mean:
-        """Begin anew."""
-        #: Samples that the picture has after the frame; below 0 while the view moves.
+        """Restart."""
+        #: Samples in the picture after the frame; below 0 while the view moves.
         self.count = -1
-        #: Number of the sample that is drawn, None if the frame is none.
+        #: Number of the current sample; None if the frame is not one.
         self.sample: int | None = None
         self.view = ()
         return self
 
     def follow(self, frame, pipeline, samples):
-        """Choose the sample that a frame is."""
+        """Choose which sample a frame is."""
         self.sample = None
-        view = frame.view.key(), frame.size, frame.origin, frame.tile, frame.time
-        if view != self.view or frame.quality < 1:
-            self.view, self.scene, self.count = view, None, -1
+        view_key = frame.view.key(), frame.size, frame.origin, frame.tile, frame.time
+        if view_key != self.view or frame.quality < 1:
+            self.view, self.scene, self.count = view_key, None, -1
             return
-        scene = scene_key(pipeline)
-        if self.scene is not None and scene != self.scene:
-            self.scene, self.count = scene, -1
+        content_key = scene_key(pipeline)
+        if self.scene is not None and content_key != self.scene:
+            self.scene, self.count = content_key, -1
             return
-        self.scene = scene
+        self.scene = content_key
         if 0 <= self.count < samples:
             self.sample = self.count
         self.count = min(self.count + 1, samples)
 
     def allocate(self, window, size, *, keeps_first):
-        """Have targets of a size."""
+        """Allocate targets of a size."""
         if self.sum is not None and (self.sum.width, self.sum.height) != tuple(size):
             self.release()
         if self.sum is None:
@@ -266,42 +265,43 @@ class _Mean:
         return nbytes_of(self.sum, self.first)
 
     def release(self):
-        """Free the GPU's memory; the context must be alive."""
+        """Free GPU memory; the context must be current."""
         release(self.sum, self.first)
         self.sum = self.first = None
 
 
 def _is_left(frame) -> bool:
-    """Return whether a frame is that of the left of two eyes."""
+    """Return True for the frame of the left eye in stereo."""
     stereo = frame.window.GetStereoRender()
     return bool(stereo and frame.renderer.GetActiveCamera().GetLeftEye())
 
 
-def _aim(camera, frame, place, eye):
-    """Shift a camera's picture by a part of its half sides, and its eye across the view."""
-    x, y, focus = eye
-    clip, axes = frame.clip_from_view, frame.view_from_world[:3, :3]
+def _aim(camera, frame, pixel_shift, lens_point):
+    """Shift a camera's picture by a fraction of its half sides, and its eye across the lens."""
+    x, y, focus = lens_point
+    clip, view_axes = frame.clip_from_view, frame.view_from_world[:3, :3]
     if camera.GetUseExplicitProjectionTransformMatrix():
-        camera.SetExplicitProjectionTransformMatrix(_sheared(clip, place, eye, frame.parallel))
+        matrix = _sheared(clip, pixel_shift, lens_point, frame.parallel)
+        camera.SetExplicitProjectionTransformMatrix(matrix)
     elif frame.parallel:
-        # About the plane in focus, which stays where it is.
+        # About the focus plane, which must not move.
         camera.SetViewShear(-x / focus, -y / focus, focus / camera.GetDistance())
-        camera.SetWindowCenter(*np.add(camera.GetWindowCenter(), place))
+        camera.SetWindowCenter(*np.add(camera.GetWindowCenter(), pixel_shift))
     else:
-        back = np.array([clip[0, 0] * x, clip[1, 1] * y]) / focus
-        camera.SetWindowCenter(*np.add(camera.GetWindowCenter(), place - back))
+        counter_shift = np.array([clip[0, 0] * x, clip[1, 1] * y]) / focus
+        camera.SetWindowCenter(*np.add(camera.GetWindowCenter(), pixel_shift - counter_shift))
     if not frame.parallel and (x or y):
-        move = x * axes[0] + y * axes[1]
-        camera.SetPosition(*(camera.GetPosition() + move))
-        camera.SetFocalPoint(*(camera.GetFocalPoint() + move))
+        eye_shift = x * view_axes[0] + y * view_axes[1]
+        camera.SetPosition(*(camera.GetPosition() + eye_shift))
+        camera.SetFocalPoint(*(camera.GetFocalPoint() + eye_shift))
 
 
-def _sheared(clip, place, eye, parallel):
-    """Return the same of a projection that is given as a matrix."""
+def _sheared(clip_from_view, pixel_shift, lens_point, parallel):
+    """Return an explicit projection matrix with that shift."""
     shear, shift = np.eye(4), np.eye(4)
-    shear[:2, 2] = -np.array(eye[:2]) / eye[2]
-    shear[:2, 3] = -np.array(eye[:2]) if parallel else 0.0
-    shift[:2, 3] = place
-    found = _vtk.vtkMatrix4x4()
-    found.DeepCopy((shift @ clip @ shear).ravel().tolist())
-    return found
+    shear[:2, 2] = -np.array(lens_point[:2]) / lens_point[2]
+    shear[:2, 3] = -np.array(lens_point[:2]) if parallel else 0.0
+    shift[:2, 3] = pixel_shift
+    matrix = _vtk.vtkMatrix4x4()
+    matrix.DeepCopy((shift @ clip_from_view @ shear).ravel().tolist())
+    return matrix

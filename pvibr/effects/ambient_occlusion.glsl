@@ -1,18 +1,18 @@
 Ambient occlusion from the depth buffer. Around each pixel, slices through its line of sight are
-searched outward on both sides; what is met covers sectors of the slice, of equal cosine-weighted
-measure, and each sector counts by how near its first cover is. Slices and integral: Jimenez et
-al., "Practical real-time strategies for accurate indirect occlusion", SIGGRAPH 2016 course; sectors:
-Therrien et al., "Screen space indirect lighting with visibility bitmask", 2023. Slices turn from
-pixel to pixel in squares of 4 by 4, and the second program averages over such squares.
+searched outward on both sides; surfaces cover sectors of the slice, of equal cosine-weighted
+measure, and each sector is weighted by the distance of its first cover. Slices and integral:
+Jimenez et al., "Practical real-time strategies for accurate indirect occlusion", SIGGRAPH 2016
+course; sectors: Therrien et al., "Screen space indirect lighting with visibility bitmask", 2023.
+Slices turn from pixel to pixel in blocks of 4 x 4, over which the second program averages.
 Inputs: depth of the window, 0 near to 1 far; lengths in world units, positions in view space.
 
 //@common
 uniform sampler2D depth;
-uniform vec4 lens;    // x and y at distance 1, or anywhere if parallel: xy * ndc + zw
+uniform vec4 lens;    // view x and y at distance 1, or anywhere if parallel: xy * ndc + zw
 uniform vec2 planes;
 uniform int parallel;
 
-ivec2 last;           // pixel
+ivec2 last;           // last pixel
 vec2 ndc_step;        // from pixel to pixel
 
 float depth_at(ivec2 p)
@@ -38,8 +38,8 @@ vec3 position(vec2 p, float d)
   return vec3(parallel == 1 ? xy : xy * z, -z);
 }
 
-// Slope of depth along a step: of the two sides by how straight each goes on, since depth of the
-// window is affine on planes.
+// Slope of depth along a step: of both sides, weighted by how straight each continues, since window
+// depth is affine on planes.
 float slope(ivec2 p, ivec2 s, float d)
 {
   float a = depth_at(p - s), b = depth_at(p + s);
@@ -68,10 +68,10 @@ uniform int slices;
 uniform int steps;
 uniform float radius;
 uniform float thickness;
-uniform vec3 vary;    // of a sample of a still picture, 0 to 1
+uniform vec3 vary;    // offsets of an Accumulation sample, 0 to 1
 
 const float PI = 3.14159265;
-const float LEAP = 4.0;  // rise over run from one surface to another
+const float LEAP = 4.0;  // rise over run between two surfaces
 
 int ones(uint n)
 {
@@ -85,8 +85,8 @@ uint first(int n)
   return n >= 32 ? 0xFFFFFFFFu : (1u << uint(n)) - 1u;
 }
 
-// Measures from the line of sight to two angles of these cosines. side: cosine and sine of the
-// normal's angle, angle of the rim.
+// Measures from the line of sight to two angles with these cosines. side: cosine and sine of the
+// normal's angle, and the angle of the horizon.
 vec2 measured(vec2 cosines, vec3 side)
 {
   vec2 c = clamp(cosines, -1.0, 1.0), s = sqrt(1.0 - c * c), h = acos(c);
@@ -96,17 +96,17 @@ vec2 measured(vec2 cosines, vec3 side)
 
 struct Surfel { vec3 at, sight, normal; vec2 pixel; float error; };
 
-// Sectors of one side that are covered, weighted. n: angle of the normal towards that side.
+// Weighted measure of covered sectors on one side. n: angle of the normal towards that side.
 float covered(Surfel s, vec2 way, float n, float jitter, float dither)
 {
   vec3 side = vec3(cos(n), sin(n), 0.5 * PI + n);
   float whole = max(0.5 * (side.x + side.y * side.z), 1e-6), sum = 0.0;
   float reach = max(length(way), 1e-3);
   vec3 before = vec3(0.0);
-  uint taken = 0u;
+  uint taken_sectors = 0u;
   for (int k = 0; k < steps; ++k)
   {
-    // Ever wider steps, of a pixel or more.
+    // Steps of increasing length, at least a pixel.
     float share = (float(k) + jitter) / float(steps);
     vec2 o = way * max(share * share, float(k + 1) / reach);
     ivec2 q = ivec2(floor(s.pixel + 0.5 + o));
@@ -117,19 +117,19 @@ float covered(Surfel s, vec2 way, float n, float jitter, float dither)
     vec3 gap = v - before;
     float far = length(v), rise = dot(gap, s.sight);
     bool leap = rise > LEAP * length(gap - rise * s.sight);
-    // What is between two samples of one surface is as far as either.
+    // Between two samples of one surface the distance is interpolated.
     float between = leap ? far : 0.5 * (far + min(length(before), radius));
     float weight = 1.0 - between * between / (radius * radius);
     before = v;
     if (far >= radius || dot(v, s.normal) < s.error) continue;
-    // Its back, along its own line of sight.
+    // The back of the surface, along its own line of sight.
     float deep = leap ? thickness : thickness + max(rise, 0.0);
     vec3 w = v + (parallel == 1 ? vec3(0.0, 0.0, -deep) : to * (deep / length(to)));
     vec2 ends = vec2(dot(v, s.sight), dot(w, s.sight)) / vec2(far, length(w));
     ivec2 sector = ivec2(floor(32.0 * measured(ends, side) / whole + dither));
     sector = clamp(sector, 0, 32);
-    uint cover = first(sector.y) & ~first(sector.x) & ~taken;
-    taken |= cover;
+    uint cover = first(sector.y) & ~first(sector.x) & ~taken_sectors;
+    taken_sectors |= cover;
     sum += weight * float(ones(cover));
   }
   return sum * whole / 32.0;
@@ -151,14 +151,14 @@ void main()
   vec3 up = position(s.pixel + vec2(0.0, 1.0), d + g.y) - s.at;
   s.normal = normalize(cross(right, up));
   float z = -s.at.z;
-  // What depths may be off by: numbers of 24 bits, and positions.
+  // Error of 24-bit depths, and of positions.
   float grain = (planes.y - planes.x) * (parallel == 1 ? 1.0 : z * z / (planes.x * planes.y));
   s.error = 1e-6 * z + 2.4e-7 * grain;
   vec3 beside = abs(s.sight.y) < 0.9 ? vec3(0.0, 1.0, 0.0) : vec3(1.0, 0.0, 0.0);
   vec3 side = normalize(cross(beside, s.sight));
   vec3 top = cross(s.sight, side);
 
-  // Counted from the axis of the view: tiles of large screenshots turn as the whole.
+  // Counted from the view axis: tiles of large screenshots get the pattern of the whole.
   ivec2 place = ivec2(floor(at_one(s.pixel) / (lens.xy * ndc_step) + 0.25)) & 3;
   int cell = 4 * place.x + place.y;
   float turn = float((cell * 7) & 15) / 16.0 + vary.x;
@@ -169,7 +169,7 @@ void main()
   {
     float a = PI * (float(k) + turn) / float(slices);
     vec3 across = cos(a) * side + sin(a) * top;
-    // On the screen, in pixels for the radius.
+    // The radius on the screen, in pixels.
     vec2 way = parallel == 1 ? across.xy : (across.xy + s.at.xy * across.z / z) / z;
     way *= radius / (lens.xy * ndc_step);
     vec3 axis = cross(across, s.sight);
@@ -187,23 +187,23 @@ void main()
 
 //@apply
 uniform sampler2D color;
-uniform sampler2D found;
-uniform sampler2D unlit;  // depth of what keeps its colour
+uniform sampler2D visibility;
+uniform sampler2D unlit_depth;  // of surfaces that keep their colour
 uniform float strength;
-uniform int exempts;
-uniform int edges;        // of several samples
+uniform int exempts;            // whether there are such surfaces
+uniform int edges;              // whether pixels are mixed from multisamples
 
-bool kept(ivec2 p, float d, float near)
+bool is_exempt(ivec2 p, float d, float near)
 {
-  float own = texelFetch(unlit, clamp(p, ivec2(0), last), 0).r;
-  return exempts == 1 && own < 1.0 && own <= d + near + 1e-6;
+  float unlit = texelFetch(unlit_depth, clamp(p, ivec2(0), last), 0).r;
+  return exempts == 1 && unlit < 1.0 && unlit <= d + near + 1e-6;
 }
 
-bool inside(ivec2 p, float near)
+bool is_inside(ivec2 p, float near)
 {
   for (int j = -1; j <= 1; ++j)
     for (int i = -1; i <= 1; ++i)
-      if (!kept(p + ivec2(i, j), depth_at(p + ivec2(i, j)), 2.0 * near)) return false;
+      if (!is_exempt(p + ivec2(i, j), depth_at(p + ivec2(i, j)), 2.0 * near)) return false;
   return true;
 }
 
@@ -216,12 +216,12 @@ void main()
   float d = depth_at(p);
   if (d >= 1.0) return;
   vec2 g = slopes(p, d);
-  // Of several samples the depths differ by half a pixel, and the colours of edges are mixed.
+  // Depths of multisamples differ by half a pixel, and colours at edges are mixed.
   float near = edges == 1 ? abs(g.x) + abs(g.y) : 0.0;
-  if (kept(p, d, near) && (edges == 0 || inside(p, near))) return;
+  if (is_exempt(p, d, near) && (edges == 0 || is_inside(p, near))) return;
   float z = away(d), sum = 0.0, weight = 0.0;
   float tolerance = 3.0 * lens.y * ndc_step.y * (parallel == 1 ? 1.0 : z);
-  // Squares of 4 by 4 in every place: the rims of 5 by 5 count half.
+  // Any 4 x 4 pixels around this one: the rim of 5 x 5 counts half.
   for (int j = -2; j <= 2; ++j)
     for (int i = -2; i <= 2; ++i)
     {
@@ -230,7 +230,7 @@ void main()
       float off = abs(away(e) - away(min(d + dot(g, vec2(q - p)), 1.0)));
       w *= e < 1.0 ? max(1.0 - off / tolerance, 0.0) : 0.0;
       w = q == p ? 1.0 : w;
-      sum += w * texelFetch(found, q, 0).r;
+      sum += w * texelFetch(visibility, q, 0).r;
       weight += w;
     }
   gl_FragData[0] = vec4(c.rgb * pow(max(sum / weight, 0.0), strength), c.a);

@@ -1,4 +1,4 @@
-"""Ambient occlusion: corners and contacts receive less of the light from all around."""
+"""Ambient occlusion: corners and contacts receive less ambient light."""
 
 from __future__ import annotations
 
@@ -11,23 +11,23 @@ from pvibr.gl.quad import quads_of
 from pvibr.gl.target import fitting_target
 from pvibr.scene.buffers import Drawn
 
-_STEPS = 16  # on either side of a pixel along a slice
-_RADIUS = 0.05  # default, over the diagonal of the scene
+_STEPS = 16  # along a slice, on either side of a pixel
+_RADIUS = 0.05  # default, as a fraction of the scene's diagonal
 
 
 class AmbientOcclusion(Effect):
     """Darkening of corners and contacts, where light from all around is blocked.
 
-    Colours are multiplied by the share of a cosine-weighted hemisphere over the surface that is
-    open, where what blocks it at a distance d counts ``1 - (d / radius)**2``. Surfaces are those
-    in the depth buffer: what is out of the picture, or hidden, blocks nothing. The background
-    stays as it is; translucent props and volumes darken as the surface behind them does.
+    Colours are multiplied by the open fraction of a cosine-weighted hemisphere over the surface,
+    where a blocker at a distance d counts ``1 - (d / radius)**2``. Surfaces are those in the depth
+    buffer: hidden ones and those outside of the picture block nothing. The background is
+    unchanged; translucent props and volumes darken with the surface behind them.
 
     Parameters
     ----------
     radius : float, optional
         Distance within which surfaces block light, world units; by default a twentieth of
-        the diagonal of what is in the scene.
+        the scene's diagonal.
     **settings
         Values of the class's settings.
 
@@ -52,99 +52,104 @@ class AmbientOcclusion(Effect):
 
     radius = Param(
         None,
-        'Distance within which surfaces block light; a twentieth of the scene by default.',
+        'Distance within which surfaces block light; by default 1/20 of the scene. Small radii '
+        'show fine relief, large ones the shape of rooms.',
         range='(0, inf)',
         unit='world',
         kind=float,
     )
-    strength = Param(1.0, 'Exponent of visibility.', range='[0, 8]')
+    strength = Param(1.0, 'Exponent of visibility: above 1 darkens more.', range='[0, 8]')
     thickness = Param(
         None,
-        'Depth of surfaces behind what is seen of them; the radius by default.',
+        'Assumed thickness of surfaces; the radius by default. Lower it if thin objects cast too '
+        'wide a darkening.',
         range='[0, inf)',
         unit='world',
         kind=float,
     )
-    samples = Param(64, 'Samples per pixel.', range='[32, 512]')
-    unlit = Param(True, 'Darken surfaces without lighting as well.')
+    samples = Param(64, 'Samples per pixel: fewer are faster, and noisier.', range='[32, 512]')
+    unlit = Param(True, 'Whether to darken surfaces without lighting too.')
 
     def __init__(self, radius=None, **settings):
         super().__init__(radius=radius, **settings)
         self._quads: dict[str, Quad] = {}
-        self._found: Target | None = None
-        self._unlit: Drawn | None = None
+        self._visibility: Target | None = None
+        self._unlit_buffer: Drawn | None = None
 
     @classmethod
     def sample(cls, actors):
-        """Return an instance that shows."""
+        """Return a strong instance."""
         return cls(0.15, strength=4.0)
 
     def reach(self, frame) -> float:
-        """Return the radius at the near plane, where it is widest, in pixels."""
-        away = 1.0 if frame.parallel else frame.near
-        return self._radius(frame) * frame.pixel_scale / away + 4
+        """Return the radius at the near plane, where it is largest, in pixels."""
+        near_distance = 1.0 if frame.parallel else frame.near
+        return self._world_radius(frame) * frame.pixel_scale / near_distance + 4
 
     def render(self, frame, picture):
         """Darken the picture."""
-        found = self._allocate(frame.window, picture.size)
-        clip = frame.clip_from_view
-        shift = -clip[:2, 3] if frame.parallel else clip[:2, 2]
-        across = 1 / np.diag(clip)[:2]
-        view = {
-            'lens': (*across, *(across * shift)),
+        visibility = self._allocate(frame.window, picture.size)
+        clip_from_view = frame.clip_from_view
+        center_shift = -clip_from_view[:2, 3] if frame.parallel else clip_from_view[:2, 2]
+        half_extents = 1 / np.diag(clip_from_view)[:2]
+        view_uniforms = {
+            'lens': (*half_extents, *(half_extents * center_shift)),
             'planes': (frame.near, frame.far),
             'parallel': int(frame.parallel),
         }
-        radius = self._radius(frame)
-        search = {
+        radius = self._world_radius(frame)
+        search_uniforms = {
             'slices': max(1, round(self.samples * frame.quality / (2 * _STEPS))),
             'steps': _STEPS,
             'radius': float(radius),
             'thickness': float(radius if self.thickness is None else self.thickness),
             'vary': (*frame.vary('occlusion'), frame.vary('occlusion, sectors')[0]),
         }
-        depth = {'depth': picture.depth}
-        found.draw(self._quads['search'], view | search, depth)
-        scene = {'color': picture.color, 'found': found.colors[0]} | depth
-        shown = self._shown(frame)
-        scene['unlit'] = shown or picture.depth
-        uniforms = view | {
+        depth_texture = {'depth': picture.depth}
+        visibility.draw(self._quads['search'], view_uniforms | search_uniforms, depth_texture)
+        apply_textures = {
+            'color': picture.color,
+            'visibility': visibility.colors[0],
+        } | depth_texture
+        unlit_depth = self._draw_unlit(frame)
+        apply_textures['unlit_depth'] = unlit_depth or picture.depth
+        uniforms = view_uniforms | {
             'strength': self.strength,
-            'exempts': int(shown is not None),
+            'exempts': int(unlit_depth is not None),
             'edges': int(frame.window.GetMultiSamples() > 1),
         }
         with picture.drawing():
-            self._quads['apply'].draw(uniforms, scene)
+            self._quads['apply'].draw(uniforms, apply_textures)
 
-    def _shown(self, frame) -> Texture | None:
-        """Draw the depth of what keeps its colour, if there is any."""
-        actors = [] if self.unlit else [a for a in frame.renderer.GetActors() if _keeps(a)]
-        if not actors:
-            release(self._unlit)
-            self._unlit = None
+    def _draw_unlit(self, frame) -> Texture | None:
+        """Draw the depth of unlit actors that keep their colour, if there are any."""
+        actors = () if self.unlit else frame.renderer.GetActors()
+        unlit_actors = [a for a in actors if _is_unlit(a)]
+        if not unlit_actors:
+            release(self._unlit_buffer)
+            self._unlit_buffer = None
             return None
-        self._unlit = self._unlit or Drawn(frame.renderer)
-        return self._unlit.draw(frame, self.pipeline.things, actors).depth
+        self._unlit_buffer = self._unlit_buffer or Drawn(frame.renderer)
+        return self._unlit_buffer.draw(frame, self.pipeline.things, unlit_actors).depth
 
-    def _radius(self, frame) -> float:
+    def _world_radius(self, frame) -> float:
         return _RADIUS * frame.scene_size if self.radius is None else self.radius
 
     def _allocate(self, window, size) -> Target:
         if not self._quads:
             self._quads = quads_of(window, __file__, 'common')
-        self._found = fitting_target(self._found, window, size, ('r32f',))
-        return self._found
+        self._visibility = fitting_target(self._visibility, window, size, ('r32f',))
+        return self._visibility
 
     def release(self):
         """Free GPU memory; the context is current."""
-        release(self._found, self._unlit, *self._quads.values())
-        self._found, self._unlit, self._quads = None, None, {}
+        release(self._visibility, self._unlit_buffer, *self._quads.values())
+        self._visibility, self._unlit_buffer, self._quads = None, None, {}
 
     def report(self) -> dict:
         """Return the bytes of GPU memory."""
-        return {'bytes': nbytes_of(self._found, self._unlit)}
+        return {'bytes': nbytes_of(self._visibility, self._unlit_buffer)}
 
 
-def _keeps(actor) -> bool:
-    """Return True if an actor is seen in its own colours."""
+def _is_unlit(actor) -> bool:
     return bool(actor.GetVisibility() and not actor.GetProperty().GetLighting())

@@ -15,30 +15,30 @@ from pvibr.maths.vectors import unit_vectors
 _BLACK = (0.0, 0.0, 0.0)
 
 
-class _Behind(FullScreen):
-    """A background that replaces the renderer's own while a frame is drawn."""
+class _Background(FullScreen):
+    """An effect that replaces the renderer's background while a frame is drawn."""
 
     draws_background = True
     hidden_background: tuple | None = None
 
     def needed(self, frame) -> bool | str:
         """Return True if the effect must run."""
-        others = self.pipeline.effects if self.pipeline is not None else ()
-        for other in others:
-            if other is not self and isinstance(other, _Behind) and other.hidden_background:
-                return f'{other.name} is behind the scene already'
+        for effect in self.pipeline.effects if self.pipeline is not None else ():
+            is_other = effect is not self and isinstance(effect, _Background)
+            if is_other and effect.hidden_background:
+                return f'{effect.name} is behind the scene already'
         if frame.renderer.GetLayer() > 0 or frame.renderer.GetPreserveColorBuffer():
             return 'another renderer, such as a background image, is behind this one'
         return super().needed(frame)
 
     def prepare(self, frame):
-        """Draw the scene on black, so that the background can be composited below it."""
+        """Draw the scene on black, so that a background can be composited below."""
         self.finish(frame)
         renderer = frame.renderer
-        gradient, textured = renderer.GetGradientBackground(), renderer.GetTexturedBackground()
-        low = renderer.GetBackground()
-        self.hidden_background = (low, bool(gradient), bool(textured))
-        self._ground = (low, renderer.GetBackground2() if gradient else low)
+        is_gradient = bool(renderer.GetGradientBackground())
+        low, high = renderer.GetBackground(), renderer.GetBackground2()
+        self.hidden_background = low, is_gradient, bool(renderer.GetTexturedBackground())
+        self._background_colors = low, high if is_gradient else low
         renderer.SetBackground(_BLACK)
         renderer.SetGradientBackground(False)
         renderer.SetTexturedBackground(False)
@@ -46,21 +46,21 @@ class _Behind(FullScreen):
     def finish(self, frame):
         """Restore the renderer's background."""
         if self.hidden_background is not None:
-            low, gradient, textured = self.hidden_background
+            bottom_color, is_gradient, is_textured = self.hidden_background
             self.hidden_background = None
-            frame.renderer.SetBackground(low)
-            frame.renderer.SetGradientBackground(gradient)
-            frame.renderer.SetTexturedBackground(textured)
+            frame.renderer.SetBackground(bottom_color)
+            frame.renderer.SetGradientBackground(is_gradient)
+            frame.renderer.SetTexturedBackground(is_textured)
 
     def _uniforms(self, frame, size):
-        low, high = self._ground
-        return super()._uniforms(frame, size) | {'low': low, 'high': high}
+        bottom_color, top_color = self._background_colors
+        return super()._uniforms(frame, size) | {'low': bottom_color, 'high': top_color}
 
 
-class Backdrop(_Behind, FullScreenImage):
+class Backdrop(_Background, FullScreenImage):
     """An image, image sequence or film behind the scene, fixed to the screen.
 
-    The alpha of pixels is kept: a transparent background stays transparent in screenshots.
+    Alpha is kept: a transparent background stays transparent in screenshots.
 
     Parameters
     ----------
@@ -81,18 +81,18 @@ class Backdrop(_Behind, FullScreenImage):
     'cover'
     """
 
-    fit = Param('cover', 'Fit to the rectangle.', choices=('contain', 'cover', 'stretch'))
+    fit = Param('cover', 'How the image fills `place`.', choices=('contain', 'cover', 'stretch'))
 
     single = True
     parts = ('image', 'behind', 'backdrop')
-    web = 'lost', 'fixed to the screen, and a browser has no such background'
+    web = 'lost', 'fixed to the screen, which browsers do not have'
 
 
-class Sky(_Behind):
+class Sky(_Background):
     """A sky that turns with the camera: a panorama or a gradient.
 
-    The alpha of pixels is kept: a transparent background stays transparent in screenshots. Under
-    a parallel projection, the sky is drawn in perspective with the camera's view angle.
+    Alpha is kept: a transparent background stays transparent in screenshots. Under a parallel
+    projection, the sky is drawn in perspective with the camera's view angle.
 
     Parameters
     ----------
@@ -128,15 +128,15 @@ class Sky(_Behind):
         },
     }
     up = Param((0.0, 0.0, 1.0), 'Up direction in world space.')
-    turn = Param(0.0, 'Rotation about the up direction.', unit='degrees')
-    intensity = Param(1.0, 'Brightness factor; above 1, the sky can bloom.', range='[0, 1000]')
+    turn = Param(0.0, 'Rotation of the panorama about `up`.', unit='degrees')
+    intensity = Param(1.0, 'Brightness factor; above 1 the sky can bloom.', range='[0, 1000]')
     opacity = Param(1.0, "Opacity over the subplot's background.", range='[0, 1]')
     top = Color((0.20, 0.38, 0.70), 'Colour of the gradient at the zenith.')
     horizon = Color((0.80, 0.87, 0.93), 'Colour of the gradient at the horizon.')
     bottom = Color((0.35, 0.33, 0.31), 'Colour of the gradient at the nadir.')
     middle = Param(
         45.0,
-        'Angle from the horizon at which the gradient is half way.',
+        'Angle from the horizon at which the gradient is half done.',
         range='[1, 89]',
         unit='degrees',
     )
@@ -148,7 +148,7 @@ class Sky(_Behind):
 
     @property
     def panorama(self):
-        """The panorama; None if the sky is a gradient."""
+        """The panorama, None for a gradient."""
         return self._image
 
     def _entries(self):
@@ -167,7 +167,7 @@ class Sky(_Behind):
         scene.dome(lambda directions: self.colors(directions, scene.frame))
 
     def colors(self, directions, frame) -> np.ndarray:
-        """Return the colours of the sky in some directions.
+        """Return the colours of the sky in given directions.
 
         Parameters
         ----------
@@ -181,31 +181,32 @@ class Sky(_Behind):
         numpy.ndarray, shape (n, 3), float64
             Colours in [0, 1].
         """
-        to = directions @ _axes(self.up, self.turn).T
-        rise = np.arcsin(np.clip(to[:, 2:], -1, 1)) / (np.pi / 2)
+        sky_directions = directions @ _axes(self.up, self.turn).T
+        elevation = np.arcsin(np.clip(sky_directions[:, 2:], -1, 1)) / (np.pi / 2)
         if self._image is None:
-            end = np.where(rise > 0, self.top, self.bottom)
-            share = np.abs(rise) / (1 + self._bend * (1 - np.abs(rise)))
-            seen = np.array(self.horizon) * (1 - share) + end * share
+            end_color = np.where(elevation > 0, self.top, self.bottom)
+            end_share = np.abs(elevation) / (1 + self._gradient_bend * (1 - np.abs(elevation)))
+            sky_colors = np.array(self.horizon) * (1 - end_share) + end_color * end_share
         else:
-            around = 0.5 - np.arctan2(to[:, 1:2], to[:, :1]) / (2 * np.pi)
+            around = 0.5 - np.arctan2(sky_directions[:, 1:2], sky_directions[:, :1]) / (2 * np.pi)
             picture = self._image.picture(frame.time)
-            seen = sample(picture, np.hstack([around, 0.5 + 0.5 * rise]))[:, :3] / 255
-        ground = np.array(frame.renderer.GetBackground())
-        return np.clip(self.opacity * self.intensity * seen + (1 - self.opacity) * ground, 0, 1)
+            sky_colors = sample(picture, np.hstack([around, 0.5 + 0.5 * elevation]))[:, :3] / 255
+        background = (1 - self.opacity) * np.array(frame.renderer.GetBackground())
+        return np.clip(self.opacity * self.intensity * sky_colors + background, 0, 1)
 
     @property
-    def _bend(self) -> float:
-        """Bend of the gradient: 0 is linear in the angle."""
+    def _gradient_bend(self) -> float:
+        """Bend of the gradient; 0 is linear in the angle."""
         return (2 * self.middle / 90 - 1) / (1 - self.middle / 90)
 
     def horizon_color(self, frame):
         """Return the mean colour around the horizon."""
         if not (self.opacity and np.any(self.up)):
             return None
-        angle = np.linspace(0, 2 * np.pi, 16, endpoint=False)
-        around = np.stack([np.cos(angle), np.sin(angle), 0 * angle], 1)
-        return tuple(self.colors(around @ _axes(self.up, self.turn), frame).mean(axis=0))
+        azimuth = np.linspace(0, 2 * np.pi, 16, endpoint=False)
+        horizon_directions = np.stack([np.cos(azimuth), np.sin(azimuth), 0 * azimuth], 1)
+        world_directions = horizon_directions @ _axes(self.up, self.turn)
+        return tuple(self.colors(world_directions, frame).mean(axis=0))
 
     def directions(self, frame) -> np.ndarray:
         """Return the matrix from positions on the screen to directions.
@@ -229,7 +230,7 @@ class Sky(_Behind):
             'top': self.top,
             'horizon': self.horizon,
             'bottom': self.bottom,
-            'bend': self._bend,
+            'bend': self._gradient_bend,
             'amount': (self.opacity, self.intensity),
         }
 
@@ -240,10 +241,10 @@ class Sky(_Behind):
 
 
 def _axes(up, turn):
-    """Return the rotation from world space into the space of the sky."""
+    """Return the rotation from world space to the sky's space."""
     z = unit_vectors(up)
-    ahead = np.eye(3)[0] if abs(z[0]) < 0.999 else np.eye(3)[1]
-    x = unit_vectors(ahead - (ahead @ z) * z)
+    panorama_center = np.eye(3)[0] if abs(z[0]) < 0.999 else np.eye(3)[1]
+    x = unit_vectors(panorama_center - (panorama_center @ z) * z)
     y = np.cross(z, x)
     angle = np.radians(turn)
     return np.array(
@@ -256,11 +257,11 @@ def _rays(frame):
     if frame.parallel:
         camera = frame.renderer.GetActiveCamera()
         tangent = np.tan(np.radians(camera.GetViewAngle()) / 2)
-        half = tangent * np.array([frame.renderer.GetTiledAspectRatio(), 1.0])
-        rays = np.diag([*half, -1.0])
-        rays[:2, 2] = half * camera.GetWindowCenter()
+        half_extent = tangent * np.array([frame.renderer.GetTiledAspectRatio(), 1.0])
+        rays = np.diag([*half_extent, -1.0])
+        rays[:2, 2] = half_extent * camera.GetWindowCenter()
         return rays
-    near = np.linalg.inv(frame.clip_from_view)
-    # On the near plane, z is -1 and w is the same everywhere.
-    away = near[3, 3] - near[3, 2]
-    return np.column_stack([near[:3, 0], near[:3, 1], near[:3, 3] - near[:3, 2]]) / away
+    x, y, z, w = np.linalg.inv(frame.clip_from_view).T
+    # On the near plane z is -1, and w is constant.
+    near_plane = w - z
+    return np.column_stack([x[:3], y[:3], near_plane[:3]]) / near_plane[3]

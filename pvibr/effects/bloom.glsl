@@ -1,20 +1,20 @@
-// Bloom, entry point bright: light above the threshold, averaged over squares of the picture.
-// Squares are of any size, pixels at their edges shared: the image has as many rows in a window of
-// any size. Brightness is luminance, Rec. 709; the light has the hue of its pixel.
+// Bloom, bright pass: light above the threshold, averaged per texel. Texels have any size and share
+// the pixels at their edges, so the image has the same rows in a window of any size. Brightness is
+// luminance, Rec. 709; the light keeps its pixel's hue.
 // FIREFLIES: a mean weighted by 1 / (1 + firefly_reduction S): B. Karis, "Tone mapping",
-// graphicrants.blogspot.com, 2013; partial, within each square: J. Jimenez, "Next generation post
-// processing in Call of Duty: Advanced Warfare", SIGGRAPH 2014, slides 166 to 168.
-// Inputs: color (nearest filter, clamped to the edge; display values, above 1 where the frame has
-// them; alpha 0 where only a plain background is).
+// graphicrants.blogspot.com, 2013; partial, per texel: J. Jimenez, "Next generation post processing
+// in Call of Duty: Advanced Warfare", SIGGRAPH 2014, slides 166 to 168.
+// Inputs: color (nearest filter, clamped to the edge; display values, above 1 in HDR frames; alpha 0
+// on plain background).
 // Defines: OPERATOR 0 subtract, 1 keep, 2 soft; FLOATS if colours may be infinite or NaN; FIREFLIES;
-// TAPS pixels at most that a square touches along a side; WHOLE if these are all of it.
+// TAPS: most pixels that a texel touches along a side; WHOLE if texels have whole pixels.
 //@bright
 uniform sampler2D color;
-uniform vec2 size;         // of the picture, in pixels
-uniform float side;        // of a square, in pixels
+uniform vec2 picture_size;  // pixels
+uniform float texel_size;   // pixels
 uniform float threshold;
-uniform vec2 ramp;         // of the soft step: factor and summand that take its ends to 0 and 1
-uniform float background;  // 1 if a plain background is included
+uniform vec2 ramp;          // factor and offset that take the ends of the soft step to 0 and 1
+uniform float background;   // 1 to include plain background
 uniform float saturation;
 uniform float firefly_reduction;
 const vec3 LUMINANCE = vec3(0.2126, 0.7152, 0.0722);
@@ -26,36 +26,36 @@ vec4 above(vec4 c)
 #endif
   float b = dot(s, LUMINANCE);
 #if OPERATOR == 0
-  float kept = max(b - threshold, 0.0) / max(b, 1e-9);
+  float share_above = max(b - threshold, 0.0) / max(b, 1e-9);
 #elif OPERATOR == 1
-  float kept = b > threshold ? 1.0 : 0.0;
+  float share_above = b > threshold ? 1.0 : 0.0;
 #else
   float t = clamp(b * ramp.x + ramp.y, 0.0, 1.0);
-  float kept = t * t * (3.0 - 2.0 * t);
+  float share_above = t * t * (3.0 - 2.0 * t);
 #endif
-  vec4 light = vec4(s * kept, 1.0);
+  vec4 light = vec4(s * share_above, 1.0);
 #if FIREFLIES
-  light /= 1.0 + firefly_reduction * b * kept;
+  light /= 1.0 + firefly_reduction * b * share_above;
 #endif
 #if FLOATS
-  // Infinity would stay in sums for ever. Comparisons do not find NaN: NVIDIA turns !(a < b) round.
-  float all = c.r + c.g + c.b + c.a;
-  light = isnan(all) || isinf(all) ? vec4(0.0) : light;
+  // Infinity would spoil all sums. Comparisons miss NaN: NVIDIA rewrites !(a < b).
+  float total = c.r + c.g + c.b + c.a;
+  light = isnan(total) || isinf(total) ? vec4(0.0) : light;
 #endif
   return light;
 }
 void main()
 {
-  // Columns of nearest texels: of all ways to read a square the fastest on llvmpipe, by a quarter.
-  vec2 low = (gl_FragCoord.xy - 0.5) * side, high = min(low + side, size);
-  vec2 first = floor(low), texel = 1.0 / size;
+  // Columns of nearest pixels: the fastest way to read a texel's pixels on llvmpipe, by a quarter.
+  vec2 low = (gl_FragCoord.xy - 0.5) * texel_size, high = min(low + texel_size, picture_size);
+  vec2 first = floor(low), pixel = 1.0 / picture_size;
   vec4 sum = vec4(vec3(0.0), 1e-9);
   for (int i = 0; i < TAPS; ++i)
   {
     for (int j = 0; j < TAPS; ++j)
     {
       vec2 at = first + vec2(i, j);
-      vec4 light = above(textureLod(color, (at + 0.5) * texel, 0.0));
+      vec4 light = above(textureLod(color, (at + 0.5) * pixel, 0.0));
 #if WHOLE
       sum += light;
 #else

@@ -1,4 +1,4 @@
-"""Bloom: bright light spreads over its surroundings."""
+"""Bloom: light of bright parts spreads over their surroundings."""
 
 from __future__ import annotations
 
@@ -18,14 +18,15 @@ class Bloom(LightSpread):
     """Light from bright parts of the picture spreads over their surroundings.
 
     The bright pass extracts light above a threshold at reduced resolution; a chain of Gaussian
-    blurs on ever smaller images spreads it, and it is added to the picture. The blur conserves
-    energy: the added light sums up to `intensity` times that of the bright pass, and is as wide,
-    in shares of the height, in a window of any size. Brightness is the luminance of a pixel
-    (Rec. 709); its light has its hue. Pixels that no light reaches keep their colour exactly.
+    blurs on ever smaller images spreads it, and the result is added to the picture. The blur
+    conserves energy: the added light sums up to `intensity` times that of the bright pass. Its
+    width is a fraction of the height, the same in a window of any size. Brightness is the
+    luminance of a pixel (Rec. 709); its light keeps its hue. Pixels out of reach of any light
+    keep their colour exactly.
 
     By default light above 1 spreads: highlights, bright lamps, a bright :class:`pvibr.Sky`.
-    Colours of data are below, and stay as they are. A lower `threshold` lets them shine;
-    :class:`pvibr.Glow` lets chosen objects shine, whatever their colours.
+    Colours of data are below and do not bloom. A lower `threshold` lets them;
+    :class:`pvibr.Glow` makes chosen objects shine, whatever their colours.
 
     If a :class:`pvibr.ToneMapping` exposes the picture, `threshold` and `knee` apply to exposed
     colours.
@@ -33,8 +34,8 @@ class Bloom(LightSpread):
     Parameters
     ----------
     threshold : float, optional
-        Luminance above which light spreads; by default that of white, so that colours of data
-        stay as they are.
+        Luminance above which light spreads; by default that of white, which spares colours of
+        data.
     **settings
         Values of the class's settings.
 
@@ -57,21 +58,23 @@ class Bloom(LightSpread):
     threshold = Param(1.0, 'Luminance above which light spreads.', range='[0, inf)')
     operator = Param(
         'soft',
-        'Bright pass of S above a threshold T: S - T; S (may flicker); S times a smooth step.',
+        'Bright pass of a luminance S above the threshold T: S - T; S (may flicker in motion); S '
+        'times a smooth step.',
         choices=_OPERATORS,
     )
     firefly_reduction = Param(
         0.0,
-        'Attenuation of isolated bright pixels, up to the partial Karis average.',
+        'Attenuation of isolated bright pixels, which flicker in motion; 1 is the partial Karis '
+        'average.',
         range='[0, 1]',
     )
-    knee = Param(0.2, 'Width of the soft threshold, above it.', range='(0, inf)')
+    knee = Param(0.2, 'Width of the smooth step above the threshold.', range='(0, inf)')
     saturation = Param(1.0, 'Saturation of the light; 0 is white.', range='[0, 1]')
-    background = Param(False, 'Include a plain background in the bright pass.')
-    needs_hdr = Param(True, 'Use colours above 1.')
+    background = Param(False, 'Whether a plain background blooms as well.')
+    needs_hdr = Param(True, 'Read colours above 1: highlights brighter than white.')
 
-    _bright: Quad | None = None
-    _made: tuple = ()
+    _bright_quad: Quad | None = None
+    _bright_key: tuple = ()
 
     def __init__(self, threshold=threshold.default, **settings):
         super().__init__(threshold=threshold, **settings)
@@ -81,15 +84,15 @@ class Bloom(LightSpread):
         """Return an instance with a low threshold."""
         return cls(threshold=0.2)
 
-    def _draw_source(self, frame, picture, target, side):
-        quad = self._quad(frame.window, picture, side)
-        threshold, low, high = self._limits(frame, picture)
-        factor = 1 / max(high - low, 1e-6)
+    def _draw_source(self, frame, picture, target, texel_size):
+        quad = self._bright_pass(frame.window, picture, texel_size)
+        threshold, ramp_start, ramp_end = self._limits(frame, picture)
+        ramp_factor = 1 / max(ramp_end - ramp_start, 1e-6)
         uniforms = {
-            'size': picture.size,
-            'side': float(side),
+            'picture_size': picture.size,
+            'texel_size': float(texel_size),
             'threshold': threshold,
-            'ramp': (factor, -low * factor),
+            'ramp': (ramp_factor, -ramp_start * ramp_factor),
             'background': float(self.background),
             'saturation': self.saturation,
             'firefly_reduction': self.firefly_reduction,
@@ -99,30 +102,30 @@ class Bloom(LightSpread):
             target.draw(quad, uniforms, {'color': color})
 
     def _limits(self, frame, picture):
-        """Return the threshold and the ends of the soft step, before exposure."""
-        limits = self.threshold, self.threshold, self.threshold + self.knee
+        """Return the threshold and both ends of the smooth step, before exposure."""
+        display_limits = self.threshold, self.threshold, self.threshold + self.knee
         stops = self.pipeline.stops(frame, picture) if self.pipeline else 0.0
         if stops == 0:
-            return limits
-        return [float(f) for f in to_display(to_light(limits) * 2.0**-stops)]
+            return display_limits
+        return [float(f) for f in to_display(to_light(display_limits) * 2.0**-stops)]
 
-    def _quad(self, window, picture, side):
-        whole = float(side).is_integer() and not any(n % side for n in picture.size)
+    def _bright_pass(self, window, picture, texel_size):
+        is_whole = float(texel_size).is_integer() and not any(n % texel_size for n in picture.size)
         defines = {
             'OPERATOR': _OPERATORS.index(self.operator),
             'FLOATS': int(picture.color.is_float),
             'FIREFLIES': int(self.firefly_reduction > 0),
-            'TAPS': math.ceil(side) + (not whole),
-            'WHOLE': int(whole),
+            'TAPS': math.ceil(texel_size) + (not is_whole),
+            'WHOLE': int(is_whole),
         }
-        made = window, defines
-        if self._bright is None or self._made != made:
+        key = window, defines
+        if self._bright_quad is None or self._bright_key != key:
             self._forget()
             text = ''.join(f'#define {name} {value}\n' for name, value in defines.items())
             text += sections(shader_source(__file__))['bright']
-            self._bright, self._made = Quad(window, text, 'bloom bright'), made
-        return self._bright
+            self._bright_quad, self._bright_key = Quad(window, text, 'bloom bright'), key
+        return self._bright_quad
 
     def _forget(self):
-        release(self._bright)
-        self._bright, self._made = None, ()
+        release(self._bright_quad)
+        self._bright_quad, self._bright_key = None, ()

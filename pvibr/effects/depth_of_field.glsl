@@ -1,20 +1,20 @@
-A thin lens on a picture with depth. The picture is read at half size; each texel gathers, over a
-spiral of looks, what the lens spreads over it: what lies before the plane in focus as a layer of
-its own that covers, what lies behind it as far as nothing nearer hides it. At full size both
-layers are laid over each other; circles of up to two pixels are gathered there, since half size
-would make combs of their edges, and what is in focus stays as it was, to the bit.
+A thin lens on a picture with depth. At half size, each texel gathers the light that the lens spreads
+over it, at samples on a spiral: surfaces before the focus plane as a layer that covers, surfaces
+behind it unless something nearer hides them. At full size the layers are composed; circles of up to
+two pixels are gathered there, since half size would make combs of their edges, and pixels in focus
+are unchanged, to the bit.
 
-The circle of confusion of a thin lens, as Potmesil and Chakravarty, "A lens and aperture camera
-model for synthetic image generation", SIGGRAPH 1981, has it, is linear in the depth buffer's
-value, in perspective as in a parallel view: that is `lens`. Circles are radii in texels of half
-size, below 0 before the plane in focus; x and y in such texels.
+The circle of confusion of a thin lens (Potmesil and Chakravarty, "A lens and aperture camera model
+for synthetic image generation", SIGGRAPH 1981) is linear in the depth buffer's value, in perspective
+as in parallel views: that is `lens`. Circles are radii in half-size texels, negative before the
+focus plane; x and y in such texels.
 
 //@reduce
 uniform sampler2D color;  // full size, RGBA
 uniform sampler2D depth;  // full size, 0 near to 1 far
 uniform vec3 lens;        // circle = x + y * depth, at most z either way
 
-// What a NaN would spread is black.
+// NaN, which would spread, becomes black.
 vec4 finite(vec4 c)
 {
   return vec4(c.r >= 0.0 ? c.r : 0.0, c.g >= 0.0 ? c.g : 0.0, c.b >= 0.0 ? c.b : 0.0, c.a);
@@ -26,7 +26,7 @@ void main()
   ivec2 at = 2 * ivec2(uv * vec2((most + 2) / 2));
   vec4 sum = vec4(0.0);
   float first = 0.0, circle = 0.0, weight = 0.0;
-  // Of four pixels those as far as the nearest: a mean of two surfaces would be a halo.
+  // Of four pixels, those as far as the nearest: a mean of two surfaces would be a halo.
   float c[4];
   for (int i = 0; i < 4; i++)
   {
@@ -37,8 +37,8 @@ void main()
   for (int i = 0; i < 4; i++)
   {
     float w = c[i] - first < 0.25 + 0.1 * abs(first) ? 1.0 : 0.0;
-    vec4 one = finite(texelFetch(color, min(at + ivec2(i & 1, i >> 1), most), 0));
-    sum += w * min(one, vec4(60000.0));
+    vec4 pixel = finite(texelFetch(color, min(at + ivec2(i & 1, i >> 1), most), 0));
+    sum += w * min(pixel, vec4(60000.0));
     circle += w * c[i];
     weight += w;
   }
@@ -49,7 +49,7 @@ void main()
 uniform sampler2D circle;
 void main()
 {
-  // The largest circle before the plane in focus, of 8 x 8 texels.
+  // The largest circle before the focus plane, of 8 x 8 texels.
   ivec2 most = textureSize(circle, 0) - 1;
   ivec2 at = 8 * ivec2(uv * vec2((most + 8) / 8));
   float least = 0.0;
@@ -63,18 +63,18 @@ uniform sampler2D tiles;
 uniform int reach;
 void main()
 {
-  // The largest circle of any tile that is as near as it is large.
+  // The largest circle of any tile that reaches this one.
   ivec2 most = textureSize(tiles, 0) - 1;
   ivec2 at = ivec2(uv * vec2(most + 1));
-  float found = 0.0;
+  float largest = 0.0;
   for (int j = -reach; j <= reach; j++)
     for (int i = -reach; i <= reach; i++)
     {
       vec2 gap = 8.0 * max(abs(vec2(i, j)) - 1.0, 0.0);
       float c = texelFetch(tiles, clamp(at + ivec2(i, j), ivec2(0), most), 0).r;
-      if (c * c >= dot(gap, gap)) found = max(found, c);
+      if (c * c >= dot(gap, gap)) largest = max(largest, c);
     }
-  gl_FragData[0] = vec4(found);
+  gl_FragData[0] = vec4(largest);
 }
 //@gather
 uniform sampler2D color;   // half size
@@ -84,8 +84,8 @@ uniform int samples;
 
 float before(float c) { return smoothstep(1.0, 1.5, -c); }
 
-// How many looks a circle takes: about two for each texel in it, and eight.
-int looks_in(float radius)
+// Samples of a circle: about two for each texel in it, and eight.
+int samples_in(float radius)
 {
   return radius > 0.25 ? min(samples, 8 + int(6.0 * radius * radius)) : 0;
 }
@@ -94,67 +94,67 @@ void main()
 {
   ivec2 most = textureSize(circle, 0) - 1;
   ivec2 at = ivec2(uv * vec2(most + 1));
-  vec4 own = texelFetch(color, at, 0);
+  vec4 center = texelFetch(color, at, 0);
   float c = texelFetch(circle, at, 0).r;
   float wide = texelFetch(tiles, at / 8, 0).r;
   bool hides = c < -1.0;
-  // Neighbours look along another turn of the spiral: four of them, mixed, are one of four times
-  // as many looks.
+  // Neighbours turn the spiral: four of them, mixed, are a spiral of four times as many samples.
   float turn = 0.6 * float((at.x & 1) + 2 * (at.y & 1));
   vec2 start = vec2(cos(turn), sin(turn));
   mat2 golden = mat2(-0.7373688, 0.6754903, -0.6754903, -0.7373688);
 
-  // -- behind: what is as far as this or farther, and what nearer things spread over it --------
+  // -- behind: surfaces as far as this one or farther, and what nearer ones spread over it ------
   float radius = hides ? wide : max(c, 0.0);
-  vec4 same = hides ? vec4(0.0) : own * 1e-3, front = vec4(0.0);
+  vec4 same = hides ? vec4(0.0) : center * 1e-3, front = vec4(0.0);
   float weight = hides ? 0.0 : 1e-3, cover = 0.0;
-  // Loops without a turn, and not branches: what is in those some drivers do for everybody.
-  int looks = hides || c > 0.75 ? looks_in(radius) : 0;
+  // Empty loops in place of branches, which some drivers execute for all pixels.
+  int count = hides || c > 0.75 ? samples_in(radius) : 0;
   vec2 ray = start;
-  float count = float(max(looks, 1)), area = radius * radius / count;
-  for (int i = 0; i < looks; i++)
+  float divisor = float(max(count, 1)), area = radius * radius / divisor;
+  for (int i = 0; i < count; i++)
   {
-    float r = radius * sqrt((float(i) + 0.5) / count);
+    float r = radius * sqrt((float(i) + 0.5) / divisor);
     ivec2 to = clamp(at + ivec2(floor(ray * r + 0.5)), ivec2(0), most);
     ray = golden * ray;
-    vec2 both = texelFetch(circle, to, 0).rg;
-    float theirs = both.r, w = both.g * (1.0 - before(theirs));
-    vec4 look = texelFetch(color, to, 0);
-    // Hidden from the lens's middle: the nearest that is seen stands for it.
+    vec2 entry = texelFetch(circle, to, 0).rg;
+    float theirs = entry.r, w = entry.g * (1.0 - before(theirs));
+    vec4 there = texelFetch(color, to, 0);
+    // Hidden from the lens's centre: the nearest visible surface stands in.
     float near_by = hides ? w / (1.0 + r * r) : w;
     float spread = max(theirs, 0.5);
     float over = w * area / (spread * spread) * clamp(theirs - r + 0.5, 0.0, 1.0);
     bool is_front = !hides && theirs < c - max(0.5, 0.15 * c);
     over = is_front ? over : 0.0;
     near_by = is_front ? 0.0 : near_by;
-    front += over * look;
+    front += over * there;
     cover += over;
-    same += near_by * look;
+    same += near_by * there;
     weight += near_by;
   }
-  vec4 behind = weight > 0.0 ? same / weight : own;
+  vec4 behind = weight > 0.0 ? same / weight : center;
   if (cover > 0.0) behind = mix(behind, front / cover, min(cover, 1.0));
 
-  // -- before: each spreads over its circle, and covers ------------------------------------------
+  // -- before: each surface spreads over its circle, and covers -----------------------------------
   vec4 near = vec4(0.0);
   float covered = 0.0;
-  looks = wide > 1.0 ? looks_in(wide) : 0;
-  count = float(max(looks, 1));
+  count = wide > 1.0 ? samples_in(wide) : 0;
+  divisor = float(max(count, 1));
   wide += 0.5;  // circles end softly
   ray = start;
-  area = wide * wide / count;
-  for (int i = 0; i < looks; i++)
+  area = wide * wide / divisor;
+  for (int i = 0; i < count; i++)
   {
-    float r = wide * sqrt((float(i) + 0.5) / count);
+    float r = wide * sqrt((float(i) + 0.5) / divisor);
     ivec2 to = clamp(at + ivec2(floor(ray * r + 0.5)), ivec2(0), most);
     ray = golden * ray;
-    vec2 both = texelFetch(circle, to, 0).rg;
-    float theirs = both.r, spread = max(-theirs, 0.5);
-    float w = both.g * before(theirs) * area / (spread * spread) * clamp(spread - r + 0.5, 0.0, 1.0);
+    vec2 entry = texelFetch(circle, to, 0).rg;
+    float theirs = entry.r, spread = max(-theirs, 0.5);
+    float w = entry.g * before(theirs) * area / (spread * spread);
+    w *= clamp(spread - r + 0.5, 0.0, 1.0);
     near += w * texelFetch(color, to, 0);
     covered += w;
   }
-  if (weight <= 0.0 && covered > 0.0)  // nothing behind it is seen from anywhere near
+  if (weight <= 0.0 && covered > 0.0)  // nothing behind is visible nearby
     behind = near / covered;
   float scale = covered > 1.0 ? 1.0 / covered : 1.0;
   gl_FragData[0] = behind;
@@ -169,22 +169,22 @@ uniform sampler2D behind;
 uniform sampler2D near;
 uniform sampler2D cover;
 uniform vec3 lens;
-uniform int stage;         // 0 all, 1 circles, 2 what is before the plane in focus, 3 what is behind
+uniform int stage;         // 0 all, 1 circles, 2 before the focus plane, 3 behind it
 
-// Of a loop, which has no turn where nothing is blurred: see gather.
-vec4 upsampled(vec2 at, float c, bool wanted)
+// An empty loop where nothing is blurred: see gather.
+vec4 upsampled(vec2 at, float c, bool is_blurred)
 {
   ivec2 low = ivec2(floor(at)), most = textureSize(circle, 0) - 1;
   vec2 part = at - vec2(low);
   vec4 sum = vec4(0.0);
   float weight = 0.0;
-  int looks = wanted ? 4 : 0;
-  for (int i = 0; i < looks; i++)
+  int count = is_blurred ? 4 : 0;
+  for (int i = 0; i < count; i++)
   {
     ivec2 k = ivec2(i & 1, i >> 1);
     ivec2 to = clamp(low + k, ivec2(0), most);
     float w = (k.x == 1 ? part.x : 1.0 - part.x) * (k.y == 1 ? part.y : 1.0 - part.y);
-    // Of the same surface only: else one in focus would shine into the blur beside it.
+    // The same surface only: one in focus would shine into the blur beside it.
     float gap = 0.02 + abs(texelFetch(circle, to, 0).r - c) / (0.5 + abs(c));
     w = (w + 1e-3) / (gap * gap);
     sum += w * texelFetch(behind, to, 0);
@@ -193,7 +193,7 @@ vec4 upsampled(vec2 at, float c, bool wanted)
   return sum / weight;
 }
 
-// What a NaN would spread is black.
+// NaN, which would spread, becomes black.
 vec4 finite(vec4 c)
 {
   c.rgb = mix(c.rgb, vec3(0.0), isnan(c.rgb));
@@ -204,18 +204,18 @@ const ivec2 BESIDE[12] = ivec2[](ivec2(1, 0), ivec2(0, 1), ivec2(-1, 0), ivec2(0
   ivec2(1, 1), ivec2(-1, 1), ivec2(-1, -1), ivec2(1, -1),
   ivec2(2, 0), ivec2(0, 2), ivec2(-2, 0), ivec2(0, -2));
 
-// What circles of up to two pixels make, at full size.
-vec4 fine(ivec2 at, vec4 own, float c, bool wanted)
+// Circles of up to two pixels, gathered at full size.
+vec4 fine(ivec2 at, vec4 center, float c, bool is_small)
 {
   ivec2 most = textureSize(depth, 0) - 1;
   float radius = 2.0 * abs(c), weight = 1.0 / max(3.14159 * radius * radius, 1.0);
-  vec4 sum = own * weight;
-  int looks = wanted ? 12 : 0;
-  for (int i = 0; i < looks; i++)
+  vec4 sum = center * weight;
+  int count = is_small ? 12 : 0;
+  for (int i = 0; i < count; i++)
   {
     ivec2 to = clamp(at + BESIDE[i], ivec2(0), most);
     float theirs = clamp(lens.x + lens.y * texelFetch(depth, to, 0).r, -lens.z, lens.z);
-    // What lies behind spreads no farther over this than this does.
+    // A surface behind spreads no farther over this one than this one's circle.
     float r = 2.0 * abs(theirs), away = length(vec2(BESIDE[i]));
     r = theirs > c + 0.1 ? min(r, radius) : r;
     float w = clamp(r - away + 0.5, 0.0, 1.0) / max(3.14159 * r * r, 1.0);
@@ -235,12 +235,12 @@ void main()
   float covered = texture(cover, half_uv).r;
   float blurred = smoothstep(1.0, 1.5, abs(c));
   if (abs(c) > 0.02) sharp = fine(pixel, finite(sharp), c, abs(c) < 1.5);
-  vec4 soft = upsampled(place * 0.5 - 0.5, c, blurred > 0.0), found = sharp;
-  if (blurred > 0.0) found = blurred < 1.0 ? mix(sharp, soft, blurred) : soft;
+  vec4 soft = upsampled(place * 0.5 - 0.5, c, blurred > 0.0), mixed = sharp;
+  if (blurred > 0.0) mixed = blurred < 1.0 ? mix(sharp, soft, blurred) : soft;
   if (stage == 3) covered = 0.0;
   if (covered > 0.002)
-    found = found * (1.0 - covered) + texture(near, half_uv);
-  if (stage == 1) found = vec4(max(-c, 0.0) / lens.z, max(c, 0.0) / lens.z, 0.0, 1.0);
-  if (stage == 2) found = texture(near, half_uv);
-  gl_FragData[0] = found;
+    mixed = mixed * (1.0 - covered) + texture(near, half_uv);
+  if (stage == 1) mixed = vec4(max(-c, 0.0) / lens.z, max(c, 0.0) / lens.z, 0.0, 1.0);
+  if (stage == 2) mixed = texture(near, half_uv);
+  gl_FragData[0] = mixed;
 }

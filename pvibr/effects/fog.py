@@ -12,23 +12,22 @@ from pvibr.gl.fused import Pointwise
 from pvibr.maths.vectors import unit_vectors
 
 _TEXT = shader_source(__file__)
-# PyVista's first view is from two diagonals away.
-_DIAGONALS = 3.0
+_DIAGONALS = 3.0  # default visibility; PyVista's first view is from two diagonals away
 
 
 class Fog(Effect):
-    """Fog that hides what is far away, and with a height what is low.
+    """Fog that hides distant surfaces, and with a height low ones.
 
-    A share ``exp(-distance / visibility)`` of the light of a surface is seen, and the colour of
-    the fog for the rest. With a `height`, air is as dense as that at the height `base`, and
-    thinner by ``exp(-h / height)`` at h above it. The background stays as it is; translucent
-    props and volumes fade as the surface behind them does.
+    A fraction ``exp(-distance / visibility)`` of a surface's light comes through; the rest is the
+    colour of the fog. With a `height`, that density holds at the height `base`, and falls by
+    ``exp(-h / height)`` at h above it. The background is unchanged; translucent props and volumes
+    fade like the surface behind them.
 
     Parameters
     ----------
     visibility : float, optional
-        Distance at which 37 % of the light is left, world units; by default three times the
-        diagonal of what is in the scene, which half hides it in PyVista's first view.
+        Distance at which 37 % of the light comes through, world units; by default three times
+        the scene's diagonal, which half hides it in PyVista's first view.
     **settings
         Values of the class's settings.
 
@@ -52,23 +51,24 @@ class Fog(Effect):
 
     visibility = Param(
         None,
-        'Distance at which 37 % of the light is left; three diagonals of the scene by default.',
+        'Distance at which 37 % of the light comes through; by default three diagonals of the '
+        'scene.',
         range='(0, inf)',
         unit='world',
         kind=float,
     )
-    begin = Param(0.0, 'Distance where fog begins.', range='[0, inf)', unit='world')
+    begin = Param(0.0, 'Distance at which fog begins.', range='[0, inf)', unit='world')
     height = Param(
         None,
-        'Height over which density falls to 37 %; equally dense everywhere by default.',
+        'Height over which density falls to 37 %, for ground fog; uniform by default.',
         range='(0, inf)',
         unit='world',
         kind=float,
     )
-    base = Param(0.0, 'Height of the density that `visibility` is about.', unit='world')
+    base = Param(0.0, 'Height at which `visibility` holds, with a `height`.', unit='world')
     up = Param((0.0, 0.0, 1.0), 'Up direction in world space.')
     color = Color(
-        None, 'Colour; by default that of the horizon of a `Sky`, else of the background.'
+        None, 'Colour of the fog; by default that of the horizon of a `Sky`, else the background.'
     )
     intensity = Param(1.0, 'Opacity of the fog.', range='[0, 1]')
 
@@ -77,7 +77,7 @@ class Fog(Effect):
 
     @classmethod
     def sample(cls, actors):
-        """Return an instance that shows."""
+        """Return dense fog in a vivid colour."""
         return cls(2.0, color=(1, 0, 1))
 
     def needed(self, frame) -> bool | str:

@@ -1,38 +1,37 @@
-// Billboards that fill a subplot: what lies over the picture, and what lies behind the scene.
-// Inputs of all: color, the picture so far, whose alpha is how much of a pixel the scene covers;
-// tile, the shares of the subplot that are drawn now (left, bottom, right, top: large screenshots
-// are drawn in tiles); size, the whole subplot in pixels. Further ones at each entry point.
+// Full-screen layers over the picture or behind the scene.
+// Inputs: color, the picture so far, whose alpha is the scene's coverage of a pixel; tile, the part
+// of the subplot that is drawn now (left, bottom, right, top as fractions; large screenshots are
+// drawn in tiles). Other inputs are declared at each entry point.
 //@common
 uniform sampler2D color;
 uniform vec4 tile;
-uniform vec2 size;
 vec2 place() { return mix(tile.xy, tile.zw, uv); }  // in the whole subplot, 0 to 1
-void cover(vec3 sheet, float much) {
-  if (much <= 0.0) discard;
-  gl_FragData[0] = vec4(sheet, much);
+void cover(vec3 layer, float alpha) {
+  if (alpha <= 0.0) discard;
+  gl_FragData[0] = vec4(layer, alpha);
 }
 
 //@vignette
 uniform vec3 tint;
-uniform vec4 away;  // from the middle, in half diagonals: of the lower left corner; to the other
-uniform vec3 ring;  // radius and softness as shares of half the diagonal; intensity
+uniform vec4 corner_offset;  // half diagonals: centre to lower left corner; to the opposite one
+uniform vec3 ring;  // radius and softness in half diagonals; intensity
 void main() {
   vec4 c = texture(color, uv);
-  float far = length(away.xy + away.zw * uv);
-  float dark = ring.z * smoothstep(ring.x, ring.x + ring.y, far);
-  gl_FragData[0] = vec4(mix(c.rgb, tint, dark), c.a);
+  float radius = length(corner_offset.xy + corner_offset.zw * uv);
+  float shade = ring.z * smoothstep(ring.x, ring.x + ring.y, radius);
+  gl_FragData[0] = vec4(mix(c.rgb, tint, shade), c.a);
 }
 
 //@flash
 uniform vec3 tint;
-uniform float much;
-void main() { cover(tint, much); }
+uniform float opacity;
+void main() { cover(tint, opacity); }
 
 //@night_vision
 uniform vec3 tint;
 uniform vec3 tube;  // gain, grain, intensity
-uniform int moment;  // another one, another grain
-uniform vec2 grid;  // pixels of the window: grain is as large in large screenshots
+uniform int grain_number;
+uniform vec2 grid;  // window size, pixels: grain keeps its size in large screenshots
 // Jarzynski and Olano, "Hash functions for GPU rendering", JCGT 9(3), 2020: pcg.
 uint hashed(uint n) {
   n = n * 747796405u + 2891336453u;
@@ -44,44 +43,44 @@ void main() {
   float y = dot(max(c.rgb, 0.0), vec3(0.2126, 0.7152, 0.0722));
   float shine = (1.0 - exp(-tube.x * y)) / (1.0 - exp(-tube.x));
   uvec2 pixel = uvec2(place() * grid);
-  uint n = hashed(pixel.x + hashed(pixel.y + hashed(uint(moment))));
+  uint n = hashed(pixel.x + hashed(pixel.y + hashed(uint(grain_number))));
   shine += tube.y * (float(n >> 8) / 16777216.0 - 0.5);
   gl_FragData[0] = vec4(mix(c.rgb, tint * clamp(shine, 0.0, 1.0), tube.z), c.a);
 }
 
-// What is open: how far p, in pixels from the middle, is within an opening whose inner circle has
-// the radius r.
+// Signed distance of p, in pixels from the centre, inside an opening whose inscribed circle has the
+// radius r.
 //@disk
 float inside(vec2 p, float r) { return r - length(p); }
 
 //@shape
-uniform sampler2D shape;  // distance to its edge, inside > 0; 1 is the radius of its inner circle
-uniform vec4 scale;  // of that circle: the middle, and the radius along both sides
+uniform sampler2D shape;  // signed distance, inside > 0, in radii of its inscribed circle
+uniform vec4 shape_circle;  // that circle in uv: centre, radius along each side
 float inside(vec2 p, float r) {
-  return textureLod(shape, scale.xy + scale.zw * p / max(r, 1e-3), 0.0).r * r;
+  return textureLod(shape, shape_circle.xy + shape_circle.zw * p / max(r, 1e-3), 0.0).r * r;
 }
 
 //@iris
 uniform vec3 tint;
-uniform vec4 away;  // from the middle, in pixels: of the lower left corner; from there to the other
-uniform vec2 reach;  // of the opening's inner circle; one over the width of its edge; in pixels
+uniform vec4 corner_offset;  // pixels: centre to lower left corner; to the opposite one
+uniform vec2 opening;  // pixels: radius of the inscribed circle; one over the width of the edge
 void main() {
-  float deep = inside(away.xy + away.zw * uv, reach.x) * reach.y;
-  if (deep >= 1.0) discard;
-  gl_FragData[0] = vec4(tint, 1.0 - max(deep, 0.0));
+  float inner = inside(corner_offset.xy + corner_offset.zw * uv, opening.x) * opening.y;
+  if (inner >= 1.0) discard;
+  gl_FragData[0] = vec4(tint, 1.0 - max(inner, 0.0));
 }
 
 //@image
 uniform sampler2D image;
-uniform vec4 frame;  // where its edges are in the subplot
-uniform vec4 bounds;  // what of the subplot it may cover
+uniform vec4 image_rect;  // edges in the subplot
+uniform vec4 bounds;  // the part of the subplot that it may cover
 uniform float opacity;
 vec4 picture() {
   vec2 at = place();
-  vec4 k = texture(image, (at - frame.xy) / (frame.zw - frame.xy));
-  vec2 low = max(frame.xy, bounds.xy), high = min(frame.zw, bounds.zw);
-  bool seen = all(greaterThanEqual(at, low)) && all(lessThanEqual(at, high));
-  return vec4(k.rgb, seen ? opacity * k.a : 0.0);
+  vec4 k = texture(image, (at - image_rect.xy) / (image_rect.zw - image_rect.xy));
+  vec2 low = max(image_rect.xy, bounds.xy), high = min(image_rect.zw, bounds.zw);
+  bool covered = all(greaterThanEqual(at, low)) && all(lessThanEqual(at, high));
+  return vec4(k.rgb, covered ? opacity * k.a : 0.0);
 }
 
 //@picture
@@ -102,9 +101,9 @@ void main() {
 }
 
 //@behind
-uniform vec3 low;  // the background that was there: below, above
+uniform vec3 low;  // the renderer's own background: bottom, top
 uniform vec3 high;
-// The scene c was drawn on black: what shows through it is added, and alpha stays.
+// The scene c was drawn on black: add what shows through it, and keep alpha.
 vec4 behind(vec4 c, vec4 k) {
   return vec4(c.rgb + (1.0 - c.a) * mix(mix(low, high, place().y), k.rgb, k.a), c.a);
 }
@@ -112,7 +111,7 @@ vec4 behind(vec4 c, vec4 k) {
 //@backdrop
 void main() { gl_FragData[0] = behind(texture(color, uv), picture()); }
 
-// Colours of a direction, z up; how far it rises, -1 to 1.
+// The colour of a direction, z up; rise: elevation, -1 to 1.
 //@gradient
 uniform vec3 top;
 uniform vec3 horizon;
@@ -131,7 +130,7 @@ vec3 sky(vec3 to, float rise) {
 }
 
 //@sky
-uniform mat3 sky_from_clip;  // of (x, y, 1) in what is drawn now: to a direction
+uniform mat3 sky_from_clip;  // takes (x, y, 1) in this tile to a direction
 uniform vec2 amount;  // opacity, intensity
 void main() {
   vec4 c = texture(color, uv);

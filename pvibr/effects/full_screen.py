@@ -1,4 +1,4 @@
-"""Base classes of effects with one full-screen program and at most one image."""
+"""Base classes of effects that are one full-screen program with at most one image."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ _TEXTS = sections(shader_source(__file__))
 
 
 @cache
-def _text(entries):
-    """Return a program; the same object each time, since it is a key and hashed once."""
-    return ''.join(_TEXTS[name] for name in ('common', *entries))
+def _text(entry_points):
+    """Return a program's text: one object each time, since it is a key whose hash is kept."""
+    return ''.join(_TEXTS[name] for name in ('common', *entry_points))
 
 
 class FullScreen(Effect):
-    """One full-screen program: a subclass has `parts`, `_uniforms` and `_textures`.
+    """One full-screen program; subclasses set `parts`, `_uniforms` and `_textures`.
 
     Parameters
     ----------
@@ -31,7 +31,7 @@ class FullScreen(Effect):
         Values of the class's settings.
     """
 
-    #: Entry points of the shader, the last with ``main``; if it `covers`, it is blended in place.
+    #: Shader sections, the last with ``main``; if the effect `covers`, it is blended in place.
     parts: tuple[str, ...] = ()
 
     _image: Shown | None = None
@@ -39,10 +39,10 @@ class FullScreen(Effect):
     def render(self, frame, picture):
         """Draw the program."""
         size = frame.whole
-        uniforms = {'tile': frame.tile, 'size': size, **self._uniforms(frame, size)}
-        name, textures = f'screen {self.name}', self._textures(frame)
-        blend = 'over' if self.covers else ''
-        picture.apply(Pointwise(name, _text(self._entries()), uniforms, textures, blend))
+        uniforms = {'tile': frame.tile, **self._uniforms(frame, size)}
+        program = f'screen {self.name}', _text(self._entries())
+        blend_mode = 'over' if self.covers else ''
+        picture.apply(Pointwise(*program, uniforms, self._textures(frame), blend_mode))
 
     def _entries(self) -> tuple[str, ...]:
         return self.parts
@@ -54,7 +54,7 @@ class FullScreen(Effect):
         return {}
 
     def release(self):
-        """Free GPU memory and close films; the context is current."""
+        """Free GPU memory and close films; the context must be current."""
         release(self._image)
 
     def report(self) -> dict:
@@ -75,10 +75,10 @@ class FullScreenImage(FullScreen):
 
     neutral = 'opacity', 0
     opacity = Param(1.0, 'Opacity of the image.', range='[0, 1]')
-    fit = Param('contain', 'Fit to the rectangle.', choices=('contain', 'cover', 'stretch'))
+    fit = Param('contain', 'How the image fills `place`.', choices=('contain', 'cover', 'stretch'))
     place = Param((0.0, 0.0, 1.0, 1.0), 'Left, bottom, right and top, fractions of the subplot.')
     fps = Param(
-        None, "Frames per second; the film's rate by default.", range='(0, inf)', kind=float
+        None, "Frames per second; by default the film's own.", range='(0, inf)', kind=float
     )
     loop = Param(True, 'Repeat a sequence after its end, instead of holding the last frame.')
 
@@ -96,28 +96,27 @@ class FullScreenImage(FullScreen):
 
     def needed(self, frame) -> bool | str:
         """Return True if the effect must run."""
-        left, bottom, right, top = self.place
-        if not (left < right and bottom < top):
-            return f'place = {self.place} is empty: left < right and bottom < top'
+        if not np.less(self.place[:2], self.place[2:]).all():
+            return f'place must have left < right and bottom < top, got {self.place}'
         if self._image.missing:
             return self._image.missing
         return super().needed(frame)
 
     def _uniforms(self, frame, size):
-        edges = _fitted(self.place, self.fit, self._image.size, size)
-        return {'frame': edges, 'bounds': self.place, 'opacity': self.opacity}
+        image_edges = _fitted(self.place, self.fit, self._image.size, size)
+        return {'image_rect': image_edges, 'bounds': self.place, 'opacity': self.opacity}
 
     def _textures(self, frame):
         return {'image': self._image.texture(frame.window, frame.time, self.fps, self.loop)}
 
 
-def _fitted(place, fit, image, size):
-    """Return left, bottom, right and top of an image as fractions of the subplot."""
-    low, high = np.array(place[:2]), np.array(place[2:])
-    pixels = (high - low) * size
-    scale = pixels / image
+def _fitted(rect, fit, image_size, subplot_size):
+    """Return the edges of a fitted image: left, bottom, right, top as fractions of the subplot."""
+    low, high = np.array(rect[:2]), np.array(rect[2:])
+    rect_pixels = (high - low) * subplot_size
+    scale = rect_pixels / image_size
     if fit != 'stretch':
         scale = np.full(2, scale.min() if fit == 'contain' else scale.max())
-    half = scale * image / size / 2
-    middle = (low + high) / 2
-    return (*(middle - half), *(middle + half))
+    half_extent = scale * image_size / subplot_size / 2
+    rect_center = (low + high) / 2
+    return (*(rect_center - half_extent), *(rect_center + half_extent))

@@ -20,7 +20,7 @@ from pvibr.scene.thing import Thing
 
 _PBR = 3  # VTK_PBR
 _MAPPERS = ('vtkDataSetMapper', 'vtkOpenGLPolyDataMapper')
-# Uniforms begin at 0, which leaves the scene's own drawing as it is.
+# The uniform is 0 by default, which leaves the scene's own drawing unchanged.
 _DRAW = """  if (ibr_glow > 0.0) gl_FragData[0] = vec4(ibr_glow * {light}, 1.0);
 //VTK::DepthPeeling::Impl
 """
@@ -31,9 +31,11 @@ _SOLID = """//VTK::TCoord::Impl
 """
 
 
-def _feature(name, light, texts=()):
-    draw = _DRAW.replace('{light}', light)
-    return Feature(name, fragment={'VTK::DepthPeeling::Impl': draw, **dict(texts)})
+def _feature(name, light_code, replacements_before=()):
+    draw_code = _DRAW.replace('{light}', light_code)
+    return Feature(
+        name, fragment={'VTK::DepthPeeling::Impl': draw_code, **dict(replacements_before)}
+    )
 
 
 _COLOR = _feature('glow', 'gl_FragData[0].a * gl_FragData[0].rgb')
@@ -47,11 +49,11 @@ _EMISSIVE = _feature(
 
 
 class Glow(LightSpread):
-    """Chosen actors glow in the colours in which they are drawn.
+    """Chosen actors glow in their own colours.
 
     The actors are drawn once more, alone, at full resolution; the light of their visible parts is
-    blurred and added to the picture. Nothing else glows, however bright it is, so that colours of
-    other objects can still be read as data. Volumes cannot glow.
+    blurred and added to the picture. Nothing else glows, however bright, so colours of other
+    objects can still be read as data. Volumes cannot glow.
 
     Parameters
     ----------
@@ -65,7 +67,7 @@ class Glow(LightSpread):
     Raises
     ------
     TypeError
-        If `actors` has something that is no actor.
+        If an item of `actors` cannot glow.
     ValueError
         If weights are negative, not finite, or not one per actor.
 
@@ -87,12 +89,13 @@ class Glow(LightSpread):
     }
     source = Param(
         'color',
-        'Source of the light: colour, texture alpha (drawn opaque), or emissive texture (PBR).',
+        'Source of the light: the drawn colour, the texture alpha (drawn opaque), or the emissive '
+        'texture (PBR).',
         choices=('color', 'alpha', 'emissive'),
     )
 
     _gpu: _Gpu | None = None
-    _lit: tuple | list = ()
+    _glowing_actors: tuple | list = ()
 
     def __init__(self, actors, weights=1.0, **settings):
         super().__init__(**settings)
@@ -111,33 +114,36 @@ class Glow(LightSpread):
 
     @property
     def weights(self) -> tuple[float, ...]:
-        """Factor of the light of each actor; assign one number for all, or one each."""
+        """Factor of each actor's light; assign one for all, or one each."""
         return self._weights
 
     @weights.setter
     def weights(self, weights):
-        count = len(self._actors)
-        values = as_array('weights', weights, float)
-        if values.shape not in ((), (count,)) or not (np.isfinite(values) & (values >= 0)).all():
-            raise ValueError(f'weights = {weights!r}: must be a number >= 0, or {count} of them')
-        self._seen = ()  # the light of other weights
-        self._weights = tuple(np.broadcast_to(values, count).tolist())
+        actor_count = len(self._actors)
+        weight_array = as_array('weights', weights, float)
+        is_valid = (np.isfinite(weight_array) & (weight_array >= 0)).all()
+        if weight_array.shape not in ((), (actor_count,)) or not is_valid:
+            raise ValueError(
+                f'weights must be a number >= 0, or {actor_count} of them, got {weights!r}'
+            )
+        self._last_whole = ()  # its light had other weights
+        self._weights = tuple(np.broadcast_to(weight_array, actor_count).tolist())
 
     def needed(self, frame) -> bool | str:
         """Return True if the effect must run."""
-        self._lit = self._glowing(frame.renderer)
-        return super().needed(frame) if self._lit else 'none of its actors is visible here'
+        self._glowing_actors = self._glowing(frame.renderer)
+        return super().needed(frame) if self._glowing_actors else 'none of its actors is visible'
 
     def _glowing(self, renderer):
-        """Return the actors that glow now, each with its weight."""
-        found = []
-        for one, weight in zip(self._actors, self._weights, strict=True):
-            if isinstance(one, Thing):
-                drawn = one.drawn() if one.pipeline is self.pipeline else []
+        """Return the actors that glow in this frame, each with its weight."""
+        weighted_actors = []
+        for item, weight in zip(self._actors, self._weights, strict=True):
+            if isinstance(item, Thing):
+                actors = item.drawn() if item.pipeline is self.pipeline else []
             else:
-                drawn = [one] if one.GetVisibility() and renderer.HasViewProp(one) else []
-            found += [(a, weight) for a in drawn if weight > 0 and self._has_source(a)]
-        return found
+                actors = [item] if item.GetVisibility() and renderer.HasViewProp(item) else []
+            weighted_actors += [(a, weight) for a in actors if weight > 0 and self._has_source(a)]
+        return weighted_actors
 
     def _has_source(self, actor):
         prop = actor.GetProperty()
@@ -148,15 +154,15 @@ class Glow(LightSpread):
         )
 
     def prepare(self, frame):
-        """Draw the actors alone, while textures of other effects are bound."""
-        if self._is_part(frame):
+        """Draw the actors alone while the textures of other effects are bound."""
+        if self._reuses_light(frame):
             return
         if self._gpu is not None and self._gpu.key != (frame.renderer, frame.size):
             self._forget()
         if self._gpu is None:
             self._gpu = _Gpu(frame.renderer, frame.size)
         feature = {'color': _COLOR, 'alpha': _ALPHA, 'emissive': _EMISSIVE}[self.source]
-        self._gpu.draw(frame, self._lit, feature, frame.whole[1] / self._rows)
+        self._gpu.draw(frame, self._glowing_actors, feature, frame.whole[1] / self._light_rows)
 
     def deactivate(self):
         """Restore the shaders of the actors."""
@@ -172,7 +178,7 @@ class Glow(LightSpread):
         self._gpu = None
 
     def report(self) -> dict:
-        """Return the bytes of GPU memory, and why no light was drawn."""
+        """Return GPU memory in bytes, and why no light was drawn."""
         details = super().report()
         details['bytes'] += nbytes_of(self._gpu)
         return details
@@ -209,46 +215,47 @@ class Afterglow(Glow):
     }
     fade = Param(0.5, 'Time constant of the decay.', range='(0, inf)', unit='s')
 
-    _past: _Past | None = None
-    _when = -math.inf
+    _trail: _Trail | None = None
+    _last_time = -math.inf
 
     def needed(self, frame) -> bool | str:
         """Return True if the effect must run; trails outlast the actors' visibility."""
-        self._lit = self._glowing(frame.renderer)
+        self._glowing_actors = self._glowing(frame.renderer)
         return LightSpread.needed(self, frame)
 
     def cut(self):
         """End all trails, as after a cut to another scene."""
-        self._when = -math.inf
+        self._last_time = -math.inf
 
     def _draw_source(self, frame, picture, target, side):
-        if frame.scale > 1:  # a tile has no part in what other frames leave
+        if frame.scale > 1:  # tiles leave no trails
             super()._draw_source(frame, picture, target, side)
             return
-        if self._past is not None and self._past.size != (target.width, target.height):
-            self._forget_past()
-        if self._past is None:
-            self._past = _Past(frame.window, (target.width, target.height))
+        trail_size = target.width, target.height
+        if self._trail is not None and self._trail.size != trail_size:
+            self._forget_trail()
+        if self._trail is None:
+            self._trail = _Trail(frame.window, trail_size)
             self.cut()
-        super()._draw_source(frame, picture, self._past.now, side)
-        passed = frame.time - self._when
-        left = math.exp(-passed / self.fade) if 0 <= passed < math.inf else 0.0
-        self._past.fade(target, left)
-        self._when = frame.time
+        super()._draw_source(frame, picture, self._trail.now, side)
+        elapsed = frame.time - self._last_time
+        remaining = math.exp(-elapsed / self.fade) if 0 <= elapsed < math.inf else 0.0
+        self._trail.fade(target, remaining)
+        self._last_time = frame.time
 
-    def _forget_past(self):
-        release(self._past)
-        self._past = None
+    def _forget_trail(self):
+        release(self._trail)
+        self._trail = None
 
     def release(self):
         """Free GPU memory; the context is current."""
         super().release()
-        self._forget_past()
+        self._forget_trail()
 
     def report(self) -> dict:
-        """Return the bytes of GPU memory, and why no light was drawn."""
+        """Return GPU memory in bytes, and why no light was drawn."""
         details = super().report()
-        details['bytes'] += nbytes_of(self._past)
+        details['bytes'] += nbytes_of(self._trail)
         return details
 
 
@@ -260,28 +267,27 @@ class _Gpu:
         self.drawer = Drawer(renderer)
         self.target = Target(self.drawer.window, size[0], size[1], ('rgba16f',), depth=True)
         self._quads: dict = {}
-        self._attached = _GlowFeatures()
-        self._bounded: dict = {}
-        self._box = 0, 0, *size
-        self._seen: tuple = ()
+        self._glow_features = _GlowFeatures()
+        self._within_bounds: dict = {}
+        self._covered_box = 0, 0, *size
+        self._box_key: tuple = ()
 
     @property
     def nbytes(self) -> int:
         return self.target.nbytes
 
-    def draw(self, frame, glowing, feature, side):
-        """Draw actors, and nothing around them as far as squares of light reach."""
-        self._match([actor for actor, _ in glowing], feature)
+    def draw(self, frame, glowing_actors, feature, texel_size):
+        """Draw actors, and clear a margin around them as wide as a texel of the light."""
+        self._match([actor for actor, _ in glowing_actors], feature)
         view = frame.view
-        around, box = math.ceil(side) + 1, self._covered(frame, view)
-        left, bottom = (max(edge - around, 0) for edge in box[:2])
-        right, top = (min(edge + around, n) for edge, n in zip(box[2:], frame.size, strict=True))
+        box = self._covered(frame, view)
+        grown = _grown(box, math.ceil(texel_size) + 1, frame.size)
         with self.target.drawing():
-            within = left, bottom, right - left, top - bottom
-            self.drawer.light_from()  # the renderer itself does so only after this
-            self.drawer.look(view, (0, 0, *frame.size), within=within)
+            viewport = (*grown[:2], *np.subtract(grown[2:], grown[:2]).tolist())
+            self.drawer.light_from()  # the renderer does so only later
+            self.drawer.look(view, (0, 0, *frame.size), within=viewport)
             self.drawer.fill((0.0, 0.0, 0.0, 0.0))
-            for actor, weight in glowing:
+            for actor, weight in glowing_actors:
                 _set_glow(actor, weight)
                 for translucent in (False, True):
                     self.drawer.draw([actor], translucent=translucent)
@@ -289,49 +295,50 @@ class _Gpu:
         self.drawer.done()
 
     def _covered(self, frame, view):
-        """Return the part of the picture that actors may cover."""
-        actors = self._attached.actors()
-        if frame.scale > 1 or not all(self._bounded[address(actor)] for actor in actors):
-            self._seen, self._box = (), (0, 0, *frame.size)
-            return self._box
+        """Return the rectangle of the picture that actors may cover."""
+        actors = self._glow_features.actors()
+        if frame.scale > 1 or not all(self._within_bounds[address(actor)] for actor in actors):
+            self._box_key, self._covered_box = (), (0, 0, *frame.size)
+            return self._covered_box
         bounds = [actor.GetBounds() for actor in actors]
-        thickness = [_thickness(actor.GetProperty()) for actor in actors]
-        seen = view.view_from_world.tobytes(), view.clip_from_view.tobytes(), bounds, thickness
-        if seen != self._seen:
-            self._seen, self._box = seen, _box(view, bounds, thickness, frame.size)
-        return self._box
+        line_widths = [_thickness(actor.GetProperty()) for actor in actors]
+        box_key = view.key(), bounds, line_widths
+        if box_key != self._box_key:
+            self._box_key = box_key
+            self._covered_box = _covered_rect(view, bounds, line_widths, frame.size)
+        return self._covered_box
 
     def _match(self, actors, feature):
         """Attach the feature to exactly these actors."""
-        changed = self._attached.match(
+        new_actors = self._glow_features.match(
             actors, lambda _: (feature,), lambda actor: (feature, *_shader_version(actor))
         )
-        self._bounded |= {address(actor): _is_within_bounds(actor) for actor in changed}
+        self._within_bounds |= {address(actor): _is_within_bounds(actor) for actor in new_actors}
 
     def detach(self):
         """Restore the shaders of all actors."""
-        self._attached.clear()
+        self._glow_features.clear()
 
-    def light(self, frame, picture, target, side):
-        """Draw the light of visible parts, in squares of so many pixels along each side."""
-        taps = max(math.ceil(side / 2), 1)
+    def light(self, frame, picture, target, texel_size):
+        """Draw the light of visible parts into texels of `side` pixels."""
+        taps = max(math.ceil(texel_size / 2), 1)
         if taps not in self._quads:
             text = sections(shader_source(__file__))['source']
             text = f'#define TAPS {taps}\n{text}'
             self._quads[taps] = Quad(frame.window, text, 'glow source')
-        one = 1 / frame.pixel_scale
+        pixel_size = 1 / frame.pixel_scale
         uniforms = {
-            'side': float(side),
-            'pixels': picture.size,
+            'texel_size': float(texel_size),
+            'picture_size': picture.size,
             'projection': frame.clip_from_view[2:, 2:].ravel().tolist(),
-            'pixel_size': (one, 0.0) if frame.parallel else (0.0, one),
+            'pixel_size': (pixel_size, 0.0) if frame.parallel else (0.0, pixel_size),
         }
         glow = self.target.colors[0]
-        textures = {'glow': glow, 'own': self.target.depth, 'scene': picture.depth}
-        left, bottom = (math.floor(edge / side) for edge in self._box[:2])
-        right, top = (math.ceil(edge / side) for edge in self._box[2:])
+        textures = {'glow': glow, 'glow_depth': self.target.depth, 'scene_depth': picture.depth}
+        low = np.floor(np.divide(self._covered_box[:2], texel_size)).astype(int)
+        high = np.ceil(np.divide(self._covered_box[2:], texel_size)).astype(int)
         with filtered(glow), target.drawing(clear=(0.0, 0.0, 0.0, 0.0)):
-            frame.window.GetState().vtkglScissor(left, bottom, right - left, top - bottom)
+            frame.window.GetState().vtkglScissor(*low.tolist(), *(high - low).tolist())
             self._quads[taps].draw(uniforms, textures)
 
     def release(self):
@@ -339,8 +346,8 @@ class _Gpu:
         release(*self._quads.values(), self.target, self.drawer)
 
 
-class _Past:
-    """Light of this frame and of earlier ones."""
+class _Trail:
+    """The light of this frame, and what remains of earlier frames."""
 
     def __init__(self, window, size):
         self.size = size
@@ -354,10 +361,10 @@ class _Past:
     def nbytes(self) -> int:
         return self.now.nbytes * 3
 
-    def fade(self, target, left):
-        for drawn in (self._after, target):
-            textures = {'light': self.now.colors[0], 'past': self._before.colors[0]}
-            drawn.draw(self._fade, {'left': left}, textures)
+    def fade(self, target, remaining):
+        textures = {'light': self.now.colors[0], 'past': self._before.colors[0]}
+        for destination in (self._after, target):
+            destination.draw(self._fade, {'remaining': remaining}, textures)
         self._before, self._after = self._after, self._before
 
     def release(self):
@@ -368,27 +375,27 @@ def _checked_actors(actors):
     return checked_each('actors', actors, _can_glow, 'actors, as add_mesh returns, or instances')
 
 
-def _can_glow(one) -> bool:
-    return isinstance(one, Thing | _vtk.vtkActor)
+def _can_glow(item) -> bool:
+    return isinstance(item, Thing | _vtk.vtkActor)
 
 
 class _GlowFeatures(FeatureSet):
-    """Draws actors as light, including fragments that VTK would discard as transparent."""
+    """Features that draw actors as light, even fragments that VTK discards as transparent."""
 
     def __init__(self):
         super().__init__()
-        self._opaque: dict = {}
+        self._force_opaque: dict = {}
 
     def _attach(self, actor, features):
         if _ALPHA in features:
-            self._opaque[address(actor)] = actor.GetForceOpaque()
+            self._force_opaque[address(actor)] = actor.GetForceOpaque()
             actor.ForceOpaqueOn()
         super()._attach(actor, features)
 
     def _detach(self, actor, features):
         super()._detach(actor, features)
         if _ALPHA in features:
-            actor.SetForceOpaque(self._opaque.pop(address(actor)))
+            actor.SetForceOpaque(self._force_opaque.pop(address(actor)))
 
 
 def _shader_version(actor) -> tuple:
@@ -397,23 +404,27 @@ def _shader_version(actor) -> tuple:
 
 
 def _is_within_bounds(actor) -> bool:
-    """Return True if an actor draws within its bounds, but for thick lines and points."""
+    """Return True if an actor draws within its bounds, thick lines and points aside."""
     shader = actor.GetShaderProperty()
-    moved = shader.HasVertexShaderCode() or any(
+    displaces = shader.HasVertexShaderCode() or any(
         stage == 'Vertex' for stage, _ in replacements(shader)
     )
-    return actor.GetMapper().GetClassName() in _MAPPERS and not moved
+    return actor.GetMapper().GetClassName() in _MAPPERS and not displaces
 
 
-def _box(view, bounds, thickness, size):
-    """Return the part of a picture within bounds."""
-    if not bounds:
+def _covered_rect(view, actor_bounds, line_widths, picture_size):
+    """Return the rectangle of a picture that actors with these bounds may cover."""
+    if not actor_bounds:
         return 0, 0, 0, 0
-    around = math.ceil(max(thickness)) + 1
-    box = covered(view, bounds, size)
-    left, bottom = (max(edge - around, 0) for edge in box[:2])
-    right, top = (min(edge + around, n) for edge, n in zip(box[2:], size, strict=True))
-    return left, bottom, max(right, left), max(top, bottom)
+    box = covered(view, actor_bounds, picture_size)
+    grown = _grown(box, math.ceil(max(line_widths)) + 1, picture_size)
+    return (*grown[:2], *np.maximum(grown[:2], grown[2:]).tolist())
+
+
+def _grown(box, margin, size):
+    """Return a rectangle with a margin around it, within a picture."""
+    low = [max(edge - margin, 0) for edge in box[:2]]
+    return *low, *(min(edge + margin, n) for edge, n in zip(box[2:], size, strict=True))
 
 
 def _thickness(prop):

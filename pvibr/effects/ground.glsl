@@ -1,8 +1,8 @@
-// The ground fades with the distance from the scene, as a cyclorama in a studio: what is farther
-// from its middle than ibr_fade begins takes the colour of the horizon. It is a disc of radius 1 that
-// is scaled, so that places on it are as exact anywhere in the world. Done as the surface is drawn:
-// what is before it, translucent things too, stays as it is.
-// Uniforms: ibr_horizon, a colour; ibr_fade, where it begins and ends, in radii of the disc.
+// The ground fades into the colour of the horizon with the distance from its centre, like a
+// cyclorama in a studio. The mesh is a scaled disc of radius 1, so positions on it are equally exact
+// anywhere in the world. Fading happens as the surface is drawn: translucent things in front of it
+// are unchanged.
+// Uniforms: ibr_horizon, a colour; ibr_fade, start and end of the fading, in radii of the disc.
 
 //@vertex.declare
 //VTK::PositionVC::Dec
@@ -19,7 +19,7 @@ in vec2 ibr_ground;
 //@fragment.fade
   {
     float away = length(ibr_ground);
-    // Slow at first: no ring shows where it begins.
+    // Slow at first, so that no ring shows where it starts.
     float share = clamp((away - ibr_fade.x) / (ibr_fade.y - ibr_fade.x), 0.0, 1.0);
     share = 1.0 - (1.0 - share) * (1.0 - share) * (1.0 - share);
     share *= smoothstep(ibr_fade.x, 7.0 * ibr_fade.x, away);

@@ -1,4 +1,4 @@
-"""A ground under the scene that has no end to be seen."""
+"""A ground under the scene, without a visible end."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from pvibr.gl import set_fragment_uniforms, shader_source
 from pvibr.gl.feature import Feature, sections
 from pvibr.maths.vectors import unit_vectors
 
-#: Where it begins to fade, in radii of the scene, and where it has faded, as a share of its own.
+#: Where fading starts, in radii of the scene, and ends, as a fraction of the ground's radius.
 _FADE, _FADED = 1.05, 0.9
-#: Gap under the scene, in radii of it: what is flat there would flicker. Under what is not, a
-#: share of its height is enough.
+#: Gap below the scene, in radii of the scene, against z-fighting with flat scenes; elsewhere a
+#: fraction of the scene's height is enough.
 _GAP, _GAP_OF_HEIGHT = 1e-3, 1e-2
-#: Depth buffers need a near plane that is not much closer, as a share of the far one.
+#: Least near plane as a fraction of the far one, for the precision of depth buffers.
 _NEAREST = 2e-4
 _TEXT = sections(shader_source(__file__))
 _FADES = Feature(
@@ -38,11 +38,11 @@ _FADES = Feature(
 
 
 class Ground(Effect):
-    """A ground under everything in the scene, which fades into the horizon.
+    """A ground under the scene that fades into the horizon.
 
     It receives light and shadows like any surface and casts none. Its size follows the scene, but
-    it is not part of the scene's bounds, so resetting the camera ignores it. From below it is
-    invisible.
+    it is not part of the scene's bounds: resetting the camera ignores it. It is invisible from
+    below.
 
     Parameters
     ----------
@@ -68,11 +68,11 @@ class Ground(Effect):
     web = 'shown', 'a disc that does not fade'
 
     color = Color((0.85, 0.85, 0.85), 'Colour of the material.')
-    size = Param(16.0, 'Radius, in radii of the scene.', range='[0, 1000]')
+    size = Param(16.0, 'Radius in radii of the scene; 0 hides the ground.', range='[0, 1000]')
     up = Param((0.0, 0.0, 1.0), 'Up direction in world space.')
     height = Param(
         None,
-        'Height in world space; by default right below the scene.',
+        'Height along `up` in world space; by default right below the scene.',
         unit='world',
         kind=float,
     )
@@ -80,19 +80,19 @@ class Ground(Effect):
     def __init__(self, color=color.default, **settings):
         self._actor: Any = None
         self._observer: int | None = None
-        self._fitted: tuple = ()
-        #: Near and far planes before they were moved, and after.
-        self._planes: tuple = ((), ())
-        self._center, self._radius = np.zeros(3), 0.0
+        self._fit_key: tuple = ()
+        #: Near and far planes before and after they were widened.
+        self._plane_change: tuple = ((), ())
+        self._disc_center, self._scene_radius = np.zeros(3), 0.0
         super().__init__(color=color, **settings)
 
     @property
     def props(self) -> tuple:
-        """VTK props that stand for it in the scene."""
+        """VTK props in the scene."""
         return () if self._actor is None else (self._actor,)
 
     def attach(self, pipeline):
-        """Put the disc into the scene."""
+        """Add the disc to the scene."""
         super().attach(pipeline)
         renderer = pipeline.renderer
         disc = pv.Disc(inner=0.0, outer=1.0, r_res=1, c_res=90)
@@ -103,101 +103,103 @@ class Ground(Effect):
         self._actor.GetProperty().BackfaceCullingOn()
         self._actor.SetVisibility(False)  # until a frame needs it
         _FADES.attach(self._actor)
-        self._fitted = ()
+        self._fit_key = ()
         put_inner(renderer, self._actor)
-        self._observer = renderer.AddObserver('ResetCameraClippingRangeEvent', self._widen)
-        self._widen(renderer)
+        self._observer = renderer.AddObserver('ResetCameraClippingRangeEvent', self._widen_planes)
+        self._widen_planes(renderer)
 
     def detach(self):
-        """Take the disc out of the scene."""
+        """Remove the disc from the scene."""
         renderer = self.pipeline.renderer
-        self._narrow(renderer)
+        self._restore_planes(renderer)
         renderer.RemoveActor(self._actor)
         renderer.RemoveObserver(self._observer)
         self._actor = self._observer = None
         super().detach()
 
     def needed(self, frame) -> bool | str:
-        """Return True if there is a scene above it."""
-        why = super().needed(frame)
-        if why is True and not np.any(self.up):
-            why = 'up is (0, 0, 0): give a direction'
-        if why is True and not self._fit(frame.renderer):
-            why = 'nothing is in the scene'
-        if why is not True:
-            self._narrow(frame.renderer)
+        """Return True if there is a scene above."""
+        needs = super().needed(frame)
+        if needs is True and not np.any(self.up):
+            needs = 'up is (0, 0, 0): give a direction'
+        if needs is True and not self._fit_scene(frame.renderer):
+            needs = 'the scene is empty'
+        if needs is not True:
+            self._restore_planes(frame.renderer)
         elif not self._actor.GetVisibility():
-            self._widen(frame.renderer)
-        self._actor.SetVisibility(why is True)
-        return why
+            self._widen_planes(frame.renderer)
+        self._actor.SetVisibility(needs is True)
+        return needs
 
     def deactivate(self):
         """Hide the disc."""
         if self._actor is not None:
-            self._narrow(self.pipeline.renderer)
+            self._restore_planes(self.pipeline.renderer)
             self._actor.SetVisibility(False)
 
-    def _fit(self, renderer) -> bool:
-        """Have the place and the size that the scene asks for; return whether there is one."""
-        low, high = np.reshape(renderer.ComputeVisiblePropBounds(), (3, 2)).T
-        if not (low <= high).all():
+    def _fit_scene(self, renderer) -> bool:
+        """Fit place and size to the scene; return False if it is empty."""
+        low_corner, high_corner = np.reshape(renderer.ComputeVisiblePropBounds(), (3, 2)).T
+        if not (low_corner <= high_corner).all():
             return False
-        key = (*low, *high, *self.up, self.height, self.size, *self.color)
-        if key == self._fitted:
+        fit_key = (*low_corner, *high_corner, *self.up, self.height, self.size, *self.color)
+        if fit_key == self._fit_key:
             return True
-        self._fitted = key
-        up, middle = unit_vectors(self.up), (low + high) / 2
-        self._radius = max(float(np.linalg.norm(high - low)) / 2, 1e-12)
-        # Of a box, the corner that is lowest along the up direction.
-        ends = (low, high), (high, low)
-        lowest, highest = (float(np.where(up > 0, *pair) @ up) for pair in ends)
-        gap = _GAP * self._radius
+        self._fit_key = fit_key
+        up, scene_center = unit_vectors(self.up), (low_corner + high_corner) / 2
+        self._scene_radius = max(float(np.linalg.norm(high_corner - low_corner)) / 2, 1e-12)
+        # The lowest and highest corner of the box along the up direction.
+        corner_pairs = (low_corner, high_corner), (high_corner, low_corner)
+        lowest, highest = (float(np.where(up > 0, *pair) @ up) for pair in corner_pairs)
+        gap = _GAP * self._scene_radius
         if highest - lowest > gap:
             gap = min(gap, _GAP_OF_HEIGHT * (highest - lowest))
         height = lowest - gap if self.height is None else self.height
-        self._center = middle + (height - middle @ up) * up
-        side = np.eye(3)[np.abs(up).argmin()]
-        right = unit_vectors(np.cross(side, up))
-        matrix = np.eye(4)
-        axes = np.column_stack([right, np.cross(up, right), up])
-        matrix[:3, :3], matrix[:3, 3] = self._reach * axes, self._center
-        self._actor.user_matrix = matrix
+        self._disc_center = scene_center + (height - scene_center @ up) * up
+        side_axis = np.eye(3)[np.abs(up).argmin()]
+        right_axis = unit_vectors(np.cross(side_axis, up))
+        disc_matrix = np.eye(4)
+        disc_axes = np.column_stack([right_axis, np.cross(up, right_axis), up])
+        disc_matrix[:3, :3], disc_matrix[:3, 3] = self._world_size * disc_axes, self._disc_center
+        self._actor.user_matrix = disc_matrix
         self._actor.GetProperty().SetColor(*self.color)
         return True
 
     @property
-    def _reach(self) -> float:
-        return self.size * self._radius
+    def _world_size(self) -> float:
+        return self.size * self._scene_radius
 
-    def _widen(self, renderer, _event=None):
-        """Have the near and far planes take the ground in, of which the bounds know nothing."""
-        if not (self.enabled and self.size and np.any(self.up) and self._fit(renderer)):
+    def _widen_planes(self, renderer, _event=None):
+        """Widen near and far planes to include the ground, which the bounds leave out."""
+        if not (self.enabled and self.size and np.any(self.up) and self._fit_scene(renderer)):
             return
         camera = renderer.GetActiveCamera()
-        before = camera.GetClippingRange()
-        if before == self._planes[1]:
-            before = self._planes[0]
-        near, far = before
-        away = np.array(camera.GetPosition()) - self._center
-        far = max(far, float(np.linalg.norm(away)) + self._reach)
-        # In perspective nothing of a plane is closer than the eye's height over it.
-        above = 0.0 if camera.GetParallelProjection() else float(away @ unit_vectors(self.up))
-        if above >= 0:
-            near = max(min(near, 0.5 * above), _NEAREST * far)
+        scene_planes = camera.GetClippingRange()
+        if scene_planes == self._plane_change[1]:
+            scene_planes = self._plane_change[0]
+        near, far = scene_planes
+        eye_offset = np.array(camera.GetPosition()) - self._disc_center
+        far = max(far, float(np.linalg.norm(eye_offset)) + self._world_size)
+        # In perspective, no point of a plane is closer than the eye's height above it.
+        eye_height = float(eye_offset @ unit_vectors(self.up))
+        if camera.GetParallelProjection():
+            eye_height = 0.0
+        if eye_height >= 0:
+            near = max(min(near, 0.5 * eye_height), _NEAREST * far)
         camera.SetClippingRange(near, far)
-        self._planes = before, camera.GetClippingRange()
+        self._plane_change = scene_planes, camera.GetClippingRange()
 
-    def _narrow(self, renderer):
-        """Have the near and far planes where they were, unless they were moved since."""
+    def _restore_planes(self, renderer):
+        """Restore near and far planes, unless something else changed them."""
         camera = renderer.GetActiveCamera()
-        if camera.GetClippingRange() == self._planes[1]:
-            camera.SetClippingRange(*self._planes[0])
+        if camera.GetClippingRange() == self._plane_change[1]:
+            camera.SetClippingRange(*self._plane_change[0])
 
     def prepare(self, frame):
-        """Set the colour that it fades into."""
-        span = _FADE, max(_FADED * self.size, 2 * _FADE)
+        """Set the colour and range of the fading."""
+        fade_span = _FADE, max(_FADED * self.size, 2 * _FADE)
         uniforms = {
             'ibr_horizon': self.pipeline.horizon_color(frame),
-            'ibr_fade': tuple(radius / self.size for radius in span),
+            'ibr_fade': tuple(radius / self.size for radius in fade_span),
         }
         set_fragment_uniforms(self.props, uniforms)

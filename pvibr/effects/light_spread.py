@@ -1,8 +1,10 @@
-"""Light that spreads over a picture: the base of bloom and glow."""
+"""Light that spreads over a picture: the base of `Bloom` and `Glow`."""
 
 from __future__ import annotations
 
 import math
+
+import numpy as np
 
 from pvibr.core import _vtk
 from pvibr.core._vtk import address
@@ -12,16 +14,16 @@ from pvibr.gl import release, texture_limit
 from pvibr.gl.blur import CHAINS, Blur, Light, variances
 from pvibr.gl.scene_pass import is_marker
 
-_ROWS = 720  # of the picture that `downsample` is about
-_NARROWEST = 0.79  # of a kernel's width
-_ENDS = 1 / 12 + 4 / 6  # variance of a texel, and of what is between texels of half the size
+_ROWS = 720  # height of the picture to which `downsample` refers
+_NARROWEST = 0.79  # least factor of a kernel's width
+_ENDS = 1 / 12 + 4 / 6  # variance of a texel, and of interpolation between half-size texels
 
 
 class LightSpread(Effect):
-    """Light blurred by a pyramid; a subclass draws it with `_draw_source`, freed by `_forget`.
+    """Light blurred by a pyramid; subclasses draw it in `_draw_source` and free it in `_forget`.
 
-    Tiles of a screenshot larger than the window use the light of the last whole frame. If the
-    camera, the scene or the time changed since, each tile has only its own light.
+    Tiles of a screenshot larger than the window reuse the light of the last whole frame. If the
+    camera, the scene or the time changed since, each tile spreads its own light only.
 
     Parameters
     ----------
@@ -32,34 +34,35 @@ class LightSpread(Effect):
     neutral = 'intensity', 0
     covers = True
 
-    intensity = Param(1.0, 'Factor of the added light.', range='[0, inf)')
+    intensity = Param(1.0, 'Amount of the light that is added.', range='[0, inf)')
     downsample = Param(
         8,
-        'Texel of the finest blur, as pixels of a picture of 720 rows; smaller is sharper.',
+        'Texel of the finest blur, in pixels of a 720-row picture; smaller is sharper and slower.',
         choices=(4, 8, 16),
     )
     chain = Param(
         'gaussian',
-        'Separable Gaussians, or the faster filters of fixed width by Jimenez, SIGGRAPH 2014.',
+        'Separable Gaussians, or the faster fixed-width filters of Jimenez, SIGGRAPH 2014.',
         choices=CHAINS,
     )
     kernel = Param(5, 'Size of each Gaussian kernel.', choices=tuple(range(3, 33, 2)), unit='px')
     levels = Param(
         None,
-        'Number of blurs, each at half the resolution; as wide at any `downsample` by default.',
+        'Number of blurs, each at half the resolution of the last; by default about twenty rows '
+        'remain, at any `downsample`.',
         kind=int,
         range='[1, 10]',
     )
-    spread = Param(0.5, 'Weight of wide blurs against narrow ones.', range='[0, 1]')
-    blend = Param('add', 'Blend mode of the light.', choices=('add', 'screen'))
+    spread = Param(0.5, 'Weight of wide blurs; 0 is a tight halo.', range='[0, 1]')
+    blend = Param('add', 'Blend mode; screen never exceeds white.', choices=('add', 'screen'))
     debug = Param('', 'Intermediate stage to show.', choices=('', 'bright', 'blur'))
 
     _blur: Blur | None = None
     _window: object = None
     _light: Light | None = None
-    _seen: tuple = ()
-    _asked = -1, False
-    _side = 1.0
+    _last_whole: tuple = ()
+    _reuse_answer = -1, False
+    _texel_size = 1.0
 
     def __init__(self, **settings):
         self._drawn_at = _vtk.vtkTimeStamp()
@@ -67,100 +70,101 @@ class LightSpread(Effect):
 
     def render(self, frame, picture):
         """Add the light to the picture."""
-        tile = None
-        if self._is_part(frame):
-            left, bottom = frame.tile[:2]
-            tile = frame.scale, (left * frame.whole[0], bottom * frame.whole[1])
+        tile_place = None
+        if self._reuses_light(frame):
+            tile_place = frame.scale, tuple(np.multiply(frame.tile[:2], frame.whole).tolist())
         else:
             self._light = self._spread_light(frame, picture)
-            self._seen = (frame, *self._marks()) if frame.scale == 1 else ()
+            self._last_whole = (frame, *self._content_marks()) if frame.scale == 1 else ()
             self._drawn_at.Modified()
         if self._blur is not None and self._light is not None:
             self._blur.blend(
                 picture,
                 self._light,
-                tile=tile,
+                tile=tile_place,
                 intensity=1.0 if self.debug else self.intensity,
                 screen=self.blend == 'screen',
                 alone=bool(self.debug),
             )
 
-    def _is_part(self, frame):
-        """Return True if a frame is a tile of a picture whose light is known."""
+    def _reuses_light(self, frame):
+        """Return True if a frame is a tile of the picture whose light was spread last."""
         if frame.scale == 1:
             return False
-        if self._asked[0] != frame.index:  # once: all hooks of a frame must agree
-            same = bool(self._seen) and (
-                self._seen[1:] == self._marks() and _sight(self._seen[0]) == _sight(frame)
+        if self._reuse_answer[0] != frame.index:  # all hooks of a frame must agree
+            is_same_view = bool(self._last_whole) and (
+                self._last_whole[1:] == self._content_marks()
+                and _sight(self._last_whole[0]) == _sight(frame)
             )
-            self._asked = (
+            self._reuse_answer = (
                 frame.index,
-                same and not _changed(frame.renderer, self._things, self._drawn_at),
+                is_same_view and not _changed(frame.renderer, self._things, self._drawn_at),
             )
-        return self._asked[1]
+        return self._reuse_answer[1]
 
     @property
     def _things(self):
         return self.pipeline.things if self.pipeline else ()
 
-    def _marks(self):
-        """Return a key of the settings and of what things draw."""
+    def _content_marks(self):
+        """Return a key of the settings and of the content of things."""
         return self.revision, [thing.content_key() for thing in self._things]
 
     def _spread_light(self, frame, picture):
         """Return the light of a picture, None if there is none."""
-        # A tile of a picture that was not drawn whole has only its own light.
-        # A picture of a few rows has wider texels: no driver has textures of so many.
-        width = 1.0
-        side = max(frame.whole[1] / self._rows, max(frame.whole) / texture_limit(frame.window))
+        # Very wide pictures get larger texels: textures are limited in size.
+        kernel_scale = 1.0
+        smallest = max(frame.whole) / texture_limit(frame.window)
+        texel_size = max(frame.whole[1] / self._light_rows, smallest)
         if frame.scale == 1:
-            side, width = self._fitted(side, picture.size)
-        blur = self._ready(frame, picture.size, side, width)
-        self._draw_source(frame, picture, blur.source, side)
-        lit = blur.lit()
+            texel_size, kernel_scale = self._whole_texels(texel_size, picture.size)
+        blur = self._ready_blur(frame, picture.size, texel_size, kernel_scale)
+        self._draw_source(frame, picture, blur.source, texel_size)
+        lit_texels = blur.lit()
         if self.debug == 'bright':
-            return Light(blur.source.colors[0], side, (0, 0, *picture.size))
-        if lit is None:
-            return Light(blur.source.colors[0], side, (0,) * 4) if self.debug else None
-        reach = blur.reach
-        box = [side * b for b in (lit[0] - reach, lit[1] - reach, lit[2] + reach, lit[3] + reach)]
-        return Light(blur.draw(blur.source.colors[0], self.spread), 2 * side, tuple(box))
+            return Light(blur.source.colors[0], texel_size, (0, 0, *picture.size))
+        if lit_texels is None:
+            return Light(blur.source.colors[0], texel_size, (0,) * 4) if self.debug else None
+        grown = np.add(lit_texels, blur.reach * np.array([-1, -1, 1, 1]))
+        lit_box = tuple((texel_size * grown).tolist())
+        return Light(blur.draw(blur.source.colors[0], self.spread), 2 * texel_size, lit_box)
 
-    def _draw_source(self, frame, picture, target, side):
+    def _draw_source(self, frame, picture, target, texel_size):
         raise NotImplementedError
 
     @property
-    def _rows(self) -> float:
-        """Rows of the image of the light: as many in a window of any size."""
+    def _light_rows(self) -> float:
+        """Rows of the light's image, the same in a window of any size."""
         return 2 * _ROWS / self.downsample
 
-    def _fitted(self, side, size):
-        """Return a whole number of pixels near a side, and by how much to widen kernels for it."""
-        # A picture of whole texels is averaged in two thirds of the time.
-        for pixels in (math.floor(side), math.ceil(side)):
-            near = pixels and _NARROWEST < side / pixels < 1 / _NARROWEST
-            if self.chain == 'gaussian' and near and not any(n % pixels for n in size):
-                halving, doubling = variances(self._levels(), self.kernel, self.chain)
-                ratio = (side / pixels) ** 2
-                return pixels, math.sqrt(ratio + (ratio - 1) * (doubling + _ENDS) / halving)
-        return side, 1.0
+    def _whole_texels(self, texel_size, size):
+        """Return a whole number of pixels near a texel's size, and the kernel scale for it."""
+        # Averaging whole pixels takes two thirds of the time.
+        for whole_pixels in (math.floor(texel_size), math.ceil(texel_size)):
+            is_near = whole_pixels and _NARROWEST < texel_size / whole_pixels < 1 / _NARROWEST
+            if self.chain == 'gaussian' and is_near and not any(n % whole_pixels for n in size):
+                halving, doubling = variances(self._level_count(), self.kernel, self.chain)
+                variance_ratio = (texel_size / whole_pixels) ** 2
+                excess = (variance_ratio - 1) * (doubling + _ENDS) / halving
+                return whole_pixels, math.sqrt(variance_ratio + excess)
+        return texel_size, 1.0
 
-    def _ready(self, frame, size, side, width=1.0):
-        extent = size[0] / side, size[1] / side
-        key = extent, self._levels(), self.kernel, self.chain, width
+    def _ready_blur(self, frame, size, texel_size, kernel_scale=1.0):
+        texel_counts = size[0] / texel_size, size[1] / texel_size
+        blur_key = texel_counts, self._level_count(), self.kernel, self.chain, kernel_scale
         window = frame.window
-        if self._blur is not None and (self._window is not window or self._blur.key != key):
+        if self._blur is not None and (self._window is not window or self._blur.key != blur_key):
             self._forget_blur()
         if self._blur is None:
-            self._blur, self._window = Blur(window, *key), window
-        self._side = side
+            self._blur, self._window = Blur(window, *blur_key), window
+        self._texel_size = texel_size
         return self._blur
 
-    def _levels(self):
-        """Return the levels after which about twenty rows are left."""
+    def _level_count(self):
+        """Return the number of blurs, after which about twenty rows remain."""
         if self.levels is not None:
             return self.levels
-        return max(1, 1 + round(math.log2(self._rows / 40)))
+        return max(1, 1 + round(math.log2(self._light_rows / 40)))
 
     def _forget(self):
         """Free GPU memory of `_draw_source`."""
@@ -172,20 +176,20 @@ class LightSpread(Effect):
 
     @property
     def blur_sigma(self) -> float:
-        """Standard deviation of the widest blur of the last frame in pixels, NaN before it."""
+        """Standard deviation of the widest blur in the last frame, in pixels; NaN before."""
         if self._blur is None:
             return math.nan
-        side = self._side
-        pixel = min(side**2, 1) / 12
-        return side * math.sqrt(self._blur.sigma**2 + _ENDS - pixel / side**2)
+        texel_size = self._texel_size
+        pixel_variance = min(texel_size**2, 1) / 12
+        return texel_size * math.sqrt(self._blur.sigma**2 + _ENDS - pixel_variance / texel_size**2)
 
     def _forget_blur(self):
         release(self._blur)
         self._blur = self._light = None
-        self._seen = ()
+        self._last_whole = ()
 
     def report(self) -> dict:
-        """Return the bytes of GPU memory, and why no light was drawn."""
+        """Return GPU memory in bytes, and why no light was drawn."""
         if self._blur is None:
             return {'bytes': 0}
         details = {'bytes': self._blur.nbytes}
@@ -193,24 +197,23 @@ class LightSpread(Effect):
 
 
 def _sight(frame):
-    """Return a key that a whole frame shares with its tiles."""
-    left, bottom, right, top = frame.tile
-    across = frame.clip_from_view[0, 0] * (right - left)
-    up = frame.clip_from_view[1, 1] * (top - bottom)
+    """Return a key of the view that a whole frame shares with its tiles."""
+    tile_size = np.subtract(frame.tile[2:], frame.tile[:2])
+    x_scale, y_scale = np.diag(frame.clip_from_view)[:2] * tile_size
     return (
         frame.view_from_world.tobytes(),
-        f'{across:.6g} {up:.6g}',
+        f'{x_scale:.6g} {y_scale:.6g}',
         tuple(round(side / frame.scale) for side in frame.whole),
         frame.time,
     )
 
 
-def _changed(renderer, things, when) -> bool:
-    """Return True if the scene changed since; what things choose by camera does not count."""
-    chosen = {address(prop) for t in things for prop in (*t.props, *t.actors())}
-    since = when.GetMTime()
-    return any(light.GetMTime() > since for light in renderer.GetLights()) or any(
-        prop.GetRedrawMTime() > since
+def _changed(renderer, things, time_stamp) -> bool:
+    """Return True if the scene changed since; choices that things make by camera do not count."""
+    thing_props = {address(prop) for t in things for prop in (*t.props, *t.actors())}
+    spread_time = time_stamp.GetMTime()
+    return any(light.GetMTime() > spread_time for light in renderer.GetLights()) or any(
+        prop.GetRedrawMTime() > spread_time
         for prop in renderer.GetViewProps()
-        if prop.IsA('vtkProp3D') and address(prop) not in chosen and not is_marker(prop)
+        if prop.IsA('vtkProp3D') and address(prop) not in thing_props and not is_marker(prop)
     )

@@ -1,4 +1,4 @@
-"""Outlines at boundaries of objects, depth discontinuities, creases and luminance edges."""
+"""Outlines at object boundaries, depth discontinuities, creases and luminance edges."""
 
 from __future__ import annotations
 
@@ -25,9 +25,8 @@ class Outline(Effect):
     """Lines at boundaries of objects, depth discontinuities, creases or luminance edges.
 
     Ids, depth and normals are those of opaque surfaces, instances included; translucent props
-    and volumes have luminance edges only, and volumes hide lines behind them as they hide
-    surfaces: for that they are drawn a second time. Tiles of large screenshots cut lines along
-    their seams.
+    and volumes have luminance edges only. Volumes hide lines behind them as they hide surfaces,
+    for which they are drawn a second time. Tiles of large screenshots cut lines at their seams.
 
     Parameters
     ----------
@@ -39,9 +38,9 @@ class Outline(Effect):
     Raises
     ------
     TypeError
-        If a setting is unknown or has the wrong type, or `actors` has something else.
+        If a setting is unknown or has the wrong type, or an item of `actors` cannot be outlined.
     ValueError
-        If a value is out of range, or, when it is added, an actor is of another subplot.
+        If a value is out of range; on adding, if an actor is in another subplot.
 
     Examples
     --------
@@ -70,27 +69,27 @@ class Outline(Effect):
     opacity = Param(1.0, 'Line opacity.', range='[0, 1]')
     ids = Param(True, 'Lines at boundaries between objects.')
     depth = Param(True, 'Lines at depth discontinuities.')
-    jump = Param(4.0, 'Minimum depth discontinuity, in pixel sizes.', range='(0, inf)', unit='px')
+    jump = Param(4.0, 'Least depth discontinuity, in pixel sizes.', range='(0, inf)', unit='px')
     normal = Param(True, 'Lines along creases.')
-    crease = Param(30.0, 'Minimum angle between normals.', range='(0, 180]', unit='degrees')
-    grazing = Param(80.0, 'Maximum viewing angle for creases.', range='[0, 90]', unit='degrees')
-    luminance = Param(False, 'Lines at luminance edges of the picture.')
-    contrast = Param(0.2, 'Minimum luminance step, as a fraction of white.', range='(0, inf)')
+    crease = Param(30.0, 'Least angle between normals.', range='(0, 180]', unit='degrees')
+    grazing = Param(80.0, 'Largest viewing angle of creases.', range='[0, 90]', unit='degrees')
+    luminance = Param(False, 'Lines at luminance edges, for textures and volumes.')
+    contrast = Param(0.2, 'Least luminance step, as a fraction of white.', range='(0, inf)')
     hidden = Param(
-        'absent', 'Style of hidden lines of chosen actors.', choices=('absent', 'dashed')
+        'absent', 'Style of the hidden lines of chosen actors.', choices=('absent', 'dashed')
     )
     dash = Param(4.0, 'Length of dashes and of gaps.', range='[1, 100]', unit='px')
     debug = Param(
         '',
-        'Intermediate stage to show: edges right (red), above (green), luminance (blue).',
+        'Intermediate stage to show: edges to the right (red), above (green), luminance (blue).',
         choices=('', 'edges'),
     )
 
-    _drawn: Drawn | None = None
+    _surface_buffer: Drawn | None = None
     _veil: Veil | None = None
-    _half: Target | None = None
+    _edge_target: Target | None = None
     _candidates: Target | None = None
-    _marks: tuple[bytes, Texture] | None = None
+    _mark_texture: tuple[bytes, Texture] | None = None
 
     def __init__(self, actors=None, **settings):
         self._actors = _checked(actors)
@@ -110,58 +109,66 @@ class Outline(Effect):
 
     @actors.setter
     def actors(self, actors):
-        chosen = _checked(actors)
+        outlined_actors = _checked(actors)
         if self.pipeline is not None:
-            _check_here(chosen, self.pipeline)
-        self._actors = chosen
+            _check_here(outlined_actors, self.pipeline)
+        self._actors = outlined_actors
 
     def attach(self, pipeline):
-        """Join a pipeline."""
+        """Join a pipeline whose subplot has the actors."""
         _check_here(self._actors, pipeline)
         super().attach(pipeline)
 
     @property
-    def _asks_surfaces(self) -> bool:
+    def _reads_surfaces(self) -> bool:
         return self.ids or self.depth or self.normal
 
     @property
     def surfaces(self) -> bool:
         """Whether it reads the surface buffer; dashed hidden lines draw chosen actors alone."""
-        return self._asks_surfaces and (self._actors is None or self.hidden == 'absent')
+        return self._reads_surfaces and (self._actors is None or self.hidden == 'absent')
 
     def needed(self, frame) -> bool | str:
         """Return True if the effect must run."""
         if self._actors == ():
             return 'no actors'
-        if not (self._asks_surfaces or self.luminance):
+        if not (self._reads_surfaces or self.luminance):
             return 'no kind of edge'
         return super().needed(frame)
 
     def render(self, frame, picture):
         """Find edges and draw lines."""
         width = self.width * frame.scale
-        reach = math.ceil(width / 2)
+        line_reach = math.ceil(width / 2)
         tiles = self._tiles = self._tiles or Tiles(frame.window)
-        edges = self._edges(frame, picture, tiles, reach)
+        edge_texture = self._find_edges(frame, picture, tiles, line_reach)
         if self.debug:
             with picture.drawing():
-                self._quad(frame.window, 'shown').draw(textures={'edges': edges})
+                self._quad(frame.window, 'debug').draw(textures={'edges': edge_texture})
             return
-        look = {
+        line_uniforms = {
             'width': width,
             'dash': self.dash * frame.scale,
             'ink': (*self.color, self.opacity),
         }
         self._veil = self._veil or Veil(frame.renderer)
-        veil = self._veil.draw(frame, picture) if self._asks_surfaces else None
-        look |= {'reach': reach, 'veiled': int(veil is not None), 'corner': frame.origin}
-        textures = {'edges': edges, 'squares': tiles.squares, 'veil': veil or edges}
+        veil_texture = self._veil.draw(frame, picture) if self._reads_surfaces else None
+        line_uniforms |= {
+            'reach': line_reach,
+            'veiled': int(veil_texture is not None),
+            'corner': frame.origin,
+        }
+        textures = {
+            'edges': edge_texture,
+            'squares': tiles.squares,
+            'veil': veil_texture or edge_texture,
+        }
         with picture.drawing_over():
-            tiles.draw(self._sparse(tiles, 'lines'), look, textures, 'over')
+            tiles.draw(self._tiled_quad(tiles, 'lines'), line_uniforms, textures, 'over')
 
     def bake_into(self, scene):
         """Add the lines to a scene without pvibr."""
-        if self.ids or self.depth or self.normal:
+        if self._reads_surfaces:
             scene.lines(
                 self._actors,
                 color=self.color,
@@ -170,95 +177,91 @@ class Outline(Effect):
                 crease=self.crease if self.normal else None,
             )
 
-    def _edges(self, frame, picture, tiles, reach):
-        """Draw edges, choose the tiles that lines reach, and return the texture of edges."""
-        window, half = frame.window, [-(-n // 2) for n in picture.size]
+    def _find_edges(self, frame, picture, tiles, line_reach):
+        """Find edges and the tiles that lines reach; return the texture of edges."""
+        window, half_size = frame.window, [-(-n // 2) for n in picture.size]
         uniforms, textures = self._inputs(frame, picture)
-        self._candidates = fitting_target(self._candidates, window, half)
+        self._candidates = fitting_target(self._candidates, window, half_size)
         self._candidates.draw(self._quad(window, 'candidates'), uniforms, textures)
-        found = self._candidates.colors[0]
-        tiles.find(found, picture.size, reach)
-        if not self._asks_surfaces:
-            return found
-        self._half = fitting_target(self._half, window, half)
-        with self._half.drawing(clear=(0.0, 0.0, 0.0, 0.0)):
-            textures |= {'candidates': found}
-            tiles.draw(self._sparse(tiles, 'edges'), uniforms, textures)
-        return self._half.colors[0]
+        edge_texture = self._candidates.colors[0]
+        tiles.find(edge_texture, picture.size, line_reach)
+        if not self._reads_surfaces:
+            return edge_texture
+        self._edge_target = fitting_target(self._edge_target, window, half_size)
+        with self._edge_target.drawing(clear=(0.0, 0.0, 0.0, 0.0)):
+            textures['candidates'] = edge_texture
+            tiles.draw(self._tiled_quad(tiles, 'edges'), uniforms, textures)
+        return self._edge_target.colors[0]
 
     def _inputs(self, frame, picture):
         """Return uniforms and textures of the edge programs."""
         uniforms, textures = self._uniforms(frame), {'color': picture.color}
-        if self._asks_surfaces:
+        if self._reads_surfaces:
             geometry = self._geometry(frame, picture)
             uniforms['corner'] = geometry.origin
             textures |= {'surface': geometry.surface, 'depth': geometry.depth}
             textures['scene'] = textures['chosen'] = picture.depth
             if self.surfaces and self._actors is not None:
-                textures['chosen'] = self._marks_of(frame.window, geometry.numbered)
+                textures['chosen'] = self._marks_by_number(frame.window, geometry.numbered)
         return uniforms, textures
 
     def _geometry(self, frame, picture):
         if self.surfaces:
             return self.pipeline.buffers.geometry(frame, picture, self.pipeline.things)
-        self._drawn = self._drawn or Drawn(frame.renderer)
-        return self._drawn.draw(frame, self.pipeline.things, self._actors)
+        self._surface_buffer = self._surface_buffer or Drawn(frame.renderer)
+        return self._surface_buffer.draw(frame, self.pipeline.things, self._actors)
 
-    def _marks_of(self, window, numbered):
-        """Return a texture that tells by id which actors are outlined."""
-        chosen = {address(item) for item in self._actors or ()}
-        marks = bytes([0, *(255 * (address(item) in chosen) for item in numbered)])
-        if self._marks is None or self._marks[0] != marks:
-            if self._marks is not None:
-                self._marks[1].release()
-            rows = np.zeros((-(-len(marks) // _ROW), _ROW), np.uint8)
-            rows.ravel()[: len(marks)] = list(marks)
-            self._marks = marks, Texture(window).upload(rows)
-        return self._marks[1]
+    def _marks_by_number(self, window, numbered_items):
+        """Return a texture that marks the numbers of outlined actors."""
+        outlined = {address(item) for item in self._actors or ()}
+        mark_bytes = bytes([0, *(255 * (address(item) in outlined) for item in numbered_items)])
+        if self._mark_texture is None or self._mark_texture[0] != mark_bytes:
+            if self._mark_texture is not None:
+                self._mark_texture[1].release()
+            texels = np.zeros((-(-len(mark_bytes) // _ROW), _ROW), np.uint8)
+            texels.ravel()[: len(mark_bytes)] = list(mark_bytes)
+            self._mark_texture = mark_bytes, Texture(window).upload(texels)
+        return self._mark_texture[1]
 
     def _uniforms(self, frame):
-        size, clip = 1 / frame.pixel_scale, frame.clip_from_view
-        lens = (
-            (0.0,) * 4
-            if frame.parallel
-            else (1 / clip[0, 0], 1 / clip[1, 1], clip[0, 2], clip[1, 2])
-        )
+        pixel_size, clip = 1 / frame.pixel_scale, frame.clip_from_view
+        lens = (1 / clip[0, 0], 1 / clip[1, 1], clip[0, 2], clip[1, 2])
         return {
-            'some': int(self.surfaces and self._actors is not None),
+            'only_chosen': int(self.surfaces and self._actors is not None),
             'by_id': int(self.ids),
             'jump': self.jump if self.depth else 0.0,
             'crease': math.cos(math.radians(self.crease)) if self.normal else -2.0,
             'grazing': math.cos(math.radians(self.grazing)),
             'contrast': self.contrast,
             'dashed': int(self.hidden == 'dashed'),
-            'pixel': (size, 0.0, 1.0) if frame.parallel else (0.0, size, 0.0),
+            'pixel': (pixel_size, 0.0, 1.0) if frame.parallel else (0.0, pixel_size, 0.0),
             'planes': (frame.near, frame.far),
-            'lens': lens,
+            'lens': (0.0,) * 4 if frame.parallel else lens,
         }
 
     def _quad(self, window, name):
-        defined = self._defined
-        if (name, defined) not in self._quads:
-            self._quads[name, defined] = Quad(window, defined + _TEXTS[name], _NAME + name)
-        return self._quads[name, defined]
+        defines = self._defines
+        if (name, defines) not in self._quads:
+            self._quads[name, defines] = Quad(window, defines + _TEXTS[name], _NAME + name)
+        return self._quads[name, defines]
 
-    def _sparse(self, tiles, name):
+    def _tiled_quad(self, tiles, name):
         if name not in self._quads:
             text = f'#define SIDE {SIDE}\n{_TEXTS[name]}'
             self._quads[name] = tiles.program(text, _NAME + name)
         return self._quads[name]
 
     @property
-    def _defined(self):
-        kinds = {'SURFACES': self._asks_surfaces, 'LUMINANCE': self.luminance}
-        return ''.join(f'#define {name}\n' for name, on in kinds.items() if on)
+    def _defines(self):
+        edge_kinds = {'SURFACES': self._reads_surfaces, 'LUMINANCE': self.luminance}
+        return ''.join(f'#define {name}\n' for name, on in edge_kinds.items() if on)
 
     def release(self):
         """Free GPU memory; the context is current."""
-        marks = self._marks[1] if self._marks else None
+        marks = self._mark_texture[1] if self._mark_texture else None
         release(*self._targets(), marks, *self._quads.values())
-        self._drawn = self._veil = self._candidates = self._half = None
-        self._tiles = self._marks = None
+        self._surface_buffer = self._veil = self._candidates = self._edge_target = None
+        self._tiles = self._mark_texture = None
         self._quads = {}
 
     def report(self) -> dict:
@@ -266,11 +269,11 @@ class Outline(Effect):
         return {'bytes': nbytes_of(*self._targets())}
 
     def _targets(self):
-        return self._drawn, self._veil, self._candidates, self._half, self._tiles
+        return self._surface_buffer, self._veil, self._candidates, self._edge_target, self._tiles
 
 
 _NAME = 'outline.glsl, '
-_ROW = 1024  # numbers
+_ROW = 1024  # texels in a row of marks
 _TEXTS = sections(shader_source(__file__))
 for _program in ('candidates', 'edges'):
     _TEXTS[_program] = _TEXTS['surfaces'] + _TEXTS[_program]
@@ -284,12 +287,13 @@ def _checked(actors) -> tuple | None:
 
 def _check_here(actors, pipeline):
     for item in actors or ():
-        here = (
+        is_here = (
             item in pipeline.effects
             if isinstance(item, Thing)
             else pipeline.renderer.HasViewProp(item)
         )
-        if not here:
+        if not is_here:
             raise ValueError(
-                f'actors has a {type(item).__name__} that is not in this subplot: add it first'
+                f'actors must be in this subplot, got {type(item).__name__} from elsewhere: '
+                'add it first'
             )

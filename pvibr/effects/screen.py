@@ -1,4 +1,4 @@
-"""Effects over the finished picture: vignette, flash, night vision, iris, overlays."""
+"""Effects over the finished picture: vignette, flash, night vision, iris and overlays."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from pvibr.images.projected import as_rgba
 
 _BLACK = (0.0, 0.0, 0.0)
 _BLEND_MODES = ('over', 'add', 'multiply', 'screen')
-_INVISIBLE = 1 / 512  # an opacity below changes no byte
+_INVISIBLE = 1 / 512  # a lower opacity changes no byte
 
 
 class Vignette(FullScreen):
@@ -41,26 +41,26 @@ class Vignette(FullScreen):
         'strong': {'intensity': 0.9, 'radius': 0.3},
     }
 
-    intensity = Param(0.5, 'Opacity outside the vignette.', range='[0, 1]')
-    radius = Param(0.4, 'Inner radius, as a fraction of half the diagonal.', range='[0, 4]')
+    intensity = Param(0.5, 'Opacity of the darkening at the corners.', range='[0, 1]')
+    radius = Param(0.4, 'Clear radius, as a fraction of half the diagonal.', range='[0, 4]')
     softness = Param(0.6, 'Transition width, fraction of half the diagonal.', range='(0, 4]')
     center = Param((0.5, 0.5), 'Centre, from (0, 0) at the lower left to (1, 1).')
     color = Color(_BLACK, 'Colour outside the vignette.')
 
     @classmethod
     def sample(cls, actors):
-        """Return an instance that begins at the centre."""
+        """Return a vignette that starts at the centre."""
         return cls(radius=0, softness=0.5)
 
     def _uniforms(self, frame, size):
-        ring = (self.radius, self.softness, self.intensity)
-        half = 0.5 * math.hypot(*size)
-        away = tuple(edge / half for edge in _away(frame, self.center))
-        return {'tint': self.color, 'away': away, 'ring': ring}
+        ring_shape = (self.radius, self.softness, self.intensity)
+        half_diagonal = 0.5 * math.hypot(*size)
+        corner_offset = tuple(edge / half_diagonal for edge in _corner_offset(frame, self.center))
+        return {'tint': self.color, 'corner_offset': corner_offset, 'ring': ring_shape}
 
 
 class Flash(FullScreen):
-    """A flash of light that covers the picture and fades.
+    """Light that flashes over the picture and fades.
 
     Parameters
     ----------
@@ -91,15 +91,17 @@ class Flash(FullScreen):
     }
 
     at = Param(
-        None, 'Time of the flash on pl.ibr.time.', range='(-inf, inf)', unit='s', kind=float
+        None, 'Start on pl.ibr.time, set by `fire`.', range='(-inf, inf)', unit='s', kind=float
     )
-    duration = Param(0.3, 'Time constant of the decay.', range='(0, inf)', unit='s')
+    duration = Param(
+        0.3, 'Time constant of the decay: 37 % of the light remains.', range='(0, inf)', unit='s'
+    )
     intensity = Param(1.0, 'Initial opacity.', range='[0, 1]')
     color = Color((1.0, 1.0, 1.0), 'Colour of the flash.')
 
     @classmethod
     def sample(cls, actors):
-        """Return an instance that is fired at time 0."""
+        """Return a flash fired at time 0."""
         return cls(at=0)
 
     def fire(self):
@@ -128,7 +130,7 @@ class Flash(FullScreen):
         return self.cover(frame.time) > _INVISIBLE or 'no flash at this time'
 
     def _uniforms(self, frame, size):
-        return {'tint': self.color, 'much': self.cover(frame.time)}
+        return {'tint': self.color, 'opacity': self.cover(frame.time)}
 
 
 class NightVision(FullScreen):
@@ -156,17 +158,20 @@ class NightVision(FullScreen):
     }
 
     intensity = Param(1.0, 'Opacity of the effect.', range='[0, 1]')
-    gain = Param(4.0, 'Gain of dark parts; white stays white.', range='(0, 80]')
-    grain = Param(0.1, 'Peak-to-peak amplitude of the noise.', range='[0, 1]')
+    gain = Param(4.0, 'Amplification of dark parts; white stays white.', range='(0, 80]')
+    grain = Param(0.1, 'Peak-to-peak amplitude of the noise; 0 for none.', range='[0, 1]')
     rate = Param(25.0, 'Frame rate of the noise; 0 freezes it.', range='[0, 1000]', unit='Hz')
     seed = Param(0, 'Seed of the noise.', range='[0, 65535]')
     color = Color((0.35, 1.0, 0.45), 'Colour of the phosphor.')
 
     def _uniforms(self, frame, size):
-        moment = int(np.floor(frame.time * self.rate + 1e-9)) + 65536 * self.seed
-        tube = (self.gain, self.grain, self.intensity)
-        grid = [n / frame.scale for n in size]
-        return {'tint': self.color, 'tube': tube, 'moment': moment % 2**31, 'grid': grid}
+        grain_number = int(np.floor(frame.time * self.rate + 1e-9)) + 65536 * self.seed
+        return {
+            'tint': self.color,
+            'tube': (self.gain, self.grain, self.intensity),
+            'grain_number': grain_number % 2**31,
+            'grid': [n / frame.scale for n in size],
+        }
 
 
 class Iris(FullScreen):
@@ -175,8 +180,8 @@ class Iris(FullScreen):
     Parameters
     ----------
     shape : path, array or pyvista.Texture, optional
-        Mask of the opening: bright, opaque pixels are open. Its largest inscribed circle is
-        placed and scaled as the default, a circle.
+        Mask of the opening: bright, opaque pixels are open; a circle by default. Its largest
+        inscribed circle takes the place of that circle.
     **settings
         `opening`, `center`, `softness`, `color`.
 
@@ -199,12 +204,12 @@ class Iris(FullScreen):
 
     opening = Param(0.5, 'Opening: 0 is closed, 1 shows the whole picture.', range='[0, 1]')
     center = Param((0.5, 0.5), 'Centre, from (0, 0) at the lower left to (1, 1).', range='[0, 1]')
-    softness = Param(0.0, 'Edge width, fraction of the height.', range='[0, 1]')
+    softness = Param(0.0, 'Width of the edge, as a fraction of the height.', range='[0, 1]')
     color = Color(_BLACK, 'Colour outside the opening.')
 
     def __init__(self, shape=None, **settings):
         self._shape = None if shape is None else _shape_of(shape)
-        self._distances: Texture | None = None
+        self._distance_field: Texture | None = None
         super().__init__(**settings)
 
     @classmethod
@@ -216,28 +221,33 @@ class Iris(FullScreen):
         return 'disk' if self._shape is None else 'shape', 'iris'
 
     def _uniforms(self, frame, size):
-        soft = max(self.softness * size[1], 1.0)
-        away = (max(c, 1 - c) * n for c, n in zip(self.center, size, strict=True))
-        reach = self.opening * (math.hypot(*away) + soft)
-        found = {'tint': self.color, 'away': _away(frame, self.center), 'reach': (reach, 1 / soft)}
-        return found if self._shape is None else found | {'scale': self._shape[1]}
+        edge_width = max(self.softness * size[1], 1.0)
+        far_corner = (max(c, 1 - c) * n for c, n in zip(self.center, size, strict=True))
+        opening_radius = self.opening * (math.hypot(*far_corner) + edge_width)
+        uniforms = {
+            'tint': self.color,
+            'corner_offset': _corner_offset(frame, self.center),
+            'opening': (opening_radius, 1 / edge_width),
+        }
+        return uniforms if self._shape is None else uniforms | {'shape_circle': self._shape[1]}
 
     def _textures(self, frame):
         if self._shape is None:
             return {}
-        if self._distances is None:
-            self._distances = Texture(frame.window, filter='linear').upload(self._shape[0][::-1])
-        return {'shape': self._distances}
+        if self._distance_field is None:
+            texture = Texture(frame.window, filter='linear')
+            self._distance_field = texture.upload(self._shape[0][::-1])
+        return {'shape': self._distance_field}
 
     def release(self):
         """Free GPU memory; the context is current."""
         super().release()
-        release(self._distances)
-        self._distances = None
+        release(self._distance_field)
+        self._distance_field = None
 
     def report(self) -> dict:
         """Return the bytes of GPU memory."""
-        return {'bytes': nbytes_of(self._distances)}
+        return {'bytes': nbytes_of(self._distance_field)}
 
 
 class ImageOverlay(FullScreenImage):
@@ -266,38 +276,35 @@ class ImageOverlay(FullScreenImage):
 
     @property
     def covers(self) -> bool:  # type: ignore[override]
-        """Whether it also draws where the background is transparent."""
+        """Whether it also covers transparent background."""
         return self.mode == 'over'
 
     def _entries(self):
         return 'image', 'picture' if self.covers else 'mixed'
 
     def _uniforms(self, frame, size):
-        found = super()._uniforms(frame, size)
-        return found if self.covers else found | {'mode': _BLEND_MODES.index(self.mode)}
+        uniforms = super()._uniforms(frame, size)
+        return uniforms if self.covers else uniforms | {'mode': _BLEND_MODES.index(self.mode)}
 
 
-def _away(frame, center):
-    """Return the lower left corner of the frame, relative to a centre, and its size in pixels."""
-    (left, bottom, right, top), (width, height) = frame.tile, frame.whole
-    return (
-        (left - center[0]) * width,
-        (bottom - center[1]) * height,
-        (right - left) * width,
-        (top - bottom) * height,
-    )
+def _corner_offset(frame, center):
+    """Return the frame's lower left corner from a centre, and the frame's size, in pixels."""
+    low, high = np.reshape(frame.tile, (2, 2))
+    offset, extent = (low - center) * frame.whole, (high - low) * frame.whole
+    return *offset.tolist(), *extent.tolist()
 
 
 def _shape_of(image):
-    """Return signed distances to the edge of a mask, and its inscribed circle in uv."""
-    pixels = as_rgba(image, 'shape') / 255.0
-    bright = np.pad(pixels[..., :3].mean(axis=-1) * pixels[..., 3] > 0.5, 2)
-    if not bright.any():
-        raise ValueError('shape has no bright pixel: the opening must be white and opaque')
-    inside = distance_transform_edt(bright)
-    away = np.where(bright, inside - 0.5, 0.5 - distance_transform_edt(~bright))
-    away = gaussian_filter(away, 1.0)  # else a magnified edge has steps
+    """Return signed distances to a mask's edge, and its inscribed circle in uv."""
+    rgba_pixels = as_rgba(image, 'shape') / 255.0
+    is_bright = np.pad(rgba_pixels[..., :3].mean(axis=-1) * rgba_pixels[..., 3] > 0.5, 2)
+    if not is_bright.any():
+        raise ValueError('shape must have bright, opaque pixels, got none')
+    inside, outside = map(distance_transform_edt, (is_bright, ~is_bright))
+    distances = np.where(is_bright, inside - 0.5, 0.5 - outside)
+    distances = gaussian_filter(distances, 1.0)  # avoids steps in magnified edges
     row, column = np.unravel_index(inside.argmax(), inside.shape)
-    radius, (height, width) = away.max(), bright.shape
-    middle = ((column + 0.5) / width, 1 - (row + 0.5) / height)
-    return (away / radius).astype(np.float32), (*middle, radius / width, radius / height)
+    radius, (height, width) = distances.max(), is_bright.shape
+    circle_center = ((column + 0.5) / width, 1 - (row + 0.5) / height)
+    circle = (*circle_center, radius / width, radius / height)
+    return (distances / radius).astype(np.float32), circle

@@ -1,19 +1,18 @@
-// What an effect of a user's own is given and how it is called; template.glsl says it to users.
-// Entry points: what comes before the user's text, what is added where the text names it, what
-// comes after it.
+// Inputs and call of a user's effect, documented in template.glsl. Sections: head before the user's
+// source, surface if the source names it, main after it.
 
 //@head
 uniform sampler2D ibr_color;
 uniform sampler2D ibr_depth;
-uniform vec4 ibr_tile;    // what is drawn now of the subplot: left, bottom, right, top
-uniform vec3 ibr_planes;  // distances of near and far plane; 1 where the projection is parallel
+uniform vec4 ibr_tile;    // the part of the subplot drawn now: left, bottom, right, top
+uniform vec3 ibr_planes;  // distances of near and far plane; 1 if the projection is parallel
 uniform float ibr_intensity;
 uniform vec2 size;
 uniform float time;
 uniform float scale;
 const float nothing = 1e30;
 vec2 ibr_place(vec2 uv) { return (uv - ibr_tile.xy) / (ibr_tile.zw - ibr_tile.xy); }
-float ibr_number(float x) { return abs(x) < 1e30 ? x : 0.0; }  // what is none fails every test
+float ibr_number(float x) { return abs(x) < 1e30 ? x : 0.0; }  // NaN fails every comparison
 vec4 color_at(vec2 uv) {
   vec4 c = texture(ibr_color, ibr_place(uv));
   return vec4(ibr_number(c.r), ibr_number(c.g), ibr_number(c.b), ibr_number(c.a));
@@ -30,8 +29,8 @@ float depth_at(vec2 uv) {
 }
 
 //@surface
-uniform sampler2D ibr_surface;  // as buffers.py has it
-uniform vec2 ibr_corner;        // where in it the picture begins, in texels
+uniform sampler2D ibr_surface;  // see pvibr/scene/buffers.py
+uniform vec2 ibr_corner;        // of the picture in it, in texels
 vec4 ibr_surface_at(vec2 uv) {
   return texelFetch(ibr_surface, ibr_pixel(uv) + ivec2(ibr_corner), 0);
 }
@@ -49,6 +48,6 @@ int id_at(vec2 uv) {
 void main() {
   vec4 before = texture(ibr_color, uv);
   vec4 after = effect(mix(ibr_tile.xy, ibr_tile.zw, uv));
-  bool found = all(lessThan(abs(after), vec4(1e30)));
-  gl_FragData[0] = found ? mix(before, after, ibr_intensity) : before;
+  bool is_finite = all(lessThan(abs(after), vec4(1e30)));
+  gl_FragData[0] = is_finite ? mix(before, after, ibr_intensity) : before;
 }

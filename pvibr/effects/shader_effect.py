@@ -1,4 +1,4 @@
-"""Effects of a user's own: a GLSL function and a few settings."""
+"""User-written effects: a GLSL function and a few settings."""
 
 from __future__ import annotations
 
@@ -15,28 +15,28 @@ from pvibr.maths.arguments import naming
 
 _TYPES = {bool: 'bool', int: 'int', float: 'float', str: 'int', tuple: 'vec'}
 _RESERVED = ('uv', 'size', 'time', 'scale', 'nothing', 'effect')
-_ELSEWHERE = 100000  # first line number of code that is not the user's
+_ELSEWHERE = 100000  # line numbers from here on are not the user's
 _LINE = re.compile(r'^(?:ERROR:\s*)?\d+[:(](\d+)\)?(?:\(\d+\))?\s*:?\s*(.*)', re.IGNORECASE)
 _SURFACES = re.compile(r'\b(normal_at|id_at)\b')
 _COMMENT = re.compile(r'//[^\n]*|/\*.*?\*/', re.DOTALL)
-#: Settings that are no uniforms of the source.
-_OWN = ('intensity', 'needs_hdr')
+#: Settings that are not uniforms of the source.
+_NOT_UNIFORMS = ('intensity', 'needs_hdr')
 
 
 class ShaderEffect(Effect):
     """An effect from a GLSL function ``vec4 effect(vec2 uv)``; settings are uniforms.
 
-    The file `template` documents the inputs of the function with their spaces and units; it is
-    a complete effect to start from. Either write a class with `source` and
-    :class:`pvibr.Param` settings, or pass source and values. The effect runs after outlines, on
-    display colours; a class may set `before`.
+    Start from the file `template`, a complete effect that documents the function's inputs with
+    their spaces and units. Either write a class with `source` and :class:`pvibr.Param` settings,
+    or pass source and values. The effect runs after outlines, on display colours; a class may set
+    `before`.
 
     Parameters
     ----------
     source : str or path, optional
         GLSL source or its file; the class's own by default.
     images : dict, optional
-        Samplers: name to image (path, array, sequence, film or :class:`pvibr.LiveTexture`).
+        Samplers by name: paths, arrays, sequences, films or :class:`pvibr.LiveTexture`.
     **settings
         Values of the class's settings. If `source` is given, a value of another name defines a
         new setting.
@@ -44,10 +44,10 @@ class ShaderEffect(Effect):
     Attributes
     ----------
     source : str or path
-        May be assigned at any time, such as to fix an error.
+        May be assigned at any time, for example to fix an error.
     before : str or None
-        Effect of ``pvibr.effects.ORDER`` that it runs right before, such as ``'ToneMapping'``
-        for light above 1, which also needs `needs_hdr`.
+        Effect of ``pvibr.effects.ORDER`` right before which this one runs, such as
+        ``'ToneMapping'`` for light above 1, which also needs `needs_hdr`.
     template : pathlib.Path
         File that documents the inputs.
 
@@ -88,18 +88,18 @@ class ShaderEffect(Effect):
     once = True
     neutral = 'intensity', 0
 
-    intensity = Param(1.0, 'Opacity of the result.', range='[0, 1]')
-    needs_hdr = Param(False, 'Use colours above 1.')
+    intensity = Param(1.0, 'Opacity of the result over the picture.', range='[0, 1]')
+    needs_hdr = Param(False, 'Read colours above 1: for effects on light, at more memory.')
 
     _quad: Quad | None = None
-    _built: tuple = ()
-    _text = ''
+    _built_from: tuple = ()
+    _source_text = ''
 
     def __init__(self, source=None, *, images=None, **settings):
         if source is not None:
             self.source = source
             self._declare(settings)
-        self._images = _shown(images)
+        self._images = _projected(images)
         self._uniforms = _uniforms(type(self))
         _check_names([*self._uniforms, *self._images], self.name)
         for name, param in self._uniforms.items():
@@ -114,33 +114,38 @@ class ShaderEffect(Effect):
         return cls(f'vec4 effect(vec2 uv) {{ {code} }}')
 
     def _declare(self, settings):
-        """Declare a setting for each value that the class has none for."""
-        known = params_of(type(self))
-        made = {n: Param(v, 'Uniform.') for n, v in settings.items() if n not in known}
-        if made:
+        """Declare a setting for each value whose name is not one yet."""
+        declared_params = params_of(type(self))
+        new_params = {
+            n: Param(v, 'Uniform.') for n, v in settings.items() if n not in declared_params
+        }
+        if new_params:
             cls = type(self)
-            self.__class__ = type(cls.__name__, (cls,), made | {'_class': cls})
+            self.__class__ = type(cls.__name__, (cls,), new_params | {'_class': cls})
 
     def _read(self):
-        """Read the source; a file is read anew each time."""
+        """Read the source, a file again each time."""
         source = self.source
         with naming('source', source):
             is_file = _is_file(source)
-            self._text = Path(source).read_text(encoding='utf-8') if is_file else str(source)
-        self._asks_surfaces = bool(_SURFACES.search(_COMMENT.sub(' ', self._text)))
-        if not self._text.strip():
+            self._source_text = (
+                Path(source).read_text(encoding='utf-8') if is_file else str(source)
+            )
+        self._reads_surfaces = bool(_SURFACES.search(_COMMENT.sub(' ', self._source_text)))
+        if not self._source_text.strip():
             raise ValueError(
-                f'{self.name}.source is empty: give GLSL with vec4 effect(vec2 uv), or a file'
+                f'{self.name}.source must be GLSL with vec4 effect(vec2 uv), or its file, '
+                f'got {source!r}'
             )
 
     @property
     def surfaces(self) -> bool:
         """Whether the source reads normals or ids."""
-        return self._asks_surfaces
+        return self._reads_surfaces
 
     def needed(self, frame) -> bool | str:
         """Return True if the effect must run."""
-        if self._quad is None or self._built != (frame.window, self.source):
+        if self._quad is None or self._built_from != (frame.window, self.source):
             self._read()
         for name, image in self._images.items():
             if image.missing:
@@ -148,7 +153,7 @@ class ShaderEffect(Effect):
         return super().needed(frame)
 
     def render(self, frame, picture):
-        """Draw the result of the function."""
+        """Draw what the function returns."""
         quad = self._build(frame.window)
         textures = {'ibr_color': picture.color, 'ibr_depth': picture.depth}
         textures |= {n: i.texture(frame.window, frame.time) for n, i in self._images.items()}
@@ -169,48 +174,49 @@ class ShaderEffect(Effect):
 
     def _values(self) -> dict:
         """Return the settings as uniforms."""
-        values = {}
+        uniform_values = {}
         for name, param in self._uniforms.items():
             value = getattr(self, name)
             if param.choices is not None and param.kind is str:
                 value = param.choices.index(value)
-            values[name] = int(value) if isinstance(value, bool) else value
-        return values
+            uniform_values[name] = int(value) if isinstance(value, bool) else value
+        return uniform_values
 
     def _build(self, window) -> Quad:
-        if self._quad is not None and self._built == (window, self.source):
+        if self._quad is not None and self._built_from == (window, self.source):
             return self._quad
         self._forget()
-        entries = sections(shader_source(__file__))
-        head = entries['head'] + (entries['surface'] if self.surfaces else '')
-        declared = [f'uniform {_type_of(p)} {n};' for n, p in self._uniforms.items()]
-        declared += [f'uniform sampler2D {name};' for name in self._images]
-        own = '\n'.join(declared)
-        code = (
-            f'#line {_ELSEWHERE}\n{head}\n{own}\n#line 0\n{self._text}\n'
-            f'#line {_ELSEWHERE}\n{entries["main"]}'
+        shader_sections = sections(shader_source(__file__))
+        head_text = shader_sections['head'] + (shader_sections['surface'] if self.surfaces else '')
+        declarations = [f'uniform {_type_of(p)} {n};' for n, p in self._uniforms.items()]
+        declarations += [f'uniform sampler2D {name};' for name in self._images]
+        declared_text = '\n'.join(declarations)
+        full_source = (
+            f'#line {_ELSEWHERE}\n{head_text}\n{declared_text}\n#line 0\n{self._source_text}\n'
+            f'#line {_ELSEWHERE}\n{shader_sections["main"]}'
         )
         try:
-            self._quad = Quad(window, code, self.name)
+            self._quad = Quad(window, full_source, self.name)
         except ShaderError as error:
-            raise ShaderError(self._explained(error), error.log) from None
-        self._built = window, self.source
+            raise ShaderError(self._located(error), error.log) from None
+        self._built_from = window, self.source
         return self._quad
 
-    def _explained(self, error) -> str:
-        """Return the error with the line of the user's source."""
-        path = str(self.source) if _is_file(self.source) else f'{self.name}.source'
-        lines = self._text.splitlines()
+    def _located(self, error) -> str:
+        """Return the error's message with the line of the user's source."""
+        source_name = str(self.source) if _is_file(self.source) else f'{self.name}.source'
+        source_lines = self._source_text.splitlines()
         for message in error.log.splitlines():
-            found = _LINE.match(message)
-            if found and 0 < int(found[1]) <= len(lines):
-                number = int(found[1])
-                return f'{path}, line {number}, {lines[number - 1].strip()!r}: {found[2]}'
-        return f'{path}: {error}'
+            match = _LINE.match(message)
+            if match and 0 < int(match[1]) <= len(source_lines):
+                line_number = int(match[1])
+                line = source_lines[line_number - 1].strip()
+                return f'{source_name}, line {line_number}, {line!r}: {match[2]}'
+        return f'{source_name}: {error}'
 
     def _forget(self):
         release(self._quad)
-        self._quad, self._built = None, ()
+        self._quad, self._built_from = None, ()
 
     def release(self):
         """Free GPU memory; the context is current."""
@@ -222,7 +228,7 @@ class ShaderEffect(Effect):
         return {'bytes': nbytes_of(*self._images.values())}
 
 
-def _shown(images) -> dict:
+def _projected(images) -> dict:
     if images is None:
         return {}
     with naming('images', images):
@@ -230,32 +236,32 @@ def _shown(images) -> dict:
 
 
 def _is_file(source) -> bool:
-    """Return True for a path; source text has a function, hence a brace."""
+    """Return True for a path; source text has a function, and so a brace."""
     return not isinstance(source, str) or bool(source and '{' not in source)
 
 
 def _uniforms(owner) -> dict[str, Param]:
-    return {n: p for n, p in params_of(owner).items() if n not in _OWN}
+    return {n: p for n, p in params_of(owner).items() if n not in _NOT_UNIFORMS}
 
 
 def _type_of(param) -> str:
-    kind = _TYPES[param.kind]
-    return f'vec{len(param.default)}' if kind == 'vec' else kind
+    glsl_type = _TYPES[param.kind]
+    return f'vec{len(param.default)}' if glsl_type == 'vec' else glsl_type
 
 
 def _check_names(names, owner):
     for name in names:
         if name in _RESERVED or name.startswith(('ibr_', 'gl_')):
             raise ValueError(
-                f'{owner}.{name}: the name is reserved, see template.glsl; choose another'
+                f'{owner}.{name} must not be a reserved name: see template.glsl, choose another'
             )
 
 
 def _check_param(owner, name, param):
-    wide = param.kind is tuple and (param.optional or not 2 <= len(param.default) <= 4)
-    loose = param.kind is str and param.choices is None
-    if param.optional or wide or loose:
+    bad_tuple = param.kind is tuple and (param.optional or not 2 <= len(param.default) <= 4)
+    free_text = param.kind is str and param.choices is None
+    if param.optional or bad_tuple or free_text:
         raise TypeError(
-            f'{owner}.{name}: cannot be a uniform; a setting of the source is a bool, int, float, '
-            'choice, or tuple of 2 to 4 floats, and not optional'
+            f'{owner}.{name} must be a uniform: a bool, int, float, choice or tuple of 2 to 4 '
+            f'floats, and not optional, got {param.default!r}'
         )

@@ -2,31 +2,29 @@
 //
 //   pl.ibr.add(pvibr.ShaderEffect('my.glsl', amount=0.5, tint=(1, 0.9, 0.7)))
 //
-// The text has one function, `vec4 effect(vec2 uv)`, called for each pixel; what it returns is the
-// pixel's new colour. It is GLSL 1.50 without `main`, may have functions and constants of its own,
-// and declares no uniform: each setting is one already, by its name (float, int, bool, vec2 to
-// vec4 for a tuple of 2 to 4; of choices the number, from 0), and so is each image (sampler2D,
-// row 0 at the bottom).
+// The source has one function, `vec4 effect(vec2 uv)`, which returns the new colour of each pixel. It
+// is GLSL 1.50 without `main`, may have other functions and constants, and declares no uniforms:
+// each setting is one already, by its name (float, int, bool, vec2 to vec4 for tuples of 2 to 4; for
+// choices their index, from 0), and so is each image (sampler2D, row 0 at the bottom).
 //
-//   uv                from 0 to 1 across the subplot, (0, 0) its lower left corner; the same in a
-//                     large screenshot, which is drawn in tiles: within a tile, what lies beyond
-//                     its border is not known, and its border is repeated
+//   uv                0 to 1 across the subplot, (0, 0) at the lower left; also in a large
+//                     screenshot, which is drawn in tiles whose border pixels repeat outward
 //   vec2 size         the subplot in pixels: vec2 pixel = uv * size
-//   float scale       a large screenshot has so many times more pixels: width_in_pixels * scale
+//   float scale       magnification of a large screenshot: width_in_pixels * scale
 //   float time        pl.ibr.time in seconds
-//   vec4 color_at(uv) the picture so far, bilinear. Red, green and blue are those of the display,
-//                     from 0 to 1, above with needs_hdr. Alpha is how much of the pixel the scene
-//                     covers, below 1 only where the background is to be seen; colours are
-//                     multiplied by it where that is transparent. Return it as it is, unless you
-//                     draw over the background. Where it is no number (NaN, infinity), it is 0.
-//   float depth_at(uv)  distance along the view in world units; `nothing` (1e30) where nothing is
-//   vec3 normal_at(uv)  normal in view space (x right, y up, z to the eye), length 1; 0 where
-//                     nothing is or what is there is not lit
-//   int id_at(uv)     which of pl.ibr.buffer_objects it is; -1 where nothing is
+//   vec4 color_at(uv) the picture so far, bilinear: display colours from 0 to 1, above with
+//                     needs_hdr. Alpha is the scene's coverage of the pixel, below 1 only where the
+//                     background is visible; colours are premultiplied if that is transparent.
+//                     Return alpha unchanged unless you draw over the background. NaN and infinity
+//                     are read as 0.
+//   float depth_at(uv)  distance along the view in world units; `nothing` (1e30) on background
+//   vec3 normal_at(uv)  unit normal in view space (x right, y up, z to the eye); 0 on background
+//                     and on surfaces without lighting
+//   int id_at(uv)     index into pl.ibr.buffer_objects; -1 on background
 //
-// Normals and ids are those of opaque surfaces. They are drawn only where the text names them.
-// The result is mixed with the picture by the effect's `intensity`; at 0 it is not called at all.
-// Where it is no number, the pixel stays.
+// Normals and ids are those of opaque surfaces, drawn only if the source names them. The result is
+// mixed with the picture by the effect's `intensity`; at 0 the effect does not run. Where the result
+// is NaN or infinite, the pixel is unchanged.
 
 vec4 effect(vec2 uv)
 {

@@ -1,9 +1,6 @@
-// From light to what a display shows: an exposure, then a curve that brings all of it into [0, 1].
-// Reinhard, Stark, Shirley and Ferwerda, "Photographic tone reproduction for digital images", 2002,
-// equation 4; Stephen Hill's fit (BakingLab) of ACES' RRT and sRGB ODT; Troy Sobotka's AgX with the
-// polynomial of Benjamin Wrensch, "Minimal AgX implementation", 2023; Khronos PBR Neutral, 2024.
-// tests/effects/tone_curves.py holds the same formulas.
-// Inputs: color, the picture so far (display values, above 1 where light is); stops, the exposure.
+// From light to display values: an exposure, then a curve that maps all light into [0, 1].
+// Curves and sources: maths/tones.py, the numpy twin.
+// Inputs: color, the picture so far (display values, above 1 for light); stops, the exposure.
 //@light
 float channel_to_light(float c) {
   return c <= 0.04045 ? c / 12.92 : pow((c + 0.055) / 1.055, 2.4);
@@ -22,16 +19,16 @@ vec3 to_display(vec3 c) {
 const vec3 LUMINANCE = vec3(0.2126, 0.7152, 0.0722);
 
 //@measure
-// The mean of log2 luminance over a part of the picture, and how many looks it is of: 4 x 4 even
-// ones for each texel of a small target. Pixels that are no numbers do not count.
+// Sum of log2 luminance over a part of the picture, and its number of samples: 4 x 4 per texel of a
+// small target. Pixels with NaN or infinity do not count.
 uniform sampler2D color;
-uniform vec2 step;  // between two looks, in uv
+uniform vec2 step;  // between two samples, in uv
 void main() {
   vec2 sum = vec2(0.0);
   for (int i = 0; i < 16; i++) {
     vec2 at = uv + step * (vec2(i % 4, i / 4) - 1.5);
     vec3 c = textureLod(color, at, 0.0).rgb;
-    if (!all(lessThan(abs(c), vec3(1e4)))) continue;  // max() would make a number of it
+    if (!all(lessThan(abs(c), vec3(1e4)))) continue;  // max() would turn NaN into a number
     sum += vec2(log2(max(dot(to_light(c), LUMINANCE), 1.0 / 1024.0)), 1.0);
   }
   gl_FragData[0] = vec4(sum, 0.0, 1.0);
@@ -42,8 +39,7 @@ uniform sampler2D color;
 uniform float stops;
 uniform float white;
 uniform float intensity;
-// Defined, so that a program has no more than it needs: CURVE, the place in maths/tones.py: CURVES;
-// EXPOSED, 0 where stops is 0.
+// Defines: CURVE, index into maths/tones.py: CURVES; EXPOSED, 0 if stops is 0.
 
 vec3 faithful(vec3 c) {
   c = max(c, 0.0);
@@ -90,8 +86,8 @@ vec3 neutral(vec3 c) {
   return mix(c * (top / peak), vec3(top), 1.0 - 1.0 / (0.15 * (peak - top) + 1.0));
 }
 void main() {
-  vec4 found = texture(color, uv);
-  vec3 c = found.rgb;
+  vec4 source = texture(color, uv);
+  vec3 c = source.rgb;
   if (CURVE == 0) {
     c = faithful(EXPOSED == 0 ? c : to_display(to_light(c) * exp2(stops)));
   } else {
@@ -103,5 +99,5 @@ void main() {
       c = to_display(clamp(c, 0.0, 1.0));
     }
   }
-  gl_FragData[0] = vec4(intensity < 1.0 ? mix(found.rgb, c, intensity) : c, found.a);
+  gl_FragData[0] = vec4(intensity < 1.0 ? mix(source.rgb, c, intensity) : c, source.a);
 }

@@ -1,4 +1,4 @@
-"""PyVista's exporters, which know meshes: those of a plotter are given its plain plotter."""
+"""PyVista's exporters, made to write a plotter's plain plotter, since they know only meshes."""
 
 from __future__ import annotations
 
@@ -15,50 +15,52 @@ EXPORTERS = 'export_gltf', 'export_html', 'export_obj', 'export_vrml', 'export_v
 
 
 def export_plain(plotter, ibr):
-    """Have the exporters of a plotter write what is baked into a plain one."""
+    """Make a plotter's exporters write its plain plotter if anything must be baked."""
     wrap = _wrapper(weakref.ref(plotter), weakref.ref(ibr))
     for name in EXPORTERS:
         if hasattr(type(plotter), name):
             vars(plotter)[name] = wrap(plotter, name)
     components = vars(plotter).get('_components')
-    if type(components) is list:  # PyVista 0.49 has `pl.trame` there once it is asked for
+    if type(components) is list:  # PyVista 0.49 adds `pl.trame` there on first access
         vars(plotter)['_components'] = _Components(components, wrap)
 
 
 class _Components(list):
-    """What is registered on a plotter, such as `pl.trame`; its exporters are wrapped."""
+    """A plotter's components, such as `pl.trame`, with wrapped exporters."""
 
-    def __init__(self, found, wrap):
+    def __init__(self, components, wrap):
         super().__init__()
         self._wrap = wrap
-        for component in found:
+        for component in components:
             self.append(component)
 
     def append(self, component):
-        kind = type(component)
-        for name in dir(kind) if kind.__name__ == 'TrameComponent' else ():
+        component_type = type(component)
+        for name in dir(component_type) if component_type.__name__ == 'TrameComponent' else ():
             if name.startswith('export_'):
                 vars(component)[name] = self._wrap(component, name, 'trame')
         super().append(component)
 
 
 def _wrapper(plotter, ibr):
-    """Return a function that wraps an exporter of an owner: the plotter, or its attribute."""
+    """Return a function that wraps an exporter of the plotter or of its attribute."""
 
-    def wrap(owner, name, at=None):
+    def wrap(owner, name, attribute=None):
         method, owner = getattr(type(owner), name), weakref.ref(owner)
 
         @wraps(method)
         def export(*args, **kwargs):
-            closed = is_closed(plotter())  # PyVista says so in its own words
-            if closed or not any(row.state == 'baked' for row in ibr().web_report().rows):
+            is_closed_plotter = is_closed(plotter())  # PyVista raises its own error
+            if is_closed_plotter or not any(
+                row.state == 'baked' for row in ibr().web_report().rows
+            ):
                 with _warnings_at_the_user():
                     return method(owner(), *args, **kwargs)
             plain = ibr().to_plain_plotter()
             try:
                 with _warnings_at_the_user():
-                    exporting = plain if at is None else getattr(plain, at)
-                    return getattr(exporting, name)(*args, **kwargs)
+                    exporter_owner = plain if attribute is None else getattr(plain, attribute)
+                    return getattr(exporter_owner, name)(*args, **kwargs)
             finally:
                 plain.close()
 
@@ -69,9 +71,9 @@ def _wrapper(plotter, ibr):
 
 @contextmanager
 def _warnings_at_the_user():
-    """Have PyVista's warnings, such as of deprecation, at the user's line."""
-    with warnings.catch_warnings(record=True) as seen:
+    """Report PyVista's warnings, such as deprecations, at the user's line."""
+    with warnings.catch_warnings(record=True) as recorded:
         warnings.simplefilter('always')
         yield
-    for found in seen:
-        warn(found.message, found.category)
+    for warning in recorded:
+        warn(warning.message, warning.category)

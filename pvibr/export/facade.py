@@ -1,4 +1,4 @@
-"""Export of ``plotter.ibr``: what browsers and files get."""
+"""Export of ``plotter.ibr`` to browsers and files."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ class ExportFacade(Facade):
         export_plain(plotter, self)
 
     def web_report(self, backend='client') -> WebReport:
-        """Return what a browser shows of all subplots, and what :meth:`to_plain_plotter` adds.
+        """Report what a browser shows of all subplots, and what :meth:`to_plain_plotter` adds.
 
         Parameters
         ----------
         backend : str
-            As in ``pl.show(jupyter_backend=...)``: 'client', 'html', 'trame' (while the page
+            That of ``pl.show(jupyter_backend=...)``: 'client', 'html', 'trame' (while the page
             renders by itself), 'server', 'static' or 'none'; or 'vtksz', 'wasm', 'gltf'.
 
         Returns
@@ -57,18 +57,18 @@ class ExportFacade(Facade):
     def to_plain_plotter(self, *, triangles=1_000_000, texture=1024, detail=1 / 1024):
         """Return a plotter of plain actors that shows the same, for browsers and files.
 
-        Projected images and shadows become colours or textures, figures keep their present pose,
-        instances become meshes and billboard clouds, billboards quads, outlines lines. A warning
-        names what is lost; see :meth:`web_report`.
+        Projected images and shadows become colours or textures, figures are frozen in their
+        pose, instances become meshes and billboard clouds, billboards quads, outlines lines. A
+        warning names what is lost; see :meth:`web_report`.
 
         Parameters
         ----------
         triangles : int
-            Maximum number of triangles of all things in a subplot, and of a surface that is
-            subdivided where its colours change.
+            Most triangles of all things in a subplot, and of a surface that is subdivided where
+            its colours change.
         texture : int
-            Texels along a side of textures for projected images, on surfaces with texture
-            coordinates or if xatlas is installed (``pip install pvibr[uv]``); 0 stores point
+            Texels along a side of textures of projected images, for surfaces with texture
+            coordinates or with xatlas installed (``pip install pvibr[uv]``); 0 stores point
             colours instead.
         detail : float
             Shortest edge of subdivided surfaces, as a fraction of the scene's diagonal.
@@ -76,8 +76,8 @@ class ExportFacade(Facade):
         Returns
         -------
         pyvista.Plotter
-            A new plotter with the same subplots, cameras, lights, backgrounds and size. This one
-            is not changed.
+            A new plotter with the same subplots, cameras, lights, backgrounds and size. The
+            original is unchanged.
 
         Raises
         ------
@@ -107,14 +107,14 @@ class ExportFacade(Facade):
     def export_glb(self, path, **options):
         """Write the active subplot as binary glTF: meshes, colours, textures and the camera.
 
-        glTF has no backgrounds, volumes and text; these are left out. Unlike PyVista's
-        ``export_gltf`` it has alpha cut-outs, unlit surfaces, filtered textures, and vertex
-        colours as other programs read them.
+        glTF has no backgrounds, volumes or text; these are dropped. Unlike PyVista's
+        ``export_gltf``, the file has alpha cut-outs, unlit surfaces, filtered textures, and
+        vertex colours that other programs read.
 
         Parameters
         ----------
         path : str or pathlib.Path
-            A file name that ends in ``.glb``.
+            File name ending in ``.glb``.
         **options
             See :meth:`to_plain_plotter`.
 
@@ -123,7 +123,7 @@ class ExportFacade(Facade):
         TypeError, ValueError
             If a number or the name is not allowed; nothing is written.
         OSError
-            If the file cannot be written; an existing file is kept.
+            If the file cannot be written; the existing file is unchanged.
 
         Examples
         --------
@@ -147,13 +147,13 @@ class ExportFacade(Facade):
     def export_html(self, path, **options):
         """Write all subplots as a self-contained page that renders in the browser.
 
-        Such pages use perspective cameras with a view angle of 30 degrees: other cameras are
-        moved to where the focal point keeps its size.
+        The page's cameras are in perspective with a view angle of 30 degrees: others are moved to
+        where the focal point keeps its size.
 
         Parameters
         ----------
         path : str or pathlib.Path
-            A file name that ends in ``.html``.
+            File name ending in ``.html``.
         **options
             See :meth:`to_plain_plotter`.
 
@@ -162,7 +162,8 @@ class ExportFacade(Facade):
         TypeError, ValueError
             If a number or the name is not allowed; nothing is written.
         OSError, ImportError
-            If the file cannot be written, or trame is not installed; an existing file is kept.
+            If the file cannot be written, or trame is not installed; the existing file is
+            unchanged.
         """
         from pvibr.export.html import export_html
 

@@ -1,4 +1,4 @@
-"""A subplot of plain actors as binary glTF, for browsers and other programs."""
+"""A subplot of plain actors as binary glTF."""
 
 from __future__ import annotations
 
@@ -17,46 +17,46 @@ from pvibr.maths.transforms import transform_points
 from pvibr.meshes.parts import as_parts
 
 _POINTS, _LINES = 0, 1  # GL enum
-#: From z up to y up, which glTF requires: a quarter turn about x.
+#: From z up to glTF's y up: a quarter turn about x.
 _UPRIGHT = [-(0.5**0.5), 0.0, 0.0, 0.5**0.5]
 
 
-def export_glb(path, subplot, make_plain):
-    """Write a subplot of the plotter that a function makes, called only if the path is valid."""
+def export_glb(path, subplot_number, make_plain):
+    """Write a subplot of the plotter that a function makes once the path is valid."""
     path = with_suffix(path, '.glb')
-    plain = make_plain()
+    plain_plotter = make_plain()
     try:
-        write_glb(plain.renderers[subplot], path)
+        write_glb(plain_plotter.renderers[subplot_number], path)
     finally:
-        plain.close()
+        plain_plotter.close()
 
 
 def write_glb(renderer, path) -> list[str]:
-    """Write the actors of a renderer and its camera; return the names of all other props."""
+    """Write a renderer's actors and camera; return the names of other props."""
     surfaces, strokes, left_out = _contents(renderer)
     glb = GlbWriter()
     points = [s.points for s in surfaces] + [np.asarray(m.points, float) for m, _ in strokes]
-    middle = bounds_of(points).mean(0)
-    primitives = [_surface(glb, s, middle) for s in surfaces]
-    primitives += [p for mesh, prop in strokes for p in _strokes(glb, mesh, prop, middle)]
-    meshes = [glb.add('meshes', {'primitives': [primitive]}) for primitive in primitives]
-    nodes = [glb.add('nodes', {'mesh': number}) for number in meshes]
-    nodes.append(_camera(glb, renderer, middle))
-    x, y, z = middle.tolist()
-    root = {'children': nodes, 'translation': [x, y, z]}
+    scene_center = bounds_of(points).mean(0)
+    primitives = [_surface(glb, s, scene_center) for s in surfaces]
+    primitives += [p for mesh, prop in strokes for p in _strokes(glb, mesh, prop, scene_center)]
+    mesh_numbers = [glb.add('meshes', {'primitives': [primitive]}) for primitive in primitives]
+    node_numbers = [glb.add('nodes', {'mesh': number}) for number in mesh_numbers]
+    node_numbers.append(_camera(glb, renderer, scene_center))
+    x, y, z = scene_center.tolist()
+    root_node = {'children': node_numbers, 'translation': [x, y, z]}
     if np.abs(renderer.GetActiveCamera().GetViewUp()).argmax() == 2:
-        root |= {'rotation': _UPRIGHT, 'translation': [x, z, -y]}
-    glb.scene([glb.add('nodes', root)])
+        root_node |= {'rotation': _UPRIGHT, 'translation': [x, z, -y]}
+    glb.scene([glb.add('nodes', root_node)])
     glb.write(path)
     return left_out
 
 
 def _contents(renderer):
-    """Return surfaces, lines and points with their property, and the names of other props."""
+    """Return surfaces, meshes of strokes with their property, and the names of other props."""
     surfaces, strokes, left_out = [], [], []
-    names = names_of(renderer)
+    prop_names = names_of(renderer)
     for prop in renderer.GetViewProps():
-        name = names.get(address(prop), prop.GetClassName())
+        name = prop_names.get(address(prop), prop.GetClassName())
         if not prop.GetVisibility() or name == SKY:
             continue
         mesh = _strokes_of(prop)
@@ -68,10 +68,10 @@ def _contents(renderer):
             parts = as_parts(prop) if prop.IsA('vtkActor') else []
         except (TypeError, ValueError):
             parts = []
-        opaque = prop.IsA('vtkActor') and prop.GetForceOpaque()
+        is_opaque = prop.IsA('vtkActor') and prop.GetForceOpaque()
         for part in parts:
             surface = surface_of_part(part, prop)
-            if opaque and surface.texture is not None:
+            if is_opaque and surface.texture is not None:
                 surface.cutout = 0.5
             surfaces.append(surface)
         if not parts and not prop.IsA('vtkActor2D'):
@@ -80,27 +80,27 @@ def _contents(renderer):
 
 
 def _strokes_of(prop):
-    """Return a mesh in world units that has lines or vertices, None for others."""
+    """Return a prop's mesh in world space if it has lines or vertices, otherwise None."""
     if not prop.IsA('vtkActor') or prop.GetMapper() is None:
         return None
-    data = prop.GetMapper().GetInputDataObject(0, 0)
-    if data is None or not data.IsA('vtkPolyData'):
+    mesh_data = prop.GetMapper().GetInputDataObject(0, 0)
+    if mesh_data is None or not mesh_data.IsA('vtkPolyData'):
         return None
-    if not data.GetNumberOfLines() + data.GetNumberOfVerts():
+    if not mesh_data.GetNumberOfLines() + mesh_data.GetNumberOfVerts():
         return None
-    mesh = pv.wrap(data).copy()
+    mesh = pv.wrap(mesh_data).copy()
     mesh.points = transform_points(np.reshape(prop.GetMatrix().GetData(), (4, 4)), mesh.points)
     return mesh
 
 
-def _surface(glb, surface, middle):
+def _surface(glb, surface, scene_center):
     attributes = {}
     if surface.colors is not None:
         albedo = albedo_of(surface)
-        alpha = [] if (surface.colors[:, 3] == 255).all() else [albedo[:, 3]]
-        attributes['COLOR_0'] = np.column_stack([to_light(albedo[:, :3]), *alpha])
+        alpha_columns = [] if (surface.colors[:, 3] == 255).all() else [albedo[:, 3]]
+        attributes['COLOR_0'] = np.column_stack([to_light(albedo[:, :3]), *alpha_columns])
     primitive = glb.primitive(
-        surface.points - middle,
+        surface.points - scene_center,
         surface.faces,
         normals=surface.normals,
         coordinates=None if surface.texture is None else surface.coordinates,
@@ -111,71 +111,72 @@ def _surface(glb, surface, middle):
 
 def _material(glb, surface):
     prop = surface.material
-    plain = surface.colors is None and surface.texture is None
-    base = to_light(prop.GetColor()) if plain else np.ones(3)
-    shine = np.sqrt(2 / (prop.GetSpecularPower() + 2)) if prop.GetSpecular() > 0 else 1.0
-    reflection = {
-        'baseColorFactor': [*base.tolist(), prop.GetOpacity()],
+    is_plain = surface.colors is None and surface.texture is None
+    base_color = to_light(prop.GetColor()) if is_plain else np.ones(3)
+    roughness = np.sqrt(2 / (prop.GetSpecularPower() + 2)) if prop.GetSpecular() > 0 else 1.0
+    pbr_factors = {
+        'baseColorFactor': [*base_color.tolist(), prop.GetOpacity()],
         'metallicFactor': 0.0,
-        'roughnessFactor': float(shine),
+        'roughnessFactor': float(roughness),
     }
     alpha = np.array([255]) if surface.texture is None else surface.texture[..., 3]
-    # Viewers do not sort what blends: what is there or not is cut out.
-    clear, partly = bool((alpha == 0).any()), bool(((alpha > 0) & (alpha < 255)).any())
-    cutoff = surface.cutout
-    if cutoff is None and clear and not partly and prop.GetOpacity() >= 1:
-        cutoff = 0.5
+    # Viewers do not sort blended surfaces: cut out images that are either opaque or clear.
+    has_clear, has_partial = bool((alpha == 0).any()), bool(((alpha > 0) & (alpha < 255)).any())
+    alpha_cutoff = surface.cutout
+    if alpha_cutoff is None and has_clear and not has_partial and prop.GetOpacity() >= 1:
+        alpha_cutoff = 0.5
     if surface.texture is not None and surface.coordinates is not None:
-        image = surface.texture if clear or partly else surface.texture[..., :3]
+        image = surface.texture if has_clear or has_partial else surface.texture[..., :3]
         sampler = ({} if surface.repeat else CLAMPED) | (LINEAR if surface.smooth else NEAREST)
-        reflection['baseColorTexture'] = {'index': glb.texture(image, sampler)}
+        pbr_factors['baseColorTexture'] = {'index': glb.texture(image, sampler)}
     return glb.material(
-        reflection,
-        cutoff=cutoff,
-        blends=not surface.opaque or clear or partly,
+        pbr_factors,
+        cutoff=alpha_cutoff,
+        blends=not surface.opaque or has_clear or has_partial,
         two_sided=not prop.GetBackfaceCulling(),
         lit=prop.GetLighting(),
     )
 
 
-def _strokes(glb, mesh, prop, middle) -> list:
+def _strokes(glb, mesh, prop, scene_center) -> list:
     """Return the primitives of lines and vertices."""
     colors = mesh.point_data.get(COLORS)
-    plain = to_light(prop.GetColor()) if colors is None else np.ones(3)
-    own = {} if colors is None else {'COLOR_0': to_light(np.asarray(colors)[:, :3] / 255)}
-    reflection = {'baseColorFactor': [*plain.tolist(), prop.GetOpacity()]}
-    material = glb.material(reflection, blends=prop.GetOpacity() < 1, lit=False)
-    points = np.asarray(mesh.points, float) - middle
-    pairs = [np.stack([c[:-1], c[1:]], 1) for c in _cells(mesh.lines)]
-    found = {_LINES: pairs, _POINTS: list(_cells(mesh.verts))}
+    base_color = to_light(prop.GetColor()) if colors is None else np.ones(3)
+    attributes = {} if colors is None else {'COLOR_0': to_light(np.asarray(colors)[:, :3] / 255)}
+    pbr_factors = {'baseColorFactor': [*base_color.tolist(), prop.GetOpacity()]}
+    material = glb.material(pbr_factors, blends=prop.GetOpacity() < 1, lit=False)
+    points = np.asarray(mesh.points, float) - scene_center
+    line_pairs = [np.stack([c[:-1], c[1:]], 1) for c in _cells(mesh.lines)]
+    ids_by_mode = {_LINES: line_pairs, _POINTS: list(_cells(mesh.verts))}
     return [
-        glb.primitive(points, np.concatenate(ids), **own) | {'material': material, 'mode': mode}
-        for mode, ids in found.items()
+        glb.primitive(points, np.concatenate(ids), **attributes)
+        | {'material': material, 'mode': mode}
+        for mode, ids in ids_by_mode.items()
         if ids
     ]
 
 
-def _cells(flat):
-    at = 0
-    while at < len(flat):
-        yield flat[at + 1 : at + 1 + flat[at]]
-        at += 1 + flat[at]
+def _cells(cell_array):
+    offset = 0
+    while offset < len(cell_array):
+        yield cell_array[offset + 1 : offset + 1 + cell_array[offset]]
+        offset += 1 + cell_array[offset]
 
 
-def _camera(glb, renderer, middle):
+def _camera(glb, renderer, scene_center):
     camera = renderer.GetActiveCamera()
     width, height = renderer.GetSize()
     aspect = width / max(height, 1)
     near, far = camera.GetClippingRange()
     if camera.GetParallelProjection():
-        half = camera.GetParallelScale()
-        what = {'xmag': half * aspect, 'ymag': half, 'znear': max(near, 0.0), 'zfar': far}
-        number = glb.add('cameras', {'type': 'orthographic', 'orthographic': what})
+        kind, half_height, near = 'orthographic', camera.GetParallelScale(), max(near, 0.0)
+        projection = {'xmag': half_height * aspect, 'ymag': half_height}
     else:
-        angle = float(np.radians(camera.GetViewAngle()))
-        what = {'yfov': angle, 'aspectRatio': aspect, 'znear': near, 'zfar': far}
-        number = glb.add('cameras', {'type': 'perspective', 'perspective': what})
-    view = np.array(camera.GetViewTransformMatrix().GetData()).reshape(4, 4)
-    world = np.linalg.inv(view)
-    world[:3, 3] -= middle
-    return glb.add('nodes', {'camera': number, 'matrix': world.T.ravel().tolist()})
+        kind, view_angle = 'perspective', float(np.radians(camera.GetViewAngle()))
+        projection = {'yfov': view_angle, 'aspectRatio': aspect}
+    projection |= {'znear': near, 'zfar': far}
+    camera_number = glb.add('cameras', {'type': kind, kind: projection})
+    view_from_world = np.array(camera.GetViewTransformMatrix().GetData()).reshape(4, 4)
+    matrix = np.linalg.inv(view_from_world)
+    matrix[:3, 3] -= scene_center
+    return glb.add('nodes', {'camera': camera_number, 'matrix': matrix.T.ravel().tolist()})

@@ -8,44 +8,44 @@ import numpy as np
 
 from pvibr.core.files import replacing, with_suffix
 
-#: The view angle of all vtk.js pages, in degrees.
+#: View angle of all vtk.js pages in degrees.
 ANGLE = 30.0
 
 
 def export_html(path, make_plain):
-    """Write the plotter that a function makes, which is only called if the path is valid."""
+    """Write the plotter that a function makes once the path is valid."""
     path = with_suffix(path, '.html')
-    plain = make_plain()
+    plain_plotter = make_plain()
     try:
-        write_html(plain, path)
+        write_html(plain_plotter, path)
     finally:
-        plain.close()
+        plain_plotter.close()
 
 
 def write_html(plotter, path):
-    """Write a vtk.js page; the plotter's cameras are changed to ones that it supports."""
-    component = getattr(plotter, 'trame', None)
-    if component is None:
-        raise ImportError("pages need trame: pip install 'pvibr[jupyter]'")
+    """Write a vtk.js page; changes the plotter's cameras to supported ones."""
+    trame_component = getattr(plotter, 'trame', None)
+    if trame_component is None:
+        raise ImportError("pages require trame: pip install 'pvibr[jupyter]'")
     for camera in {id(r.camera): r.camera for r in plotter.renderers}.values():
         reframe(camera, ANGLE)
     for renderer in plotter.renderers:
         renderer.ResetCameraClippingRange()
-    text = component.export_html(None).getvalue()
-    with replacing(path) as temporary:
-        Path(temporary).write_text(text, encoding='utf-8')
+    page_text = trame_component.export_html(None).getvalue()
+    with replacing(path) as temporary_path:
+        Path(temporary_path).write_text(page_text, encoding='utf-8')
 
 
-def reframe(camera, angle):
-    """Set a camera's view angle, and move it so that its focal point keeps its size."""
-    position, focus = np.array(camera.position), np.array(camera.focal_point)
-    away = float(np.linalg.norm(position - focus))
-    half = away * np.tan(np.radians(camera.view_angle / 2))
+def reframe(camera, view_angle):
+    """Set a camera's view angle, and move it so that the focal point keeps its size."""
+    position, focal_point = np.array(camera.position), np.array(camera.focal_point)
+    old_distance = float(np.linalg.norm(position - focal_point))
+    half_height = old_distance * np.tan(np.radians(camera.view_angle / 2))
     if camera.GetParallelProjection():
-        half = camera.parallel_scale
+        half_height = camera.parallel_scale
         camera.parallel_projection = False
-    elif np.isclose(camera.view_angle, angle):
+    elif np.isclose(camera.view_angle, view_angle):
         return
-    camera.view_angle = angle
-    further = half / np.tan(np.radians(angle / 2))
-    camera.position = tuple(focus + (position - focus) / away * further)
+    camera.view_angle = view_angle
+    new_distance = half_height / np.tan(np.radians(view_angle / 2))
+    camera.position = tuple(focal_point + (position - focal_point) / old_distance * new_distance)

@@ -1,4 +1,4 @@
-"""Light, shadows and projected images as colours of surfaces, which are subdivided for them."""
+"""Shadows and projected images baked into colours of surfaces, which are subdivided for them."""
 
 from __future__ import annotations
 
@@ -15,20 +15,20 @@ from pvibr.projection.unwrap import tiles_of, unwrapped
 from pvibr.projection.visibility import Reach, toward_light
 from pvibr.scene.lights import lights_of
 
-#: Edges longer than this fraction of the scene are split, shorter ones only where colours differ
-#: by more than a step.
+#: Longest edge as a fraction of the scene, and the colour step across shorter edges that splits
+#: them.
 _COARSE, _STEP = 1 / 64, 6 / 255
 _PASSES = 16
-_DRAPED = 200_000  # triangles that show projected images by point colours
+_DRAPED = 200_000  # most triangles for projected images as point colours
 _DARK = 1e-4  # light below which shadows make no difference
-_INWARD = 1e-3  # fraction by which vertices are moved towards the middle of their triangle
+_INWARD = 1e-3  # fraction by which vertices are moved towards their triangle's centre
 _TEXELS = 2048  # along a side of a shadow map
 _SOFT_TEXELS, _SOFT_SAMPLES = 1024, 16
 
 
 @dataclass
 class Places:
-    """Points to colour."""
+    """Points to colour, with normals and albedo."""
 
     samples: Samples
     points: np.ndarray
@@ -37,28 +37,29 @@ class Places:
 
 
 class Lamps:
-    """The lights of a renderer, and the diffuse light that VTK computes for them."""
+    """A renderer's lights, with the diffuse light that VTK computes."""
 
     def __init__(self, renderer):
-        on = [light for light in renderer.GetLights() if light.GetSwitch()]
+        lights_on = [light for light in renderer.GetLights() if light.GetSwitch()]
         self.lights = lights_of(renderer)
-        self.colors = [np.array(i.GetDiffuseColor()) * i.GetIntensity() for i in on]
-        self._fades = [(np.array(i.GetAttenuationValues()), i.GetExponent()) for i in on]
+        self.colors = [np.array(i.GetDiffuseColor()) * i.GetIntensity() for i in lights_on]
+        self._fades = [(np.array(i.GetAttenuationValues()), i.GetExponent()) for i in lights_on]
 
     def on(self, number, points, normals) -> np.ndarray:
-        """Return the diffuse light of one light, (n, 3)."""
+        """Return one light's diffuse light on points, (n, 3)."""
         light = self.lights[number]
         toward = toward_light(light, points)
-        amount = np.maximum((toward * normals).sum(1), 0.0)
+        irradiance = np.maximum((toward * normals).sum(1), 0.0)
         if light.positional:
             (constant, linear, square), exponent = self._fades[number]
-            away = np.linalg.norm(points - light.position, axis=1)
-            amount /= np.maximum(constant + linear * away + square * away**2, 1e-12)
+            distance = np.linalg.norm(points - light.position, axis=1)
+            attenuation = constant + linear * distance + square * distance**2
+            irradiance /= np.maximum(attenuation, 1e-12)
             if light.kind == 'spot':
                 cosine = -toward @ np.array(light.direction)
-                inside = cosine > np.cos(np.radians(light.cone))
-                amount *= np.where(inside, np.maximum(cosine, 0) ** exponent, 0.0)
-        return amount[:, None] * self.colors[number]
+                in_cone = cosine > np.cos(np.radians(light.cone))
+                irradiance *= np.where(in_cone, np.maximum(cosine, 0) ** exponent, 0.0)
+        return irradiance[:, None] * self.colors[number]
 
 
 class Paint:
@@ -66,45 +67,41 @@ class Paint:
 
     def __init__(self, frame, surfaces, *, detail, texels, most):
         self.frame, self.surfaces = frame, surfaces
-        self.detail, self.texels, self.most = detail, texels, most
-        ends = np.concatenate([s.points for s in surfaces])
-        self.size = float(np.linalg.norm(np.ptp(ends, axis=0))) or 1.0
+        self.detail, self.texels, self.max_triangles = detail, texels, most
+        all_points = np.concatenate([s.points for s in surfaces])
+        self.size = float(np.linalg.norm(np.ptp(all_points, axis=0))) or 1.0
         self.lamps = Lamps(frame.renderer)
-        self._shadows: list = []
-        self._pictures: list = []
+        self._shadow_requests: list = []
+        self._image_requests: list = []
 
-    # -- requests of effects -------------------------------------------------------------------
-
-    def shadow(self, casts, receives, numbers, strength, extents=None):
-        """Add shadows of casters on receivers, by the lights of these numbers."""
-        casters = [s.solid() for s in self.surfaces if s.opaque and casts(s)]
-        lights = [self.lamps.lights[k] for k in numbers]
+    def shadow(self, is_caster, is_receiver, light_numbers, strength, extents=None):
+        """Add shadows of casters on receivers, from numbered lights."""
+        casters = [s.solid() for s in self.surfaces if s.opaque and is_caster(s)]
+        lights = [self.lamps.lights[k] for k in light_numbers]
         if extents is None:
             reach = Reach(casters, lights, _TEXELS)
         else:
-            sizes = [extents(light) for light in lights]
-            reach = Reach(casters, lights, _SOFT_TEXELS, _SOFT_SAMPLES, sizes)
-        self._shadows.append(
-            (dict(zip(numbers, range(len(numbers)), strict=True)), reach, strength, receives)
-        )
+            light_sizes = [extents(light) for light in lights]
+            reach = Reach(casters, lights, _SOFT_TEXELS, _SOFT_SAMPLES, light_sizes)
+        number_of = {number: k for k, number in enumerate(light_numbers)}
+        self._shadow_requests.append((number_of, reach, strength, is_receiver))
 
-    def drape(self, draped, mode, lit, dim, receives, casts):
+    def drape(self, draped_colors, mode, lit, dim, is_receiver, is_caster):
         """Add projected images."""
-        meshes = [s.solid() for s in self.surfaces if s.opaque and casts(s)]
-        self._pictures.append((draped, meshes, mode, lit, dim, receives))
-
-    # -- colours of surfaces -------------------------------------------------------------------
+        caster_meshes = [s.solid() for s in self.surfaces if s.opaque and is_caster(s)]
+        self._image_requests.append((draped_colors, caster_meshes, mode, lit, dim, is_receiver))
 
     def painted(self, surface) -> Surface:
-        """Return a surface with shadows and images as its colours or texture."""
-        pictures = [p for p in self._pictures if p[-1](surface)]
-        shadows = [s for s in self._shadows if s[-1](surface) and surface.material.GetLighting()]
+        """Return a surface with shadows and images in its colours or texture."""
+        pictures = [p for p in self._image_requests if p[-1](surface)]
+        shadows = self._shadow_requests if surface.material.GetLighting() else ()
+        shadows = [s for s in shadows if s[-1](surface)]
         if not pictures and not shadows:
             return surface
         if pictures and self.texels:
-            flat = self._with_texture(surface, pictures, shadows)
-            if flat is not None:
-                return flat
+            textured = self._with_texture(surface, pictures, shadows)
+            if textured is not None:
+                return textured
         if surface.normals is None:
             surface = surface.exploded()
             surface.normals = np.repeat(_face_normals(surface), 3, axis=0)
@@ -114,38 +111,38 @@ class Paint:
         base = surface
         if base.colors is None:
             base = replace(base, colors=_bytes(albedo_of(base)))
-        most = self.most // len(self.surfaces)
-        shortest, longest = self.detail * self.size, _COARSE * self.size
-        if pictures:  # they change everywhere: split evenly, and sample once
-            most = min(most, _DRAPED)
-            longest = max(shortest, _side(base, most))
-        most = max(most, len(base.faces))
-        found, lit = self._colors(_vertices(base, 0), base, pictures, shadows)
+        max_triangles = self.max_triangles // len(self.surfaces)
+        shortest_edge, longest_edge = self.detail * self.size, _COARSE * self.size
+        if pictures:  # detail everywhere: split evenly, and sample once
+            max_triangles = min(max_triangles, _DRAPED)
+            longest_edge = max(shortest_edge, _side(base, max_triangles))
+        max_triangles = max(max_triangles, len(base.faces))
+        colors, lit = self._colors(_vertices(base, 0), base, pictures, shadows)
 
-        def more(found, wanted, passes):
-            known = len(base.points)
-            rows, faces = cut(base.rows(), base.faces, wanted, most, passes)
-            cut_up = base.with_rows(rows, faces)
-            if len(cut_up.points) == known:
-                return cut_up, found
-            new, _ = self._colors(_vertices(cut_up, known), cut_up, pictures, shadows)
-            return cut_up, np.concatenate([found, new])
+        def refined(colors, is_split, passes):
+            old_count = len(base.points)
+            arrays, faces = cut(base.point_arrays(), base.faces, is_split, max_triangles, passes)
+            finer = base.with_arrays(arrays, faces)
+            if len(finer.points) == old_count:
+                return finer, colors
+            new_colors, _ = self._colors(_vertices(finer, old_count), finer, pictures, shadows)
+            return finer, np.concatenate([colors, new_colors])
 
-        base, found = more(found, lambda _, length: length > longest, _PASSES)
+        base, colors = refined(colors, lambda _, length: length > longest_edge, _PASSES)
 
-        def changes(ends, length):
-            step = np.abs(found[ends[:, 0]] - found[ends[:, 1]]).max(1)
-            return (step > _STEP) & (length > shortest)
+        def has_changes(ends, length):
+            color_step = np.abs(colors[ends[:, 0]] - colors[ends[:, 1]]).max(1)
+            return (color_step > _STEP) & (length > shortest_edge)
 
         for _ in range(0 if pictures else _PASSES):
-            known = len(found)
-            base, found = more(found, changes, 1)
-            if len(found) == known:
+            old_count = len(colors)
+            base, colors = refined(colors, has_changes, 1)
+            if len(colors) == old_count:
                 break
-        return _shown(replace(base, colors=_bytes(found)), lit)
+        return _recolored(replace(base, colors=_bytes(colors)), lit)
 
     def _with_texture(self, surface, pictures, shadows):
-        """Return a surface with a texture of its own, or None if it cannot be unwrapped."""
+        """Return a surface with its own texture, or None if it cannot be unwrapped."""
         mesh = surface.mesh()
         uv = surface.coordinates
         if uv is not None and (uv.min() < 0 or uv.max() > 1):
@@ -154,58 +151,59 @@ class Paint:
         if uv is not None:
             mesh.active_texture_coordinates = uv
         try:
-            flat = unwrapped(mesh, self.texels)
+            flat_mesh = unwrapped(mesh, self.texels)
         except ImportError:
             return None
-        rows = {k: v[_origin(flat, surface)] for k, v in surface.rows().items()}
-        rows |= {'coordinates': np.asarray(flat.active_texture_coordinates, float)}
-        whole = surface.with_rows(rows, np.asarray(flat.regular_faces, int))
-        (tile,) = tiles_of(flat, self.texels, self.texels)
-        places = _texels(whole, tile.samples(flat), surface.texture)
-        found, lit = self._colors(places, whole, pictures, shadows)
-        texture = tile.filled(_bytes(found), np.ones(len(found), bool))
-        whole = replace(whole, colors=None, texture=texture, repeat=False)
-        return _shown(whole, lit)
+        arrays = {k: v[_origin(flat_mesh, surface)] for k, v in surface.point_arrays().items()}
+        arrays['coordinates'] = np.asarray(flat_mesh.active_texture_coordinates, float)
+        unwrapped_surface = surface.with_arrays(arrays, np.asarray(flat_mesh.regular_faces, int))
+        (tile,) = tiles_of(flat_mesh, self.texels, self.texels)
+        places = _texels(unwrapped_surface, tile.samples(flat_mesh), surface.texture)
+        colors, lit = self._colors(places, unwrapped_surface, pictures, shadows)
+        texture = tile.filled(_bytes(colors), np.ones(len(colors), bool))
+        textured = replace(unwrapped_surface, colors=None, texture=texture, repeat=False)
+        return _recolored(textured, lit)
 
     def _colors(self, places, surface, pictures, shadows):
-        """Return colours of places, (n, 4), and whether the surface stays lit."""
+        """Return colours of places, (n, 4), and whether the viewer lights the surface."""
         material = surface.material
-        whole, left = self._light(places, surface, shadows)
+        full_light, shadowed = self._light(places, surface, shadows)
         ambient, diffuse = material.GetAmbient(), material.GetDiffuse()
-        whole, left = ambient + diffuse * whole, ambient + diffuse * left
-        lit = bool(material.GetLighting()) and all(_takes_light(p) for p in pictures)
-        out = places.albedo.copy()
+        full_light, shadowed = ambient + diffuse * full_light, ambient + diffuse * shadowed
+        is_lit = bool(material.GetLighting()) and all(_takes_light(p) for p in pictures)
+        colors = places.albedo.copy()
         if not material.GetLighting():
-            whole = left = np.ones_like(whole)
-        if not lit:
-            out[:, :3] *= left
+            full_light = shadowed = np.ones_like(full_light)
+        if not is_lit:
+            colors[:, :3] *= shadowed
         for draped, meshes, mode, _, dim, _ in pictures:
-            side = 1 if surface.closed else 0
-            found = draped(places.samples, [surface.mesh(), *meshes], side) / 255.0
-            out[:, :3] = _mixed(out[:, :3], found, mode, dim, places.albedo[:, :3])
-        if lit:
-            out[:, :3] *= np.where(whole > _DARK, left / np.maximum(whole, _DARK), 1.0)
-        return np.clip(out, 0, 1), lit
+            sides = 1 if surface.closed else 0
+            image = draped(places.samples, [surface.mesh(), *meshes], sides) / 255.0
+            colors[:, :3] = _mixed(colors[:, :3], image, mode, dim, places.albedo[:, :3])
+        if is_lit:
+            shadow = shadowed / np.maximum(full_light, _DARK)
+            colors[:, :3] *= np.where(full_light > _DARK, shadow, 1.0)
+        return np.clip(colors, 0, 1), is_lit
 
     def _light(self, places, surface, shadows):
-        """Return the light on places without and with shadows, (n, 3) each."""
+        """Return the light without and with shadows, (n, 3) each."""
         normals = places.normals
         if not surface.closed:  # VTK flips the normals of back faces
-            toward = self.frame.eye - places.points
+            eye_directions = self.frame.eye - places.points
             if self.frame.parallel:
-                toward = np.broadcast_to(self.frame.view_from_world[2, :3], normals.shape)
-            normals = np.where((normals * toward).sum(1)[:, None] < 0, -normals, normals)
-        whole, left = np.zeros((2, len(normals), 3))
+                eye_directions = np.broadcast_to(self.frame.view_from_world[2, :3], normals.shape)
+            normals = np.where((normals * eye_directions).sum(1)[:, None] < 0, -normals, normals)
+        full_light, shadowed = np.zeros((2, len(normals), 3))
         for k in range(len(self.lamps.lights)):
             light = self.lamps.on(k, places.points, normals)
-            reached = np.ones(len(normals))
+            lit_share = np.ones(len(normals))
             for numbers, reach, strength, _ in shadows:
                 if k in numbers:
-                    one = 1 - strength * (1 - reach.of(numbers[k], places.samples))
-                    reached = np.minimum(reached, places.samples.most(one))
-            whole += light
-            left += light * reached[:, None]
-        return whole, left
+                    open_share = 1 - strength * (1 - reach.of(numbers[k], places.samples))
+                    lit_share = np.minimum(lit_share, places.samples.most(open_share))
+            full_light += light
+            shadowed += light * lit_share[:, None]
+        return full_light, shadowed
 
 
 def _takes_light(picture) -> bool:
@@ -213,16 +211,16 @@ def _takes_light(picture) -> bool:
     return lit and mode in ('replace', 'decal')
 
 
-def _mixed(under, over, mode, dim, albedo):
-    """Return colours with an image on them, as a projector's shader computes them."""
-    colors, cover = over[:, :3], over[:, 3:]
+def _mixed(under_colors, over_colors, mode, dim, albedo):
+    """Return colours with an image on top, as a projector's shader mixes them."""
+    colors, cover_share = over_colors[:, :3], over_colors[:, 3:]
     if mode in ('replace', 'decal'):
-        return under * dim * (1 - cover) + colors * cover
-    rest = under * (dim * (1 - cover) + cover)
-    return rest + colors * cover * (albedo if mode == 'modulate' else 1.0)
+        return under_colors * dim * (1 - cover_share) + colors * cover_share
+    remaining = under_colors * (dim * (1 - cover_share) + cover_share)
+    return remaining + colors * cover_share * (albedo if mode == 'modulate' else 1.0)
 
 
-def _shown(surface, lit) -> Surface:
+def _recolored(surface, lit) -> Surface:
     material = material_of(surface.material)
     material.SetColor(1.0, 1.0, 1.0)
     if not lit:
@@ -234,30 +232,35 @@ def _bytes(colors):
     return np.rint(255 * np.clip(colors, 0, 1)).astype(np.uint8)
 
 
-def _side(surface, count) -> float:
-    """Return the edge length of a surface of so many equal triangles."""
+def _side(surface, triangle_count) -> float:
+    """Return the edge length for a number of equal triangles."""
     a, b, c = np.moveaxis(surface.points[surface.faces], 1, 0)
-    area = np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2
-    return float(np.sqrt(4 * area / count))
+    surface_area = np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2
+    return float(np.sqrt(4 * surface_area / triangle_count))
 
 
-def _vertices(surface, known) -> Places:
-    """Return the vertices from a number on: at 0 all with all their faces, else with one face."""
+def _vertices(surface, first_vertex) -> Places:
+    """Return vertices from an index on: from 0 with all their faces, otherwise with one each."""
     albedo = albedo_of(surface)
-    if known == 0:
+    if first_vertex == 0:
         samples = Samples.of(surface.mesh(), 'points')
         return Places(samples, surface.points, surface.normals, albedo)
-    corner = surface.faces.ravel()
-    (place,) = np.nonzero(corner >= known)
-    new, first = np.unique(corner[place], return_index=True)
-    face = place[first] // 3
-    points, normals = surface.points[new], _face_normals(surface, face)
-    inward = points + _INWARD * (surface.points[surface.faces[face]].mean(1) - points)
-    count = len(new)
+    face_corners = surface.faces.ravel()
+    (new_places,) = np.nonzero(face_corners >= first_vertex)
+    new_vertices, first_places = np.unique(face_corners[new_places], return_index=True)
+    vertex_face = new_places[first_places] // 3
+    points, normals = surface.points[new_vertices], _face_normals(surface, vertex_face)
+    corners, vertex_count = surface.faces[vertex_face], len(new_vertices)
+    inward_points = points + _INWARD * (surface.points[corners].mean(1) - points)
     samples = Samples(
-        inward, normals, np.arange(count), count, surface.faces[face], np.zeros(count)
+        inward_points,
+        normals,
+        np.arange(vertex_count),
+        vertex_count,
+        corners,
+        np.zeros(vertex_count),
     )
-    return Places(samples, points, surface.normals[new], albedo[new])
+    return Places(samples, points, surface.normals[new_vertices], albedo[new_vertices])
 
 
 def _face_normals(surface, faces=slice(None)):
@@ -266,16 +269,15 @@ def _face_normals(surface, faces=slice(None)):
 
 
 def _texels(surface, samples, texture) -> Places:
-    """Return the texels of a surface, with the colours of its old texture."""
-    shares = _shares(surface.points[samples.corner], samples.points)
+    """Return a surface's texels, with the colours of its old texture."""
+    barycentric = _shares(surface.points[samples.corner], samples.points)
 
-    def between(rows):
-        return np.einsum('nk,nkd->nd', shares, rows[samples.corner])
+    def between(values):
+        return np.einsum('nk,nkd->nd', barycentric, values[samples.corner])
 
     normals = samples.normals
     if surface.normals is not None:
-        normals = between(surface.normals)
-        normals = unit_vectors(normals)
+        normals = unit_vectors(between(surface.normals))
     albedo = between(albedo_of(surface))
     if texture is not None:
         uv = np.clip(between(surface.coordinates), 0, 1)
@@ -285,9 +287,10 @@ def _texels(surface, samples, texture) -> Places:
 
 def _shares(corners, points):
     """Return barycentric coordinates of points in triangles, (n, 3)."""
-    a, b, p = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0], points - corners[:, 0]
+    origins = corners[:, 0]
+    a, b, offset = corners[:, 1] - origins, corners[:, 2] - origins, points - origins
     aa, ab, bb = (a * a).sum(1), (a * b).sum(1), (b * b).sum(1)
-    pa, pb = (p * a).sum(1), (p * b).sum(1)
+    pa, pb = (offset * a).sum(1), (offset * b).sum(1)
     det = aa * bb - ab * ab
     det = np.where(det > 0, det, 1)
     s, t = (bb * pa - ab * pb) / det, (aa * pb - ab * pa) / det
@@ -296,34 +299,35 @@ def _shares(corners, points):
 
 
 def _origin(flat, surface):
-    """Return the point of a surface that each point of its unwrapped mesh comes from."""
+    """Return the original point of each point of an unwrapped mesh."""
     if 'row' in flat.point_data:
         return np.asarray(flat.point_data['row'])
-    # Seams duplicate points: match them by the corners of their triangles, which keep their order.
+    # Seams duplicate points: match them by their triangles' corners, whose order is unchanged.
     origin = np.zeros(flat.n_points, int)
     origin[np.asarray(flat.regular_faces).ravel()] = surface.faces.ravel()
     return origin
 
 
-def cut(rows, faces, wanted, most, passes=_PASSES):
-    """Split edges in half, and their triangles with them."""
+def cut(arrays, faces, is_split, max_triangles, passes=_PASSES):
+    """Halve edges, and split their triangles."""
     for _ in range(passes):
-        n = len(rows['points'])
-        ends, of_face = edges_of(faces, n)
-        length = np.linalg.norm(np.diff(rows['points'][ends], axis=1)[:, 0], axis=1)
-        halved = np.asarray(wanted(ends, length), bool)
-        if not halved.any():
+        point_count = len(arrays['points'])
+        edge_ends, face_edges = edges_of(faces, point_count)
+        edge_lengths = np.linalg.norm(np.diff(arrays['points'][edge_ends], axis=1)[:, 0], axis=1)
+        is_halved = np.asarray(is_split(edge_ends, edge_lengths), bool)
+        if not is_halved.any():
             break
-        middle = np.where(halved, n + np.cumsum(halved) - 1, -1)[of_face]
-        if len(faces) + (middle >= 0).sum() > most:
+        midpoint_rows = np.where(is_halved, point_count + np.cumsum(is_halved) - 1, -1)[face_edges]
+        if len(faces) + (midpoint_rows >= 0).sum() > max_triangles:
             break
-        rows = {k: np.concatenate([v, _halfway(k, v, ends[halved])]) for k, v in rows.items()}
-        faces = Cut(faces, middle).faces
-    return rows, faces
+        ends = edge_ends[is_halved]
+        arrays = {k: np.concatenate([v, _halfway(k, v, ends)]) for k, v in arrays.items()}
+        faces = Cut(faces, midpoint_rows).faces
+    return arrays, faces
 
 
-def _halfway(name, values, ends):
-    between = values[ends].mean(1)
+def _halfway(name, values, edge_ends):
+    midpoints = values[edge_ends].mean(1)
     if name == 'normals':
-        between = unit_vectors(between)
-    return np.rint(between).astype(values.dtype) if values.dtype.kind == 'u' else between
+        midpoints = unit_vectors(midpoints)
+    return np.rint(midpoints).astype(values.dtype) if values.dtype.kind == 'u' else midpoints

@@ -10,7 +10,7 @@ from pvibr.meshes.materials import copy_property
 
 
 def copied(prop, plotter):
-    """Return a copy of a prop for another window, None if the plotter has an equal one."""
+    """Return a copy of a prop for another window, None if the plotter added an equal one."""
     if prop.IsA('vtkCubeAxesActor'):
         return _axes(prop, plotter)
     if prop.IsA('vtkActor') and prop.GetMapper() is not None:
@@ -22,6 +22,10 @@ def copied(prop, plotter):
 
 def _axes(prop, plotter):
     """Show the same axes in a plotter."""
+
+    def axis_value(axis, part):
+        return getattr(prop, f'Get{axis.upper()}Axis{part}Visibility')()
+
     if hasattr(plotter, 'show_bounds') and not plotter.renderer.cube_axes_actor:
         plotter.show_bounds(
             bounds=prop.GetBounds(),
@@ -29,39 +33,35 @@ def _axes(prop, plotter):
             grid='back' if prop.GetDrawXGridlines() else None,
             render=False,
             location='outer' if prop.GetDrawXGridlines() else 'closest',
-            show_xaxis=bool(prop.GetXAxisVisibility()),
-            show_yaxis=bool(prop.GetYAxisVisibility()),
-            show_zaxis=bool(prop.GetZAxisVisibility()),
-            show_xlabels=bool(prop.GetXAxisLabelVisibility()),
-            show_ylabels=bool(prop.GetYAxisLabelVisibility()),
-            show_zlabels=bool(prop.GetZAxisLabelVisibility()),
+            **{f'show_{x}axis': bool(axis_value(x, '')) for x in 'xyz'},
+            **{f'show_{x}labels': bool(axis_value(x, 'Label')) for x in 'xyz'},
         )
 
 
 def _like(prop):
-    copy = prop.NewInstance()
-    copy.ShallowCopy(prop)
+    prop_copy = prop.NewInstance()
+    prop_copy.ShallowCopy(prop)
     if prop.IsA('vtkCornerAnnotation'):
-        copy.CopyAllTextsFrom(prop)
-        copy.SetTextProperty(prop.GetTextProperty())
-        copy.SetMaximumFontSize(prop.GetMaximumFontSize())
-        copy.SetLinearFontScaleFactor(prop.GetLinearFontScaleFactor())
-        copy.SetNonlinearFontScaleFactor(prop.GetNonlinearFontScaleFactor())
+        prop_copy.CopyAllTextsFrom(prop)
+        prop_copy.SetTextProperty(prop.GetTextProperty())
+        prop_copy.SetMaximumFontSize(prop.GetMaximumFontSize())
+        prop_copy.SetLinearFontScaleFactor(prop.GetLinearFontScaleFactor())
+        prop_copy.SetNonlinearFontScaleFactor(prop.GetNonlinearFontScaleFactor())
     if prop.IsA('vtkScalarBarActor'):
-        copy.SetUnconstrainedFontSize(prop.GetUnconstrainedFontSize())
+        prop_copy.SetUnconstrainedFontSize(prop.GetUnconstrainedFontSize())
         table = prop.GetLookupTable().NewInstance()
         table.DeepCopy(prop.GetLookupTable())
-        copy.SetLookupTable(table)
-    return copy
+        prop_copy.SetLookupTable(table)
+    return prop_copy
 
 
-def range_teller(bar):
-    """Return an actor that draws nothing: vtk.js reads the range of a table from its mapper."""
-    speck = pv.PolyData.from_regular_faces(np.zeros((3, 3)), [[0, 1, 2]])
-    speck['range'] = np.resize(bar.GetLookupTable().GetRange(), 3)
-    mapper = pv.DataSetMapper(speck)
-    mapper.SetLookupTable(bar.GetLookupTable())
-    mapper.scalar_range = bar.GetLookupTable().GetRange()
+def range_teller(scalar_bar):
+    """Return an invisible actor from whose mapper vtk.js reads the range of a scalar bar."""
+    tiny_triangle = pv.PolyData.from_regular_faces(np.zeros((3, 3)), [[0, 1, 2]])
+    tiny_triangle['range'] = np.resize(scalar_bar.GetLookupTable().GetRange(), 3)
+    mapper = pv.DataSetMapper(tiny_triangle)
+    mapper.SetLookupTable(scalar_bar.GetLookupTable())
+    mapper.scalar_range = scalar_bar.GetLookupTable().GetRange()
     mapper.SetScalarModeToUsePointFieldData()
     mapper.SelectColorArray('range')
     actor = pv.Actor(mapper=mapper)
@@ -70,43 +70,43 @@ def range_teller(bar):
 
 
 def _actor(prop):
-    copy = pv.Actor()
-    copy.ShallowCopy(prop)
-    copy.SetMapper(_mapper(prop.GetMapper()))
-    look = pv.Property()
-    copy_property(look, prop.GetProperty())
-    copy.SetProperty(look)
-    copy.SetShaderProperty(_vtk.vtkShaderProperty())  # without pvibr's shader replacements
+    actor_copy = pv.Actor()
+    actor_copy.ShallowCopy(prop)
+    actor_copy.SetMapper(_mapper(prop.GetMapper()))
+    property_copy = pv.Property()
+    copy_property(property_copy, prop.GetProperty())
+    actor_copy.SetProperty(property_copy)
+    actor_copy.SetShaderProperty(_vtk.vtkShaderProperty())  # without pvibr's shader replacements
     if prop.GetUserMatrix() is not None:
-        copy.user_matrix = pv.array_from_vtkmatrix(prop.GetUserMatrix())
-    return copy
+        actor_copy.user_matrix = pv.array_from_vtkmatrix(prop.GetUserMatrix())
+    return actor_copy
 
 
 def _mapper(mapper):
-    plain = mapper.IsA('vtkDataSetMapper') or mapper.IsA('vtkPolyDataMapper')
-    if plain and not mapper.IsA('vtkCompositePolyDataMapper'):
+    is_plain = mapper.IsA('vtkDataSetMapper') or mapper.IsA('vtkPolyDataMapper')
+    if is_plain and not mapper.IsA('vtkCompositePolyDataMapper'):
         return _dataset_mapper(mapper)
-    copy = mapper.NewInstance()
-    copy.ShallowCopy(mapper)
-    return copy
+    mapper_copy = mapper.NewInstance()
+    mapper_copy.ShallowCopy(mapper)
+    return mapper_copy
 
 
 def _dataset_mapper(mapper):
     mapper.Update()
-    copy = pv.DataSetMapper()
-    copy.ShallowCopy(mapper)
-    copy.SetStatic(False)
-    data = mapper.GetInputDataObject(0, 0)
-    if data is not None:
-        copy.dataset = pv.wrap(data).copy(deep=False)
-    return copy
+    mapper_copy = pv.DataSetMapper()
+    mapper_copy.ShallowCopy(mapper)
+    mapper_copy.SetStatic(False)
+    mesh_data = mapper.GetInputDataObject(0, 0)
+    if mesh_data is not None:
+        mapper_copy.dataset = pv.wrap(mesh_data).copy(deep=False)
+    return mapper_copy
 
 
 def _volume(prop):
-    copy = _like(prop)
-    source = prop.GetMapper()
-    mapper = source.NewInstance()
-    mapper.SetInputDataObject(source.GetInputDataObject(0, 0))
-    mapper.SetBlendMode(source.GetBlendMode())
-    copy.SetMapper(mapper)
-    return copy
+    volume_copy = _like(prop)
+    old_mapper = prop.GetMapper()
+    new_mapper = old_mapper.NewInstance()
+    new_mapper.SetInputDataObject(old_mapper.GetInputDataObject(0, 0))
+    new_mapper.SetBlendMode(old_mapper.GetBlendMode())
+    volume_copy.SetMapper(new_mapper)
+    return volume_copy

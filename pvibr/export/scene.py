@@ -1,4 +1,4 @@
-"""A subplot as plain meshes, collected from its effects and things."""
+"""A subplot as plain meshes, collected from effects and things."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ from pvibr.projection.silhouette_lines import silhouette_lines
 _SURFACE = 2  # VTK_SURFACE
 #: Offset of lines from their surface toward the eye, as a fraction of the distance.
 _BEFORE = 2e-3
-#: Radius of the sky dome in radii of the sphere around the scene and the eye, and its sides.
+#: Radius of the sky dome, in radii of a sphere around scene and eye; its sides.
 _DOME, _DOME_SIDES = 4.0, 96
 SKY = 'sky'
-#: How lines and the sky are added.
+#: Options of lines and the sky.
 _UNLIT = {'lighting': False, 'reset_camera': False, 'render': False, 'copy_mesh': False}
 
 
@@ -36,17 +36,15 @@ class BakedScene:
         self.frame = frame
         self.triangles, self.detail, self.texels = triangles, detail, texels
         self.dropped: dict[str, int] = {}
-        #: Whether lights must stop following the camera, since their shadows are baked.
+        #: Whether lights must not follow the camera, since shadows are baked.
         self.lights_stand = False
         self._pieces: list = []
         self._cards: list[Surface] = []
-        self._groups: list[Copies] = []
-        self._requests: list = []
+        self._copy_groups: list[Copies] = []
+        self._paint_requests: list = []
         self._lines: list = []
         self._strokes: list = []
-        self._dome: Callable | None = None
-
-    # -- called by effects and things ----------------------------------------------------------
+        self._dome_colors: Callable | None = None
 
     def part(self, owner, part, *, color=None, multiply=False):
         """Add one mesh, in world space."""
@@ -60,7 +58,7 @@ class BakedScene:
             largest = largest or (np.inf, *[0.0] * (len(levels) - 1))
             matrices = _matrices(np.asarray(poses, float), scales)
             levels = [list(level) for level in levels]
-            self._groups.append(Copies(owner, levels, largest, matrices, colors, multiply))
+            self._copy_groups.append(Copies(owner, levels, largest, matrices, colors, multiply))
 
     def strokes(self, parts, poses, *, colors=None):
         """Add the lines and vertices of many copies of a mesh."""
@@ -68,15 +66,15 @@ class BakedScene:
         self._strokes += [(part, matrices, colors) for part in parts if len(part.strokes)]
 
     def quads(self, owner, corners, coordinates, image, *, colors, lighting, cutout):
-        """Add rectangles with an image."""
-        count = len(corners)
-        if not count:
+        """Add textured rectangles."""
+        quad_count = len(corners)
+        if not quad_count:
             return
         material = pv.Property(color='white', lighting=lighting, interpolation='Phong')
-        across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 3] - corners[:, 0])
-        normals = unit_vectors(across)
-        faces = 4 * np.arange(count)[:, None, None] + np.array([[0, 1, 2], [0, 2, 3]])
-        made = Surface(
+        quad_normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 3] - corners[:, 0])
+        normals = unit_vectors(quad_normals)
+        faces = 4 * np.arange(quad_count)[:, None, None] + np.array([[0, 1, 2], [0, 2, 3]])
+        surface = Surface(
             corners.reshape(-1, 3),
             faces.reshape(-1, 3),
             normals.repeat(4, 0),
@@ -88,12 +86,12 @@ class BakedScene:
             cutout=cutout,
             repeat=False,
         )
-        self._cards.append(made)
+        self._cards.append(surface)
 
     def shadow(self, casts, receives, casting, strength, extents=None):
         """Add shadows of casters on receivers; see `Paint.shadow`."""
         self.lights_stand = True
-        self._requests.append(
+        self._paint_requests.append(
             lambda paint: paint.shadow(
                 chosen(casts),
                 chosen(receives),
@@ -105,7 +103,7 @@ class BakedScene:
 
     def drape(self, draped, *, mode, lit, dim, receives, casts):
         """Add projected images; see `Paint.drape`."""
-        self._requests.append(
+        self._paint_requests.append(
             lambda paint: paint.drape(draped, mode, lit, dim, chosen(receives), chosen(casts))
         )
 
@@ -115,54 +113,53 @@ class BakedScene:
 
     def dome(self, color_of):
         """Add a sky dome with the colours of view directions."""
-        self._dome = color_of
-
-    # -- the result ----------------------------------------------------------------------------
+        self._dome_colors = color_of
 
     def add_to(self, plotter, props):
         """Add everything to the active subplot of a plotter."""
-        plain = [_Plain(name, p) for name, p in props if p.GetVisibility() and not is_marker(p)]
-        own = self._own()
-        needs = bool(self._requests or self._lines)
-        surfaces = [s for p in plain for s in p.surfaces(needs)] + own
-        if surfaces and self._requests:
-            own = self._painted(surfaces, plain, own)
-        for one in plain:
-            one.add_to(plotter)
-        for surface in sorted(own, key=_last_if_cut):
+        visible = [(name, p) for name, p in props if p.GetVisibility() and not is_marker(p)]
+        plain_props = [_Plain(name, prop) for name, prop in visible]
+        thing_surfaces = self._thing_surfaces()
+        needs_surfaces = bool(self._paint_requests or self._lines)
+        surfaces = [s for p in plain_props for s in p.surfaces(needs_surfaces)] + thing_surfaces
+        if surfaces and self._paint_requests:
+            thing_surfaces = self._painted(surfaces, plain_props, thing_surfaces)
+        for prop in plain_props:
+            prop.add_to(plotter)
+        for surface in sorted(thing_surfaces, key=_last_if_cut):
             surface.add_to(plotter)
         self._add_lines(plotter, surfaces)
         for strokes in self._strokes:
             add_strokes(plotter, *strokes)
         self._add_dome(plotter)
 
-    def _painted(self, surfaces, plain, own):
-        options = {'detail': self.detail, 'texels': self.texels, 'most': self.triangles}
-        paint = Paint(self.frame, surfaces, **options)
-        for request in self._requests:
+    def _painted(self, surfaces, plain_props, thing_surfaces):
+        paint_options = {'detail': self.detail, 'texels': self.texels, 'most': self.triangles}
+        paint = Paint(self.frame, surfaces, **paint_options)
+        for request in self._paint_requests:
             request(paint)
-        for one in plain:
-            one.paint(paint)
-        return [paint.painted(s) for s in own]
+        for prop in plain_props:
+            prop.paint(paint)
+        return [paint.painted(s) for s in thing_surfaces]
 
-    def _own(self) -> list[Surface]:
+    def _thing_surfaces(self) -> list[Surface]:
         """Return the surfaces of things, within the triangle budget."""
-        cards = sum(len(s.faces) for s in self._cards)
-        most = max(self.triangles - cards, 0)
-        pieces = _within(self._pieces, most)
-        parts = [_colored(*piece) for piece in pieces]
-        most -= sum(len(s.faces) for s in parts)
-        levels = chosen_levels(self._groups, self.frame, max(most, 0))
-        for group, level in zip(self._groups, levels, strict=True):
+        card_count = sum(len(s.faces) for s in self._cards)
+        max_triangles = max(self.triangles - card_count, 0)
+        light_pieces = _within(self._pieces, max_triangles)
+        thing_surfaces = [_colored(*piece) for piece in light_pieces]
+        max_triangles -= sum(len(s.faces) for s in thing_surfaces)
+        levels = chosen_levels(self._copy_groups, self.frame, max(max_triangles, 0))
+        for group, level in zip(self._copy_groups, levels, strict=True):
             left_out = int((level < 0).sum())
             if left_out:
                 name = group.owner.name
                 self.dropped[name] = self.dropped.get(name, 0) + left_out
-            parts += group.surfaces(level)
-        return [left for s in parts + self._cards if (left := _cut(s)) is not None]
+            thing_surfaces += group.surfaces(level)
+        return [inside for s in thing_surfaces + self._cards if (inside := _cut(s)) is not None]
 
     def _sized(self, extents):
-        """Return a function for the extent of a light, given its distance from the scene."""
+        """Return the extents of lights as a function of the light alone."""
 
         def size(light):
             bounds = np.reshape(self.frame.renderer.ComputeVisiblePropBounds(), (3, 2))
@@ -171,83 +168,81 @@ class BakedScene:
         return size
 
     def _add_lines(self, plotter, surfaces):
-        for mine, color, width, opacity, crease in self._lines:
-            found = [_outlined(s, self.frame, crease) for s in surfaces if mine(s)]
-            if not any(lines.n_cells for lines in found):
+        for is_outlined, color, width, opacity, crease in self._lines:
+            lines = _joined([_outlined(s, self.frame, crease) for s in surfaces if is_outlined(s)])
+            if not lines.n_cells:
                 continue
-            lines = _joined(found)
             lines.points = _before(self.frame, np.asarray(lines.points, float))
-            look = {'color': color, 'line_width': width, 'opacity': opacity}
-            plotter.add_mesh(lines, **look, **_UNLIT)
+            line_look = {'color': color, 'line_width': width, 'opacity': opacity}
+            plotter.add_mesh(lines, **line_look, **_UNLIT)
 
     def _add_dome(self, plotter):
-        if self._dome is None:
+        if self._dome_colors is None:
             return
         bounds = np.reshape(plotter.renderer.ComputeVisiblePropBounds(), (3, 2))
-        seen = bounds[0, 0] <= bounds[0, 1]
-        middle = bounds.mean(1) if seen else self.frame.eye
-        reach = np.linalg.norm(np.ptp(bounds, axis=1)) / 2 if seen else 1.0
-        radius = _DOME * max(reach, np.linalg.norm(self.frame.eye - middle))
+        is_empty = bounds[0, 0] > bounds[0, 1]
+        scene_center = self.frame.eye if is_empty else bounds.mean(1)
+        scene_radius = 1.0 if is_empty else np.linalg.norm(np.ptp(bounds, axis=1)) / 2
+        dome_radius = _DOME * max(scene_radius, np.linalg.norm(self.frame.eye - scene_center))
         ball = pv.Sphere(radius=1.0, theta_resolution=2 * _DOME_SIDES, phi_resolution=_DOME_SIDES)
-        points = np.asarray(ball.points, float) * radius + middle
-        away = points - self.frame.eye  # from the eye: the sky is infinitely far
-        directions = unit_vectors(away)
-        colors = np.rint(255 * np.clip(self._dome(directions), 0, 1)).astype(np.uint8)
+        points = np.asarray(ball.points, float) * dome_radius + scene_center
+        directions = unit_vectors(points - self.frame.eye)  # the sky is infinitely far away
+        colors = np.rint(255 * np.clip(self._dome_colors(directions), 0, 1)).astype(np.uint8)
         dome = pv.PolyData.from_regular_faces(points, np.asarray(ball.regular_faces)[:, ::-1])
         dome['colors'] = colors
-        look = {'scalars': 'colors', 'rgb': True, 'culling': 'back'}
-        plotter.add_mesh(dome, name=SKY, pickable=False, **look, **_UNLIT)
+        dome_look = {'scalars': 'colors', 'rgb': True, 'culling': 'back'}
+        plotter.add_mesh(dome, name=SKY, pickable=False, **dome_look, **_UNLIT)
 
 
 class _Plain:
-    """A prop of the subplot, kept as it is or replaced by recoloured surfaces."""
+    """A prop of the subplot, copied or replaced by recoloured surfaces."""
 
     def __init__(self, name, prop):
         self.name, self.prop = name, prop
-        self.found: list[Surface] = []
+        self.baked_surfaces: list[Surface] = []
         self._changed = False
 
-    def surfaces(self, needed) -> list[Surface]:
-        """Return its surfaces, if any are needed."""
-        if needed and _has_surface(self.prop):
+    def surfaces(self, is_needed) -> list[Surface]:
+        """Return its surfaces if they are needed."""
+        if is_needed and _has_surface(self.prop):
             try:
                 parts = as_parts(self.prop)
             except (TypeError, ValueError):
                 return []
-            self.found = [surface_of_part(part, self.prop) for part in parts]
-            for surface in self.found:
+            self.baked_surfaces = [surface_of_part(part, self.prop) for part in parts]
+            for surface in self.baked_surfaces:
                 surface.name = self.name if len(parts) == 1 else ''
-        return self.found
+        return self.baked_surfaces
 
     def paint(self, paint):
         """Recolour its surfaces."""
-        painted = [paint.painted(s) for s in self.found]
-        self._changed = any(a is not b for a, b in zip(painted, self.found, strict=True))
-        self.found = painted
+        painted = [paint.painted(s) for s in self.baked_surfaces]
+        self._changed = any(a is not b for a, b in zip(painted, self.baked_surfaces, strict=True))
+        self.baked_surfaces = painted
 
     def add_to(self, plotter):
         """Add it to a plotter."""
         if self._changed:
-            for surface in self.found:
+            for surface in self.baked_surfaces:
                 surface.add_to(plotter)
             return
         prop = copied(self.prop, plotter)
         if prop is not None:
-            quiet = {'reset_camera': False, 'render': False}
+            quiet_options = {'reset_camera': False, 'render': False}
             pickable = bool(self.prop.GetPickable())
             if prop.IsA('vtkScalarBarActor'):  # vtk.js reads the range as it draws the bar
-                plotter.add_actor(range_teller(prop), **quiet)
-            plotter.add_actor(prop, name=self.name, pickable=pickable, **quiet)
+                plotter.add_actor(range_teller(prop), **quiet_options)
+            plotter.add_actor(prop, name=self.name, pickable=pickable, **quiet_options)
 
 
 def chosen(choice):
-    """Return a predicate of surfaces for a choice of actors or things, None for all."""
+    """Return a predicate of surfaces for a choice of actors or things; None is all."""
     if choice is None:
         return lambda surface: True
     if callable(choice):
         return lambda surface: bool(choice(surface.owner))
-    wanted = {address(one) for one in choice}
-    return lambda surface: address(surface.owner) in wanted
+    owners = {address(item) for item in choice}
+    return lambda surface: address(surface.owner) in owners
 
 
 def names_of(renderer) -> dict:
@@ -265,7 +260,7 @@ def _has_surface(prop) -> bool:
 
 
 def _last_if_cut(surface) -> bool:
-    return surface.cutout is not None  # soft edges blend with what is drawn before
+    return surface.cutout is not None  # soft edges blend with earlier surfaces
 
 
 def _matrices(poses, scales):
@@ -278,13 +273,13 @@ def _matrices(poses, scales):
     return matrices
 
 
-def _within(pieces, most):
-    """Return pieces, decimated if possible to fit a total number of triangles."""
-    total = sum(part.mesh.n_cells for _, part, *_ in pieces)
-    if total <= most:
+def _within(pieces, max_triangles):
+    """Return pieces, decimated where possible to a total number of triangles."""
+    triangle_total = sum(part.mesh.n_cells for _, part, *_ in pieces)
+    if triangle_total <= max_triangles:
         return pieces
-    share = max(most / total, 1e-3)
-    return [(owner, lighter(part, share) or part, *rest) for owner, part, *rest in pieces]
+    kept_share = max(max_triangles / triangle_total, 1e-3)
+    return [(owner, lighter(part, kept_share) or part, *rest) for owner, part, *rest in pieces]
 
 
 def _colored(owner, part, color, multiply) -> Surface:
@@ -295,10 +290,10 @@ def _colored(owner, part, color, multiply) -> Surface:
 
 
 def _cut(surface) -> Surface | None:
-    """Return what the clipping planes of its owner leave of a surface."""
+    """Return the part of a surface inside its owner's clipping planes, or None."""
     mapper = getattr(surface.owner, 'mapper', None)
-    planes = None if mapper is None else mapper.GetClippingPlanes()
-    return surface.clipped(planes) if planes is not None and len(list(planes)) else surface
+    clipping_planes = None if mapper is None else mapper.GetClippingPlanes()
+    return surface.clipped(clipping_planes) if list(clipping_planes or ()) else surface
 
 
 def _outlined(surface, frame, crease):
@@ -307,24 +302,24 @@ def _outlined(surface, frame, crease):
     if surface.cutout is not None:
         return pv.PolyData()  # its outline is in its image
     mesh = surface.mesh()
-    found = [silhouette_lines(mesh, camera, hidden=True, size=size)]
+    outlines = [silhouette_lines(mesh, camera, hidden=True, size=size)]
     if crease is not None and surface.normals is None:
         creases = mesh.clean().extract_feature_edges(
             crease, boundary_edges=False, non_manifold_edges=False, manifold_edges=False
         )
         creases.clear_data()
-        found.append(creases)
-    return _joined(found)
+        outlines.append(creases)
+    return _joined(outlines)
 
 
 def _joined(meshes):
-    found = [mesh for mesh in meshes if mesh.n_cells]
-    return found[0].append_polydata(*found[1:]) if len(found) > 1 else (*found, pv.PolyData())[0]
+    meshes = [mesh for mesh in meshes if mesh.n_cells] or [pv.PolyData()]
+    return meshes[0].append_polydata(*meshes[1:]) if len(meshes) > 1 else meshes[0]
 
 
 def _before(frame, points):
-    """Return points moved slightly toward the eye, in front of their surfaces."""
+    """Return points moved slightly toward the eye, off their surfaces."""
     if not frame.parallel:
         return points + _BEFORE * (frame.eye - points)
-    away = -(points @ frame.view_from_world[2, :3] + frame.view_from_world[2, 3])
-    return points + _BEFORE * away[:, None] * frame.view_from_world[2, :3]
+    eye_distances = -(points @ frame.view_from_world[2, :3] + frame.view_from_world[2, 3])
+    return points + _BEFORE * eye_distances[:, None] * frame.view_from_world[2, :3]

@@ -9,29 +9,30 @@ COLORS = 'colors'
 
 
 def add_strokes(plotter, part, matrices, colors):
-    """Add the lines and vertices of a part at matrices, (k, 4, 4), with colours or None."""
+    """Add a part's lines and vertices at matrices (k, 4, 4), with colours or None."""
     ends = part.strokes
-    placed = np.einsum('kij,nsj->knsi', matrices[:, :3, :3], ends) + matrices[:, None, None, :3, 3]
-    dots = (ends[:, 0] == ends[:, 1]).all(1)
-    for pieces in (placed[:, ~dots], placed[:, dots, :1]):
+    world_ends = np.einsum('kij,nsj->knsi', matrices[:, :3, :3], ends)
+    world_ends += matrices[:, None, None, :3, 3]
+    is_vertex = (ends[:, 0] == ends[:, 1]).all(1)
+    for pieces in (world_ends[:, ~is_vertex], world_ends[:, is_vertex, :1]):
         if pieces.size:
             _add(plotter, pieces, part.actor.GetProperty(), colors)
 
 
-def _add(plotter, pieces, prop, colors):
-    copies, count, corners, _ = pieces.shape
-    mesh = pv.PolyData(pieces.reshape(-1, 3))
-    if corners == 2:
+def _add(plotter, stroke_points, prop, colors):
+    copy_count, stroke_count, points_per_stroke, _ = stroke_points.shape
+    mesh = pv.PolyData(stroke_points.reshape(-1, 3))
+    if points_per_stroke == 2:
         mesh.verts = np.zeros(0, int)
-        numbers = np.arange(2 * copies * count).reshape(-1, 2)
-        mesh.lines = np.insert(numbers, 0, 2, axis=1).ravel()
-    look = {'color': prop.GetColor()}
+        point_ids = np.arange(2 * copy_count * stroke_count).reshape(-1, 2)
+        mesh.lines = np.insert(point_ids, 0, 2, axis=1).ravel()
+    color_options = {'color': prop.GetColor()}
     if colors is not None:
-        mesh[COLORS] = np.repeat(colors[:, :3], count * corners, 0)
-        look = {'scalars': COLORS, 'rgb': True}
+        mesh[COLORS] = np.repeat(colors[:, :3], stroke_count * points_per_stroke, 0)
+        color_options = {'scalars': COLORS, 'rgb': True}
     plotter.add_mesh(
         mesh,
-        **look,
+        **color_options,
         opacity=prop.GetOpacity(),
         line_width=prop.GetLineWidth(),
         point_size=prop.GetPointSize(),

@@ -1,8 +1,8 @@
-"""Surfaces for any viewer: triangles in world space, colours, a texture, a material."""
+"""Surfaces for any viewer: triangles in world space with colours, a texture and a material."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pyvista as pv
@@ -15,7 +15,7 @@ from pvibr.projection.samples import sides_of
 
 _FLAT, _PHONG, _PBR = 0, 2, 3  # VTK_FLAT, VTK_PHONG, VTK_PBR
 _COLORS = 'colors'
-#: Triangles that approximate cut-outs, in all and along a side of each.
+#: Most triangles of an approximated cut-out, in all and along a side of each.
 _PATTERN, _FINEST = 200_000, 32
 
 
@@ -35,7 +35,7 @@ class Surface:
     cutout: float | None = None
     repeat: bool = True
     smooth: bool = True
-    name: str = field(default='')
+    name: str = ''
 
     @property
     def opaque(self) -> bool:
@@ -44,53 +44,53 @@ class Surface:
         return self.material.GetOpacity() >= 1 and not see_through
 
     def mesh(self):
-        """Return a mesh of points and triangles only."""
+        """Return the bare mesh of points and triangles."""
         return pv.PolyData.from_regular_faces(self.points, self.faces)
 
     def solid(self) -> pv.PolyData:
-        """Return a mesh of what is not cut out."""
+        """Return the mesh without the parts that are cut out."""
         if self.cutout is None or self.texture is None or self.coordinates is None:
             return self.mesh()
-        # Each triangle is subdivided, and the pieces whose middle is drawn are kept.
-        side = int(np.clip(np.sqrt(_PATTERN / max(len(self.faces), 1)), 1, _FINEST))
-        corners, middles = _pattern(side)
-        places = middles @ self.coordinates[self.faces]
+        # Subdivide each triangle, and select the pieces with an opaque centre.
+        subdivision = int(np.clip(np.sqrt(_PATTERN / max(len(self.faces), 1)), 1, _FINEST))
+        corners, middle_shares = _pattern(subdivision)
+        uv_points = middle_shares @ self.coordinates[self.faces]
         height, width = self.texture.shape[:2]
-        at = np.floor(places * [width, height]).astype(int)
-        column = at[..., 0] % width if self.repeat else np.clip(at[..., 0], 0, width - 1)
-        row = at[..., 1] % height if self.repeat else np.clip(at[..., 1], 0, height - 1)
-        drawn = self.texture[height - 1 - row, column, 3] >= 255 * self.cutout
-        small = np.einsum('skc,mcd->mskd', corners, self.points[self.faces])[drawn]
-        return pv.PolyData.from_regular_faces(small.reshape(-1, 3), _apart(3 * len(small)))
+        texels, size = np.floor(uv_points * [width, height]).astype(int), np.array([width, height])
+        texels = texels % size if self.repeat else np.clip(texels, 0, size - 1)
+        column, row = np.moveaxis(texels, -1, 0)
+        is_opaque = self.texture[height - 1 - row, column, 3] >= 255 * self.cutout
+        pieces = np.einsum('skc,mcd->mskd', corners, self.points[self.faces])[is_opaque]
+        return pv.PolyData.from_regular_faces(pieces.reshape(-1, 3), _apart(3 * len(pieces)))
 
     def exploded(self) -> Surface:
         """Return a copy whose triangles share no points."""
-        corner = self.faces.ravel()
-        rows = {name: values[corner] for name, values in self.rows().items()}
-        return self.with_rows(rows, _apart(len(corner)))
+        corner_points = self.faces.ravel()
+        arrays = {name: values[corner_points] for name, values in self.point_arrays().items()}
+        return self.with_arrays(arrays, _apart(len(corner_points)))
 
-    def rows(self) -> dict:
+    def point_arrays(self) -> dict:
         """Return the point arrays by name."""
         names = ('points', 'normals', 'coordinates', 'colors')
         return {n: v for n in names if (v := getattr(self, n)) is not None}
 
-    def with_rows(self, rows, faces) -> Surface:
-        """Return a copy with other points and triangles."""
-        return replace(self, faces=faces, **rows)
+    def with_arrays(self, arrays, faces) -> Surface:
+        """Return a copy with other point arrays and triangles."""
+        return replace(self, faces=faces, **arrays)
 
     def clipped(self, planes) -> Surface | None:
-        """Return what clipping planes leave of it, None if nothing."""
-        mesh, rows = self.mesh(), self.rows()
-        del rows['points']
-        for name, values in rows.items():
+        """Return the part inside clipping planes, or None."""
+        mesh, arrays = self.mesh(), self.point_arrays()
+        del arrays['points']
+        for name, values in arrays.items():
             mesh.point_data[name] = values
         try:
-            left = clipped(mesh, planes).triangulate()
-        except ValueError:  # nothing
+            inside = clipped(mesh, planes).triangulate()
+        except ValueError:  # empty
             return None
-        rows = {name: np.asarray(left.point_data[name]) for name in rows}
-        rows['points'] = np.asarray(left.points, float)
-        return replace(self.with_rows(rows, np.asarray(left.regular_faces)), closed=False)
+        arrays = {name: np.asarray(inside.point_data[name]) for name in arrays}
+        arrays['points'] = np.asarray(inside.points, float)
+        return replace(self.with_arrays(arrays, np.asarray(inside.regular_faces)), closed=False)
 
     def dataset(self) -> pv.PolyData:
         """Return the mesh with its arrays."""
@@ -100,18 +100,18 @@ class Surface:
         if self.coordinates is not None:
             mesh.active_texture_coordinates = np.asarray(self.coordinates, np.float32)
         if self.colors is not None:
-            solid = bool((self.colors[:, 3] == 255).all())
-            mesh.point_data[_COLORS] = self.colors[:, :3] if solid else self.colors
+            is_solid = bool((self.colors[:, 3] == 255).all())
+            mesh.point_data[_COLORS] = self.colors[:, :3] if is_solid else self.colors
         return mesh
 
     def add_to(self, plotter):
         """Add it to the active subplot of a plotter."""
-        look: dict = {'scalars': None, 'color': self.material.GetColor()}
+        color_options: dict = {'scalars': None, 'color': self.material.GetColor()}
         if self.colors is not None:
-            look = {'scalars': _COLORS, 'rgb': True}
+            color_options = {'scalars': _COLORS, 'rgb': True}
         actor = plotter.add_mesh(
             self.dataset(),
-            **look,
+            **color_options,
             reset_camera=False,
             render=False,
             copy_mesh=False,
@@ -138,22 +138,22 @@ class Surface:
 
 
 def _apart(count):
-    """Return triangles that share none of so many points."""
+    """Return triangles that share no points."""
     return np.arange(count).reshape(-1, 3)
 
 
-def _pattern(side):
-    """Return the pieces of a subdivided triangle in barycentric coordinates, and their middles."""
-    steps = np.arange(side + 1) / side
+def _pattern(subdivision):
+    """Return the barycentric corners and centres of a subdivided triangle's pieces."""
+    steps = np.arange(subdivision + 1) / subdivision
     cells = []
-    for i in range(side):
-        for j in range(side - i):
+    for i in range(subdivision):
+        for j in range(subdivision - i):
             a, b, c = (i, j), (i + 1, j), (i, j + 1)
             cells.append([a, b, c])
-            if i + j < side - 1:
+            if i + j < subdivision - 1:
                 cells.append([b, (i + 1, j + 1), c])
-    share = steps[np.array(cells)]
-    corners = np.concatenate([1 - share.sum(2, keepdims=True), share], axis=2)
+    uv_shares = steps[np.array(cells)]
+    corners = np.concatenate([1 - uv_shares.sum(2, keepdims=True), uv_shares], axis=2)
     return corners, corners.mean(1)
 
 
@@ -164,13 +164,13 @@ def surface_of_part(part, owner) -> Surface:
     normals = mesh.point_data.active_normals if prop.GetInterpolation() != _FLAT else None
     coordinates = mesh.active_texture_coordinates
     texture = _image_of(part.actor)
-    colors, of_cells = _colors_of(part)
+    colors, on_cells = _colors_of(part)
     surface = Surface(
         np.array(mesh.points, float),
         faces,
         None if normals is None else np.array(normals, float),
         None if coordinates is None else np.array(coordinates, float),
-        None if of_cells else colors,
+        None if on_cells else colors,
         texture,
         material_of(prop),
         owner,
@@ -178,7 +178,7 @@ def surface_of_part(part, owner) -> Surface:
         cutout=part.alpha_cutoff,
         smooth=_is_smooth(part.actor),
     )
-    if of_cells:
+    if on_cells:
         surface = surface.exploded()
         surface.colors = np.repeat(colors, 3, axis=0)
     if surface.colors is not None or texture is not None:
@@ -187,13 +187,13 @@ def surface_of_part(part, owner) -> Surface:
 
 
 def material_of(prop):
-    """Return a copy of a property without what only some viewers support."""
-    copy = pv.Property()
-    copy_property(copy, prop)
-    copy.RemoveAllTextures()
-    if copy.GetInterpolation() == _PBR:
-        copy.SetInterpolation(_PHONG)
-    return copy
+    """Return a copy of a property with only what all viewers support."""
+    property_copy = pv.Property()
+    copy_property(property_copy, prop)
+    property_copy.RemoveAllTextures()
+    if property_copy.GetInterpolation() == _PBR:
+        property_copy.SetInterpolation(_PHONG)
+    return property_copy
 
 
 def _texture_of(actor):
@@ -218,65 +218,63 @@ def _image_of(actor):
     pixels = np.asarray(pixels).reshape(height, width, -1)[::-1]
     if pixels.dtype != np.uint8:
         return None
-    if pixels.shape[2] < 3:
-        alpha = pixels[..., 1:] if pixels.shape[2] == 2 else np.full_like(pixels, 255)
-        pixels = np.concatenate([np.repeat(pixels[..., :1], 3, axis=2), alpha], axis=2)
-    if pixels.shape[2] == 3:
-        pixels = np.concatenate([pixels, np.full_like(pixels[..., :1], 255)], axis=2)
-    return np.ascontiguousarray(pixels)
+    has_alpha = pixels.shape[2] in (2, 4)
+    alpha = pixels[..., -1:] if has_alpha else np.full_like(pixels[..., :1], 255)
+    colors = np.repeat(pixels[..., :1], 3, axis=2) if pixels.shape[2] < 3 else pixels[..., :3]
+    return np.ascontiguousarray(np.concatenate([colors, alpha], axis=2))
 
 
 def _colors_of(part):
-    """Return the colours of a part's scalars, (n, 4), and whether they belong to cells."""
+    """Return the colours of a part's scalars, (n, 4), and whether these are cell scalars."""
     mapper = part.polydata_mapper()
     if not mapper.GetScalarVisibility():
         return None, False
     mapper.SetInterpolateScalarsBeforeMapping(False)
-    mapped = mapper.MapScalars(1.0)
-    if mapped is None:
+    mapped_colors = mapper.MapScalars(1.0)
+    if mapped_colors is None:
         return None, False
-    colors = _vtk.vtk_to_numpy(mapped)
+    colors = _vtk.vtk_to_numpy(mapped_colors)
     if colors.shape[1] == 3:
         colors = np.column_stack([colors, np.full(len(colors), 255, np.uint8)])
-    mode = mapper.GetScalarMode()
-    points_first = part.mesh.point_data.active_scalars_name is not None
-    return colors.copy(), mode in (2, 4) or (mode == 0 and not points_first)
+    scalar_mode = mapper.GetScalarMode()
+    has_point_scalars = part.mesh.point_data.active_scalars_name is not None
+    return colors.copy(), scalar_mode in (2, 4) or (scalar_mode == 0 and not has_point_scalars)
 
 
 def tiled(surface, matrices, colors=None, multiply=False) -> Surface:
     """Return many copies of a surface as one."""
-    count, n = len(matrices), len(surface.points)
+    copy_count, point_count = len(matrices), len(surface.points)
     axes, origins = matrices[:, :3, :3], matrices[:, None, :3, 3]
-    rows = {'points': (surface.points @ np.swapaxes(axes, 1, 2) + origins).reshape(-1, 3)}
+    arrays = {'points': (surface.points @ np.swapaxes(axes, 1, 2) + origins).reshape(-1, 3)}
     if surface.normals is not None:
-        rows['normals'] = unit_vectors(surface.normals @ np.linalg.inv(axes)).reshape(-1, 3)
+        arrays['normals'] = unit_vectors(surface.normals @ np.linalg.inv(axes)).reshape(-1, 3)
     if surface.coordinates is not None:
-        rows['coordinates'] = np.tile(surface.coordinates, (count, 1))
-    faces = np.tile(surface.faces, (count, 1, 1))
-    mirrored = np.linalg.det(matrices[:, :3, :3]) < 0
-    faces[mirrored] = faces[mirrored][:, :, ::-1]
-    faces = (faces + n * np.arange(count)[:, None, None]).reshape(-1, 3)
+        arrays['coordinates'] = np.tile(surface.coordinates, (copy_count, 1))
+    faces = np.tile(surface.faces, (copy_count, 1, 1))
+    is_mirrored = np.linalg.det(matrices[:, :3, :3]) < 0
+    faces[is_mirrored] = faces[is_mirrored][:, :, ::-1]
+    faces = (faces + point_count * np.arange(copy_count)[:, None, None]).reshape(-1, 3)
     if surface.colors is not None:
-        rows['colors'] = np.tile(surface.colors, (count, 1))
+        arrays['colors'] = np.tile(surface.colors, (copy_count, 1))
     texture, material = surface.texture, surface.material
     if colors is not None:
         if colors.shape[1] == 3:
-            colors = np.column_stack([colors, np.full(count, 255, np.uint8)])
-        each = np.repeat(colors, n, axis=0)
-        own = rows.get('colors', _plain(surface, len(each)))
-        rows['colors'] = multiplied(own, each) if multiply else each
+            colors = np.column_stack([colors, np.full(copy_count, 255, np.uint8)])
+        copy_colors = np.repeat(colors, point_count, axis=0)
+        own_colors = arrays.get('colors', _plain(surface, len(copy_colors)))
+        arrays['colors'] = multiplied(own_colors, copy_colors) if multiply else copy_colors
         material = material_of(material)
         material.SetColor(1.0, 1.0, 1.0)
         if not multiply and texture is not None:
             texture = texture.copy()
-            texture[..., :3] = 255  # its holes stay
-    found = surface.with_rows(rows, faces)
-    return replace(found, texture=texture, material=material)
+            texture[..., :3] = 255  # alpha is unchanged
+    tiled_surface = surface.with_arrays(arrays, faces)
+    return replace(tiled_surface, texture=texture, material=material)
 
 
-def _plain(surface, count):
-    color = 255 * np.array([*surface.material.GetColor(), 1.0])
-    return np.tile(np.rint(color).astype(np.uint8), (count, 1))
+def _plain(surface, point_count):
+    rgba = 255 * np.array([*surface.material.GetColor(), 1.0])
+    return np.tile(np.rint(rgba).astype(np.uint8), (point_count, 1))
 
 
 def multiplied(a, b) -> np.ndarray:
@@ -286,7 +284,6 @@ def multiplied(a, b) -> np.ndarray:
 
 
 def albedo_of(surface) -> np.ndarray:
-    """Return the unlit colours of points without texture, (n, 4), float from 0 to 1."""
-    rows = surface.colors
-    rows = _plain(surface, len(surface.points)) if rows is None else rows
-    return rows / 255.0
+    """Return the unlit colours of points without texture, (n, 4), in [0, 1]."""
+    colors = surface.colors
+    return (_plain(surface, len(surface.points)) if colors is None else colors) / 255.0

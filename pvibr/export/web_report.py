@@ -1,4 +1,4 @@
-"""What a browser shows of a scene that it renders itself, and a warning of what is missing."""
+"""Reports on what browsers show of a scene that they render, and warnings of what is missing."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from pvibr.core.observers import weakly
 from pvibr.core.plotters import put_inner, trame_viewer
 from pvibr.maths.arguments import check_one_of
 
-#: Backends that show images rendered here, and those that send the scene as data.
+#: Backends that show images rendered here; those that send the scene as data.
 PICTURES = ('static', 'server', 'none')
 DATA = ('client', 'html', 'trame', 'vtksz', 'wasm', 'gltf')
-_NAME = 'pvibr: told when the scene is read'
+_NAME = 'pvibr: detects that the scene is read'
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,7 @@ class WebReport:
 
     @property
     def missing(self) -> list[WebRow]:
-        """Rows of what is shown only in a plain plotter, or not at all."""
+        """Rows that only a plain plotter shows, or none."""
         return [row for row in self.rows if row.state in ('baked', 'lost')]
 
     def as_dict(self) -> dict:
@@ -44,14 +44,14 @@ class WebReport:
         return asdict(self)
 
     def __str__(self) -> str:
-        many = len({row.subplot for row in self.rows}) > 1
-        cells = [('effect', f'with {self.backend!r}', 'as what, or why not')]
+        has_subplots = len({row.subplot for row in self.rows}) > 1
+        table_rows = [('effect', f'with {self.backend!r}', 'as what, or why not')]
         for row in self.rows:
-            name = f'{row.subplot}: {row.effect}' if many else row.effect
+            name = f'{row.subplot}: {row.effect}' if has_subplots else row.effect
             state = 'after to_plain_plotter()' if row.state == 'baked' else row.state
-            cells.append((name, state, row.what))
-        widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
-        lines = ['  '.join(map(str.ljust, row, widths)).rstrip() for row in cells]
+            table_rows.append((name, state, row.what))
+        column_widths = [max(map(len, column)) for column in zip(*table_rows, strict=True)]
+        lines = ['  '.join(map(str.ljust, row, column_widths)).rstrip() for row in table_rows]
         return '\n'.join(lines)
 
 
@@ -67,9 +67,9 @@ def web_report(subplots, backend) -> WebReport:
 
 
 def _row(effect, subplot, backend):
-    off = effect.why_neutral if effect.enabled else 'enabled is False'
-    if off:
-        return WebRow(effect.name, 'off', off, subplot)
+    why_off = effect.why_neutral if effect.enabled else 'enabled is False'
+    if why_off:
+        return WebRow(effect.name, 'off', why_off, subplot)
     if backend in PICTURES:
         return WebRow(effect.name, 'shown', 'in pictures that are drawn here', subplot)
     state, what = effect.web
@@ -77,13 +77,13 @@ def _row(effect, subplot, backend):
 
 
 class Watch:
-    """Calls a method when a renderer's scene is read as data, by an exporter or for a browser."""
+    """Calls a method when a renderer's scene is read as data, by an exporter or a browser."""
 
-    def __init__(self, renderer, tell):
+    def __init__(self, renderer, on_read):
         self.renderer = renderer
         self._source = _vtk.vtkProgrammableSource()
         self._drawing: set = set()
-        self._source.SetExecuteMethod(_teller(weakref.WeakMethod(tell), self._drawing))
+        self._source.SetExecuteMethod(_teller(weakref.WeakMethod(on_read), self._drawing))
         mapper = _vtk.vtkPolyDataMapper()
         mapper.SetInputConnection(self._source.GetOutputPort())
         mapper.StaticOn()  # reading bounds must not execute the source
@@ -94,36 +94,36 @@ class Watch:
         self.prop.PickableOff()
         self._observers: list[int] = []
 
-    def set(self, there):
+    def set(self, is_watching):
         """Start or stop watching."""
-        if there and not self._observers:
+        if is_watching and not self._observers:
             put_inner(self.renderer, self.prop)
             show = _shows(self.prop, self._source, self._drawing)
             self._observers = [
                 self.renderer.AddObserver('StartEvent', lambda *_: show(False)),
                 self.renderer.AddObserver('EndEvent', lambda *_: show(True)),
             ]
-        elif not there and self._observers:
+        elif not is_watching and self._observers:
             self.renderer.RemoveViewProp(self.prop)
             for observer in self._observers:
                 self.renderer.RemoveObserver(observer)
             self._observers = []
 
 
-def _teller(tell, drawing):
+def _teller(weak_on_read, drawing):
     def read():
-        told = tell()
-        # VTK's shadow passes also read invisible props.
-        if told is not None and not drawing:
-            told()
+        on_read = weak_on_read()
+        # VTK's shadow passes read invisible props too.
+        if on_read is not None and not drawing:
+            on_read()
 
     return read
 
 
 def _shows(prop, source, drawing):
-    def show(there):
-        prop.SetVisibility(there)
-        if there:
+    def show(is_visible):
+        prop.SetVisibility(is_visible)
+        if is_visible:
             drawing.clear()
             source.Modified()  # so that the next reader executes it
         else:
@@ -133,33 +133,33 @@ def _shows(prop, source, drawing):
 
 
 class HandOver:
-    """Warns, once, of what is missing when a plotter's scene is read as data."""
+    """Warns once about what is missing when a plotter's scene is read as data."""
 
-    def __init__(self, plotter, report):
-        self._plotter, self._report = plotter, report
-        self._told: list = []
+    def __init__(self, plotter, web_report):
+        self._plotter, self._web_report = plotter, web_report
+        self._warned_rows: list = []
         self._viewer: object = None
         self._stopped = False
 
     def stop(self):
-        """Warn no more."""
+        """Stop warning."""
         self._stopped = True
 
     def warn(self):
-        """Warn unless a page of trame shows images that are rendered here, for now."""
+        """Warn, unless a trame page currently shows images rendered here."""
         if self._stopped:
             return
         viewer = trame_viewer(self._plotter)
         if viewer is not None and viewer.server.state[viewer.SERVER_RENDERING]:
             self._follow(viewer)
             return
-        report = self._report()
-        if report.missing and report.missing != self._told:
-            self._told = report.missing
+        report = self._web_report()
+        if report.missing and report.missing != self._warned_rows:
+            self._warned_rows = report.missing
             warn_missing(report)
 
     def _follow(self, viewer):
-        """Be called when a page switches between images and data."""
+        """Warn when a page switches from images to data."""
         if viewer is self._viewer:
             return
         self._viewer, warn = viewer, weakly(self.warn)
@@ -167,13 +167,13 @@ class HandOver:
 
 
 def warn_missing(report):
-    """Warn of what a browser will not show."""
-    named = '; '.join(f'{r.effect} ({r.what})' for r in report.missing if r.state == 'lost')
-    baked = ', '.join(r.effect for r in report.missing if r.state == 'baked')
+    """Warn about what a browser will not show."""
+    lost_names = '; '.join(f'{r.effect} ({r.what})' for r in report.missing if r.state == 'lost')
+    baked_names = ', '.join(r.effect for r in report.missing if r.state == 'baked')
     parts = ['The scene is sent as data, without what pvibr renders']
-    if baked:
-        parts.append(f'pl.ibr.to_plain_plotter() returns a plotter that has {baked}')
-    if named:
-        parts.append(f'Not available: {named}')
+    if baked_names:
+        parts.append(f'pl.ibr.to_plain_plotter() returns a plotter that has {baked_names}')
+    if lost_names:
+        parts.append(f'Not available: {lost_names}')
     parts.append("With jupyter_backend='server' a page shows everything; see pl.ibr.web_report()")
     warn('. '.join(parts) + '.')

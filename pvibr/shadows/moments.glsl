@@ -1,5 +1,5 @@
-// Moments of depth, blurred: what filtered shadow maps keep in place of depth.
-// First pass: depth to moments, two by two texels, and along x; second pass: along y.
+// Blurred moments of depth, which filtered shadow maps hold in place of depth.
+// First pass: depth of 2 x 2 texels to moments, blurred along x; second pass: along y.
 
 float linear_depth(float d)
 {
@@ -23,7 +23,7 @@ vec4 moments(float t)
 #endif
 }
 
-vec4 taken(vec2 at)
+vec4 moments_at(vec2 at)
 {
 #if FIRST
   vec4 sum = vec4(0.0);
@@ -42,13 +42,13 @@ vec4 taken(vec2 at)
 void main()
 {
   vec2 here = corner + floor(uv * side);
-  vec4 sum = taken(here);
+  vec4 sum = moments_at(here);
   float weight = 1.0;
   for (int i = 1; i <= reach; ++i)
   {
     float w = exp(-0.5 * float(i * i) / (sigma * sigma));
     vec2 d = (FIRST == 1 ? vec2(1.0, 0.0) : vec2(0.0, 1.0)) * float(i);
-    sum += w * (taken(here - d) + taken(here + d));
+    sum += w * (moments_at(here - d) + moments_at(here + d));
     weight += 2.0 * w;
   }
   gl_FragData[0] = sum / weight;

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from pvibr.gl import Quad, Target, release, shader_source
 
-#: Which moments a method keeps.
+#: KIND of moments.glsl by method.
 KINDS = {'vsm': 1, 'evsm': 2, 'msm': 3}
-#: Of exponential moments: the square of its exponential is just a float of 32 bits.
+#: Warp of exponential moments: the square of its exponential just fits a 32-bit float.
 WARP = 40.0
 _UNIFORMS = """uniform sampler2D source;
 uniform int parallel;
@@ -20,18 +20,18 @@ uniform vec2 corner;
 
 
 class Moments:
-    """The moments of the depth of a depth view, in half its resolution."""
+    """Moments of a depth view's depth, at half its resolution."""
 
-    def __init__(self, view, kind):
+    def __init__(self, view, method):
         self.view, self.window = view, view.drawer.window
         width, height = (n // 2 for n in view.texture.size)
-        self.target, self._half = (
+        self.target, self._half_blurred = (
             Target(self.window, width, height, ('rgba32f',)) for _ in range(2)
         )
-        text = shader_source(__file__)
-        head = f'#define KIND {KINDS[kind]}\n#define WARP {WARP:.1f}\n'
+        body = _UNIFORMS + shader_source(__file__)
+        defines = f'#define KIND {KINDS[method]}\n#define WARP {WARP:.1f}\n'
         self._passes = [
-            Quad(self.window, f'{head}#define FIRST {first}\n{_UNIFORMS}{text}', 'moments.glsl')
+            Quad(self.window, f'{defines}#define FIRST {first}\n{body}', 'moments.glsl')
             for first in (1, 0)
         ]
 
@@ -43,32 +43,32 @@ class Moments:
     @property
     def nbytes(self) -> int:
         """Bytes on the GPU."""
-        return self.target.nbytes + self._half.nbytes
+        return self.target.nbytes + self._half_blurred.nbytes
 
-    def update(self, k, sigma):
+    def update(self, view_number, sigma):
         """Blur the depth of a view."""
-        side = self.view.resolution // 2
-        x, y = self.view.corner(k)
-        view = self.view.views[k]
+        tile_side = self.view.resolution // 2
+        x, y = self.view.corner(view_number)
+        view = self.view.views[view_number]
         uniforms = {
             'parallel': int(view.parallel),
             'near': float(view.near),
             'far': float(view.far),
             'sigma': max(sigma / 2, 1e-3),
             'reach': min(int(1.5 * sigma + 0.5), 48),
-            'side': float(side),
+            'side': float(tile_side),
             'corner': (x / 2, y / 2),
         }
-        steps = (
-            (self._passes[0], self._half, self.view.texture),
-            (self._passes[1], self.target, self._half.colors[0]),
+        blur_steps = (
+            (self._passes[0], self._half_blurred, self.view.texture),
+            (self._passes[1], self.target, self._half_blurred.colors[0]),
         )
         state = self.window.GetState()
-        for quad, target, source in steps:
+        for quad, target, source in blur_steps:
             with target.drawing():
-                state.vtkglViewport(x // 2, y // 2, side, side)
+                state.vtkglViewport(x // 2, y // 2, tile_side, tile_side)
                 quad.draw(uniforms, {'source': source})
 
     def release(self):
-        """Free the GPU's memory; the context must be alive."""
-        release(self.target, self._half, *self._passes)
+        """Free GPU memory; the context must be current."""
+        release(self.target, self._half_blurred, *self._passes)

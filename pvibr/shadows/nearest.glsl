@@ -1,5 +1,5 @@
-// A pyramid of the nearest depth: each texel of a level has the least of two by two below it, or
-// of four by four of the map in the first. All levels of a view lie side by side in a tile.
+// A pyramid of the nearest depth: each texel has the least of 2 x 2 in the level below, in the first
+// level of 4 x 4 in the map. All levels of a view lie side by side in a tile.
 
 void main()
 {

@@ -1,4 +1,4 @@
-"""Pyramids of the nearest depth of depth maps, which bound what may hide a light."""
+"""Pyramids of the nearest depth in depth maps, which bound the search for blockers."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pvibr.gl import Quad, Target, release, shader_source
 from pvibr.gl import enums as gl
 from pvibr.gl.target import blit
 
-#: Texels of the map along a side of the first level's.
+#: Map texels along a side of a first-level texel.
 STEP = 4
 _UNIFORMS = """uniform sampler2D source;
 uniform vec2 corner;
@@ -18,18 +18,19 @@ uniform float size;
 
 
 class Nearest:
-    """The least depth of a depth view around any texel."""
+    """The nearest depth around any texel of a depth view."""
 
     def __init__(self, view):
         self.view, self.window = view, view.drawer.window
         self.side = side = first_side(view.resolution)
-        size = view.columns * (side + side // 2), view.rows * side
-        self.target = Target(self.window, *size, ('r32f',), filter='nearest')
-        # No pass reads the texture that it draws into.
-        self._level = Target(self.window, side, side, ('r32f',), filter='nearest')
-        text = _UNIFORMS + shader_source(__file__)
+        pyramid_size = view.columns * (side + side // 2), view.rows * side
+        self.target = Target(self.window, *pyramid_size, ('r32f',), filter='nearest')
+        # Levels are drawn here first: a pass must not read its own target.
+        self._level_target = Target(self.window, side, side, ('r32f',), filter='nearest')
+        shader_text = _UNIFORMS + shader_source(__file__)
         self._passes = [
-            Quad(self.window, f'#define STEP {step}\n{text}', 'nearest.glsl') for step in (STEP, 2)
+            Quad(self.window, f'#define STEP {step}\n{shader_text}', 'nearest.glsl')
+            for step in (STEP, 2)
         ]
 
     @property
@@ -40,32 +41,31 @@ class Nearest:
     @property
     def nbytes(self) -> int:
         """Bytes on the GPU."""
-        return self.target.nbytes + self._level.nbytes
+        return self.target.nbytes + self._level_target.nbytes
 
-    def update(self, k):
-        """Take the depth of a view."""
+    def update(self, view_number):
+        """Update the pyramid of a view."""
         side, state = self.side, self.window.GetState()
-        x = k % self.view.columns * (side + side // 2)
-        y = k // self.view.columns * side
+        left = view_number % self.view.columns * (side + side // 2)
+        bottom = view_number // self.view.columns * side
         source, quad = self.view.texture, self._passes[0]
-        corner, size = self.view.corner(k), self.view.resolution
+        corner, source_side = self.view.corner(view_number), self.view.resolution
         for level in range(int(math.log2(side)) + 1):
             n = side >> level
-            place = (x, y) if level == 0 else (x + side, y + side - 2 * n)
-            with self._level.drawing():
+            x, y = (left, bottom) if level == 0 else (left + side, bottom + side - 2 * n)
+            with self._level_target.drawing():
                 state.vtkglViewport(0, 0, n, n)
-                uniforms = {'corner': tuple(map(float, corner)), 'side': float(size)}
+                uniforms = {'corner': tuple(map(float, corner)), 'side': float(source_side)}
                 quad.draw(uniforms | {'size': float(n)}, {'source': source})
-            rects = (0, 0, n, n), (*place, place[0] + n, place[1] + n)
-            objects = self._level.object, self.target.object
-            blit(state, *objects, gl.COLOR_BUFFER_BIT, *rects)
-            source, quad, corner, size = self.texture, self._passes[1], place, n
+            objects, rects = (self._level_target.object, self.target.object), (0, 0, n, n)
+            blit(state, *objects, gl.COLOR_BUFFER_BIT, rects, (x, y, x + n, y + n))
+            source, quad, corner, source_side = self.texture, self._passes[1], (x, y), n
 
     def release(self):
-        """Free the GPU's memory; the context must be alive."""
-        release(self.target, self._level, *self._passes)
+        """Free GPU memory; the context must be current."""
+        release(self.target, self._level_target, *self._passes)
 
 
 def first_side(resolution) -> int:
-    """Return the texels along a side of the first level, a power of two."""
+    """Return the side of the first level in texels, a power of two."""
     return 1 << max(math.ceil(math.log2(resolution / STEP)), 1)

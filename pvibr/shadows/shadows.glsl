@@ -1,15 +1,15 @@
-// Shadows of lights by depth maps, in the fragment shader of whatever receives them.
+// Shadows from depth maps, in the fragment shaders of receivers.
 //
-// Depth is compared on the receiver's own plane: at the place of each texel that is read, not at
-// that of the fragment (Isidoro, "Shadow mapping: GPU-based tips and techniques", GDC 2006). So
-// planes of any slope need no bias but for rounding; what is curved gets an offset along the
-// normal of a part of a texel (Holbert, "Saying goodbye to shadow acne", GDC 2011).
+// Depth is compared on the receiver's plane at the position of each texel, not of the fragment
+// (Isidoro, "Shadow mapping: GPU-based tips and techniques", GDC 2006), so planes of any slope need
+// no bias but for rounding; curved surfaces are offset along the normal by a part of a texel
+// (Holbert, "Saying goodbye to shadow acne", GDC 2011).
 
 //@declare
-// Where VTK declares none, since it does not light the prop: what follows is not used then.
+// VTK declares none for unlit props, which do not use what follows.
 vec4 vertex@VC = vec4(0.0);
 
-// How far a receiver is lifted towards each light; whether it has no plane, and faces all of them.
+// Offset of a receiver towards each light; whether it has no plane, and faces all lights.
 float ibr_shadow_lift = 0.0;
 bool ibr_shadow_thin = false;
 
@@ -20,10 +20,10 @@ vec3 ibr_shadow_flat(vec3 p)
   return dot(n, n) > 0.0 ? normalize(n) : vec3(0.0, 0.0, 1.0);
 }
 
-// What is known where a comparison is made: place and depth in the view (0 to 1), depth per texture
-// coordinate on the receiver's plane, allowance for rounding; the view's tile in the texture, its
-// texels along a side, near, far, whether it is a perspective, and the light's size in parts of the
-// view's sides, at a distance of 1: the tangent of half its angle, or its radius.
+// A receiver in a light's view: position and depth (0 to 1), depth per texture coordinate on its
+// plane, and the allowance for rounding; of the view, its tile in the texture, texels along a side,
+// near, far, whether it is a perspective, and the light's size as a fraction of the view's sides at a
+// distance of 1: the tangent of half its angle, or its radius.
 struct ibr_Shadow
 {
   vec3 place;
@@ -44,7 +44,7 @@ float ibr_shadow_linear(ibr_Shadow s, float d)
 }
 
 //@disk
-// The first of some places, spread out to the whole disk: Vogel's are the same but for that.
+// The i-th of n points on a disk: the first n of Vogel's, scaled to the whole disk.
 vec2 ibr_shadow_tap(int i, int n)
 {
   return ibr_shadow_disk[i] * sqrt(float(TAPS) / float(n));
@@ -60,8 +60,8 @@ float ibr_shadow_test(sampler2D map, ibr_Shadow s)
 }
 
 //@window
-// Percentage-closer filtering (Reeves et al., SIGGRAPH 1987): what is filtered is the comparison,
-// here of every texel that a square around the receiver overlaps, each with the plane's depth.
+// Percentage-closer filtering (Reeves et al., SIGGRAPH 1987) of comparisons, here with all texels that
+// a square around the receiver overlaps, each at the plane's depth.
 float ibr_shadow_test(sampler2D map, ibr_Shadow s)
 {
   vec2 corner = s.place.xy * s.side - ibr_shadow_filter_radius;
@@ -90,7 +90,7 @@ float ibr_shadow_test(sampler2D map, ibr_Shadow s)
     {
       float wide = clamp(min(float(i + 1) - begin.x, end.x - float(i)), 0.0, 1.0);
       float depth = texelFetch(map, origin + ivec2(i, j), 0).r;
-      // What is behind all casters may be behind the far plane, too.
+      // Receivers behind all casters may be beyond the far plane.
       hidden += plane > depth && depth < 1.0 ? high * wide : 0.0;
       plane += slope.x;
     }
@@ -101,12 +101,12 @@ float ibr_shadow_test(sampler2D map, ibr_Shadow s)
 }
 
 //@pcf
-// The same by the driver's own comparison and linear filter, at places on a disk.
+// The same with the driver's comparison and linear filter, at points on a disk.
 float ibr_shadow_test(sampler2DShadow map, ibr_Shadow s)
 {
   float angle = 6.2831853 * IBR_DITHER(ibr_shadow_dither);
   mat2 turn = TAPS > 4 ? mat2(cos(angle), sin(angle), -sin(angle), cos(angle)) : mat2(1.0);
-  // A tap compares the four texels around it with the depth at their middle.
+  // A tap compares the four texels around it with the depth at its centre.
   float reach = s.bias + 0.75 * (abs(s.slope.x) + abs(s.slope.y)) / s.side;
   float lit = 0.0;
   for (int i = 0; i < ibr_shadow_taps; ++i)
@@ -120,10 +120,10 @@ float ibr_shadow_test(sampler2DShadow map, ibr_Shadow s)
 }
 
 //@pcss
-// Percentage-closer soft shadows (Fernando, SIGGRAPH 2005 sketches): what hides the light within
-// the cone from the receiver to the light is looked for, and its distance sets the filter.
-// The depth that hides the receiver's plane at a place, or 2.
-float ibr_shadow_hider(sampler2D map, ibr_Shadow s, vec2 d)
+// Percentage-closer soft shadows (Fernando, SIGGRAPH 2005 sketches): a search for blockers within the
+// cone from the receiver to the light, whose mean distance sets the filter.
+// The depth of a blocker of the receiver's plane at an offset, or 2.
+float ibr_shadow_blocker(sampler2D map, ibr_Shadow s, vec2 d)
 {
   vec2 texel = floor(clamp((s.place.xy + d) * s.side, vec2(0.0), vec2(s.side - 1.0)));
   float depth = texelFetch(map, ivec2(s.tile.xy * vec2(textureSize(map, 0)) + texel), 0).r;
@@ -136,13 +136,13 @@ float ibr_shadow_distance(ibr_Shadow s, float d)
   return s.near + (s.perspective ? ibr_shadow_linear(s, d) : d) * (s.far - s.near);
 }
 
-// Radius in the view of the cone to the light, at some distance from the light.
+// Radius, in the view, of the receiver's cone to the light at a distance from the light.
 vec2 ibr_shadow_cone(ibr_Shadow s, float from, float to)
 {
   return s.size * (s.perspective ? (to - from) / (to * from) : to - from);
 }
 
-// The least depth within a square around the receiver, or a little beside it.
+// The nearest depth within a square around the receiver, or slightly outside.
 float ibr_shadow_nearest(sampler2D near, ibr_Shadow s, vec2 r)
 {
   vec2 tile = vec2(textureSize(near, 0)) * s.tile.zw;
@@ -160,8 +160,8 @@ float ibr_shadow_nearest(sampler2D near, ibr_Shadow s, vec2 r)
   return least;
 }
 
-// No more taps than some for each texel.
-int ibr_shadow_enough(ibr_Shadow s, vec2 r)
+// Taps for a radius: limited per texel.
+int ibr_shadow_tap_count(ibr_Shadow s, vec2 r)
 {
   return min(ibr_shadow_taps, int(min(4.0 + 8.0 * r.x * r.y * s.side * s.side, 64.0)));
 }
@@ -172,7 +172,7 @@ float ibr_shadow_test(sampler2D map, sampler2D near, ibr_Shadow s)
   mat2 turn = mat2(cos(angle), sin(angle), -sin(angle), cos(angle));
   float to = ibr_shadow_distance(s, s.place.z);
   float least = 0.7 / s.side;
-  // What hides the light lies within its own cone; what is nearest to the light bounds all cones.
+  // A blocker lies within its own cone; the blocker nearest to the light bounds all cones.
   vec2 reach = clamp(ibr_shadow_cone(s, s.near, to), vec2(least), vec2(0.25));
   for (int k = 0; k < 10; ++k)
   {
@@ -183,31 +183,31 @@ float ibr_shadow_test(sampler2D map, sampler2D near, ibr_Shadow s)
     if (settled) break;
   }
   float sum = 0.0;
-  float found = 0.0;
-  int count = ibr_shadow_enough(s, reach);
+  float weight = 0.0;
+  int count = ibr_shadow_tap_count(s, reach);
   for (int i = 0; i < count; ++i)
   {
     vec2 d = turn * ibr_shadow_tap(i, count) * reach;
-    float depth = ibr_shadow_hider(map, s, d);
+    float depth = ibr_shadow_blocker(map, s, d);
     if (depth < 2.0)
     {
       float from = ibr_shadow_distance(s, depth);
-      // What lies within the search but beside the cone counts where there is nothing else.
+      // Blockers within the search but outside of the cone count only where there are no others.
       float w = length(d / (ibr_shadow_cone(s, from, to) + least)) <= 1.0 ? 1.0 : 0.02;
       sum += w * from;
-      found += w;
+      weight += w;
     }
   }
-  // Where nothing hides the light there is no second look.
-  if (found == 0.0) return 1.0;
-  vec2 radius = clamp(ibr_shadow_cone(s, sum / found, to), vec2(least), reach);
+  // No blocker, no filter.
+  if (weight == 0.0) return 1.0;
+  vec2 radius = clamp(ibr_shadow_cone(s, sum / weight, to), vec2(least), reach);
   float hidden = 0.0;
-  count = ibr_shadow_enough(s, radius);
+  count = ibr_shadow_tap_count(s, radius);
   for (int i = 0; i < count; ++i)
   {
-    // Low bumps within the filter are far beside the cone to the light: 3 times, as measured.
+    // Low bumps within the filter are far outside of the cone: measured, 3 times its radius.
     vec2 d = turn * ibr_shadow_tap(i, count) * radius;
-    float depth = ibr_shadow_hider(map, s, d);
+    float depth = ibr_shadow_blocker(map, s, d);
     vec2 cone = ibr_shadow_cone(s, ibr_shadow_distance(s, min(depth, 1.0)), to);
     hidden += depth < 2.0 && length(d / (cone + least)) <= 3.0 ? 1.0 : 0.0;
   }
@@ -215,14 +215,14 @@ float ibr_shadow_test(sampler2D map, sampler2D near, ibr_Shadow s)
 }
 
 //@moments
-// Where a moment map is read: away from its neighbours in the texture.
+// Moments at the receiver, clamped to its tile of the texture.
 vec4 ibr_shadow_moments(sampler2D map, ibr_Shadow s)
 {
   vec2 uv = clamp(s.place.xy, 1.0 / s.side, 1.0 - 1.0 / s.side);
   return texture(map, s.tile.xy + uv * s.tile.zw);
 }
 
-// The variance that the receiver's own plane has within the filter.
+// Variance of the receiver's own plane within the filter.
 float ibr_shadow_spread(ibr_Shadow s)
 {
   float d = 0.5 * length(s.slope) * max(ibr_shadow_filter_radius, 1.0) / s.side;
@@ -230,7 +230,7 @@ float ibr_shadow_spread(ibr_Shadow s)
   return step * step + 1e-7;
 }
 
-// The most that can be lit by what the two moments tell (Chebyshev), dark tails cut off.
+// Upper bound of the lit share by two moments (Chebyshev), with the dark tail cut off.
 float ibr_shadow_most(vec2 m, float t, float least)
 {
   float variance = max(m.y - m.x * m.x, least);
@@ -260,8 +260,8 @@ float ibr_shadow_test(sampler2D map, ibr_Shadow s)
 }
 
 //@msm
-// The least that is hidden by what four moments tell: the Hamburger problem, solved by the
-// Cholesky factors of its matrix (Peters and Klein, I3D 2015, algorithm 1).
+// Lower bound of the hidden share by four moments: the Hamburger problem, solved by Cholesky
+// factors of its matrix (Peters and Klein, I3D 2015, algorithm 1).
 float ibr_shadow_test(sampler2D map, ibr_Shadow s)
 {
   float z = ibr_shadow_linear(s, s.place.z - s.bias) - sqrt(ibr_shadow_spread(s));
@@ -286,8 +286,8 @@ float ibr_shadow_test(sampler2D map, ibr_Shadow s)
 }
 
 //@light
-// Where a view has a place: texture coordinates; the distance along the view, if it is positional.
-// What is read from uniforms counts: llvmpipe takes as long for each number as for a division.
+// Texture coordinates of a position in a view, and for positional lights its distance along the view.
+// Reads few uniforms: on llvmpipe each number takes as long as a division.
 vec3 ibr_shadow_at_NUMBER(int view, vec3 p)
 {
   mat4 v = ibr_shadow_view[view];
@@ -299,7 +299,7 @@ vec3 ibr_shadow_at_NUMBER(int view, vec3 p)
 #endif
 }
 
-// From a place to the light, normal, and the cosine between these times the first one's length.
+// toward: to the light; facing: dot product of normal and toward.
 vec3 ibr_shadow_map_lit_NUMBER(vec3 toward, vec3 p, vec3 n, float facing)
 {
   int view = FIRST;
@@ -312,7 +312,7 @@ vec3 ibr_shadow_map_lit_NUMBER(vec3 toward, vec3 p, vec3 n, float facing)
   p = vec3(dot(p, axes[0].xyz), dot(p, axes[1].xyz), -dot(p, toward));
 #endif
 #if WHOLE == 6
-  // Of views all around, the one whose axis is nearest.
+  // Of six views all around, the one whose axis is nearest.
   float along = 0.0;
   for (int k = FIRST; k < FIRST + WHOLE; ++k)
   {
@@ -323,14 +323,14 @@ vec3 ibr_shadow_map_lit_NUMBER(vec3 toward, vec3 p, vec3 n, float facing)
 #endif
   vec3 q = ibr_shadow_at_NUMBER(view, p);
 #if REFINED
-  // Of views around the eye, the narrowest.
+  // Of the views around the eye, the narrowest.
   float most = 0.0;
   for (int k = FIRST + WHOLE; k < FIRST + WHOLE + REFINED; ++k)
   {
     vec3 c = ibr_shadow_at_NUMBER(k, p);
     vec2 aside = abs(c.xy - 0.5);
     bool narrower = ibr_shadow_view[k][0].w > most;
-    // Those of a sun have all casters above it; those of a lamp end somewhere.
+    // Views of a sun include all casters above; those of a lamp have a far plane.
     bool within = max(aside.x, aside.y) < 0.49;
 #if POSITIONAL
     within = within && c.z > 0.0 && c.z < ibr_shadow_view[k][3].y;
@@ -363,38 +363,38 @@ vec3 ibr_shadow_map_lit_NUMBER(vec3 toward, vec3 p, vec3 n, float facing)
   // Depth per texture coordinate on the receiver's plane.
   vec2 slope = across / facing;
 #if POLYGON
-  // As glPolygonOffset has it: the slope along the steeper axis, and units of resolution.
+  // As glPolygonOffset: the slope along the steeper axis, and units of depth resolution.
   float bias = ibr_shadow_polygon.x * max(abs(slope.x), abs(slope.y)) / side;
   bias += ibr_shadow_polygon.y / 16777216.0;
   slope = vec2(0.0);
 #else
-  // The receiver's plane is moved along its normal by a part of the side of a texel along which it
-  // falls away from the light; its place in the map stays.
+  // Move the receiver's plane along its normal by a part of a texel's side in the direction in which
+  // it falls away from the light; its position in the map stays.
   vec2 fall = abs(slope) + 1e-6;
   float texel = (fall.x + fall.y) / (side * length(fall * wide));
   s.z -= texel * ibr_shadow_normal_bias * deep / facing;
-  // Rounding: of depth, and of vertices to parts of a texel when the map was drawn.
+  // Rounding of depth, and of vertices to subpixels when the map was drawn.
   float bias = 4e-7 + (abs(slope.x) + abs(slope.y)) / side / 128.0;
 #endif
   ivec2 cell = ivec2((view - FIRST) % COLUMNS, (view - FIRST) / COLUMNS);
-  ibr_Shadow found;
-  found.place = s;
-  found.slope = slope;
-  found.bias = bias;
-  found.tile = vec4(vec2(cell) / vec2(COLUMNS, ROWS), 1.0 / vec2(COLUMNS, ROWS));
-  found.side = side;
-  found.near = v[3].x;
-  found.far = v[3].y;
-  found.size = v[3].zw;
-  found.perspective = bool(POSITIONAL);
+  ibr_Shadow receiver;
+  receiver.place = s;
+  receiver.slope = slope;
+  receiver.bias = bias;
+  receiver.tile = vec4(vec2(cell) / vec2(COLUMNS, ROWS), 1.0 / vec2(COLUMNS, ROWS));
+  receiver.side = side;
+  receiver.near = v[3].x;
+  receiver.far = v[3].y;
+  receiver.size = v[3].zw;
+  receiver.perspective = bool(POSITIONAL);
 #if NEAREST
-  vec3 lit = vec3(ibr_shadow_test(ibr_shadow_map_NUMBER, ibr_shadow_near_NUMBER, found));
+  vec3 lit = vec3(ibr_shadow_test(ibr_shadow_map_NUMBER, ibr_shadow_near_NUMBER, receiver));
 #else
-  vec3 lit = vec3(ibr_shadow_test(ibr_shadow_map_NUMBER, found));
+  vec3 lit = vec3(ibr_shadow_test(ibr_shadow_map_NUMBER, receiver));
 #endif
 #if VEILED
-  // Translucent casters between the light and what is opaque; before the nearest there is none.
-  vec2 uv = found.tile.xy + clamp(s.xy, 0.5 / side, 1.0 - 0.5 / side) * found.tile.zw;
+  // Translucent casters between the light and opaque ones; none in front of the nearest.
+  vec2 uv = receiver.tile.xy + clamp(s.xy, 0.5 / side, 1.0 - 0.5 / side) * receiver.tile.zw;
   float reach = bias + 2.0 * (abs(slope.x) + abs(slope.y)) / side;
   if (s.z - reach > texture(ibr_shadow_veil_NUMBER, uv).r)
     lit *= texture(ibr_shadow_tint_NUMBER, uv).rgb;
@@ -408,25 +408,25 @@ vec3 ibr_shadow_NUMBER(vec3 p, vec3 n)
   if (ibr_shadow_thin) n = normalize(toward);
   if (ibr_shadow_lift > 0.0)
   {
-    // No farther than half of the way: a lamp that is near stays before it.
+    // At most half way, so that a nearby lamp stays in front.
     float share = ibr_shadow_lift / length(toward);
     vec3 lift = toward * (POSITIONAL == 1 ? min(share, 0.5) : share);
     p += lift;
     toward -= POSITIONAL == 1 ? lift : vec3(0.0);
   }
   float facing = dot(n, toward);
-  // Where light grazes, planes are too steep for what depth can tell.
+  // At grazing light, planes are too steep for the resolution of depth.
   facing = max(facing, 1e-3 * (POSITIONAL == 1 ? length(toward) : 1.0));
   return dot(n, toward) > 0.0 ? ibr_shadow_map_lit_NUMBER(toward, p, n, facing) : vec3(0.0);
 }
 
 //@apply
 #ifdef IBR_PLACE
-  // What is drawn has another shape than its triangles: it tells its place and normal.
+  // The shape is not that of the triangles: its shader gives position and normal.
   vec3 ibr_shadow_n = normalize(IBR_NORMAL);
   vec3 ibr_shadow_p = IBR_PLACE;
 #elif defined(IBR_BEND)
-  // Facets that stand for a curved surface: light reaches that, with no steps where it turns away.
+  // Facets of a curved surface: shade the surface, without steps at the terminator.
   vec3 ibr_shadow_n = normal@VCVSOutput;
   vec3 ibr_shadow_p = vertex@VC.xyz;
   float ibr_shadow_curve = max(
@@ -445,6 +445,6 @@ vec3 ibr_shadow_NUMBER(vec3 p, vec3 n)
   ibr_shadow_thin = true;
 #endif
 #ifdef IBR_BLUR
-  // As much as it may be away from what the light sees of it; aside there are other shadows.
+  // As far as the drawn shape may be off its shape in the map.
   ibr_shadow_lift = IBR_BLUR;
 #endif

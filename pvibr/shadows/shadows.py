@@ -33,27 +33,27 @@ _GATHER = """//VTK::System::Dec
 #define IBR_GATHER
 #endif
 """
-_MATERIAL = 6  # texture units that are left to materials
+_MATERIAL = 6  # texture units reserved for materials
 
 
 class Shadows(Effect):
-    """Cast shadows from the lights of the scene on everything that they light.
+    """Cast shadows from the scene's lights on everything that they light.
 
     Shadow maps (Williams, "Casting curved shadows on curved surfaces", SIGGRAPH 1978) are redrawn
     only when the light, the casters or the fit changed. Diffuse and specular light are scaled per
     light where VTK computes them, so shadows combine with several lights, any material and any
-    other pass. Headlights cast no visible shadows. Where all lights follow the camera, as those of
-    PyVista's light kit do, one sun that stands still takes a share of their light and casts.
+    other pass. Headlights cast no visible shadows. If all lights follow the camera, like those of
+    PyVista's light kit, a static sun takes a share of their light and casts shadows.
 
     Parameters
     ----------
     casts : callable or sequence, optional
-        Actors and things of pvibr that cast shadows, or a function that returns True for them; by
-        default all that are visible and count in the scene's bounds.
+        Actors and things that cast shadows, or a predicate of them; by default all that are
+        visible and count in the scene's bounds.
     receives : callable or sequence, optional
-        The same for receivers of shadows; by default all that are lit.
+        The same for receivers; by default all that are lit.
     **settings
-        Values of the settings.
+        Values of the class's settings.
 
     Examples
     --------
@@ -79,45 +79,56 @@ class Shadows(Effect):
     }
     method = Param(
         'pcf',
-        'Shadow map: hard, filtered (pcf), with penumbrae (pcss) or blurred moments (vsm, evsm, '
-        'msm); or shadow volumes, exact to the pixel.',
+        'Shadow maps, hard (fastest), filtered (pcf), with penumbrae (pcss) or as blurred moments '
+        '(vsm, evsm, msm); or shadow volumes, exact to the pixel.',
         choices=('hard', 'pcf', 'pcss', *KINDS, 'volume'),
     )
     lights = Param(
         'auto',
-        'Lights that cast: those that stand still, or, where there is none, a sun derived from '
-        'lights that follow the camera, which it dims; or all of them.',
+        'Lights that cast: auto are static ones, or without any a sun derived from the lights '
+        'that follow the camera, which it dims; all includes the latter.',
         choices=('auto', 'all'),
     )
-    strength = Param(1.0, 'Share of the light that a shadow takes away.', range='[0, 1]')
+    strength = Param(
+        1.0,
+        'Share of the light that a shadow removes; lower it for lighter shadows.',
+        range='[0, 1]',
+    )
     ambient = Param(
         0.6,
-        'Share of their brightness that lights keep which follow the camera, beside the sun that '
-        'is derived from them.',
+        'Share of brightness that lights that follow the camera keep beside the sun derived from '
+        'them: lower makes shadows darker.',
         range='(0, 1)',
     )
-    resolution = Param(2048, 'Texels along a side of a shadow map.', range='[16, 16384]')
+    resolution = Param(
+        2048, 'Texels along a side of a shadow map: more sharpens edges.', range='[16, 16384]'
+    )
     memory = Param(
         1024.0,
-        'Memory for the maps of all lights: at it, maps have fewer texels, with a warning.',
+        'Memory limit for the maps of all lights; beyond it they have fewer texels, with a '
+        'warning.',
         range='[1, 65536]',
         unit='MiB',
     )
     filter_radius = Param(
         None,
-        'Filter radius of pcf, by default 0.5; standard deviation of moments, by default 2.',
+        'Radius of the pcf filter, by default 0.5; standard deviation of the blur of moments, by '
+        'default 2. Larger softens edges.',
         range='[0, 64]',
         unit='texels',
         kind=float,
     )
     taps = Param(
         None,
-        'Samples per pixel; by default one per texel of small pcf filters, else 16; 32 for pcss.',
+        'Samples per pixel; by default one per texel for small pcf filters, else 16; 32 for pcss.',
         range='[1, 64]',
         kind=int,
     )
     angle = Param(
-        0.53, 'Angular diameter of directional lights for pcss.', range='(0, 90)', unit='degrees'
+        0.53,
+        'Angular diameter of directional lights for pcss, by default that of the sun.',
+        range='(0, 90)',
+        unit='degrees',
     )
     radius = Param(
         None,
@@ -128,7 +139,7 @@ class Shadows(Effect):
     )
     bias = Param(
         'plane',
-        'Bias against self-shadowing: by the plane of the receiver, or a polygon offset.',
+        "Bias against self-shadowing: the receiver's plane, or a polygon offset.",
         choices=('plane', 'polygon_offset'),
     )
     polygon_offset = Param(
@@ -136,7 +147,7 @@ class Shadows(Effect):
     )
     faces = Param(
         'both',
-        'Faces that cast; back faces avoid acne, but light leaks under thin meshes.',
+        'Faces that cast: back faces avoid acne, but let light leak under thin meshes.',
         choices=('both', 'back'),
     )
     normal_bias = Param(
@@ -150,18 +161,16 @@ class Shadows(Effect):
 
     def __init__(self, *, casts=None, receives=None, **settings):
         self.casts, self.receives = casts, receives
-        self._lights: list[LightMaps] = []
-        self._attached = FeatureSet()
+        self._light_maps: list[LightMaps] = []
+        self._receiver_features = FeatureSet()
         self._drawer: Any = None
         self._volumes: Any = None
-        self._seen: tuple = ()
-        self._cast: set = set()
+        self._scene_lights: tuple = ()
+        self._caster_addresses: set = set()
         self._sun = DerivedSun()
-        self._drawn = 0
-        self._most = 1
+        self._released_bakes = 0
+        self._light_limit = 1
         super().__init__(**settings)
-
-    # -- what takes part ----------------------------------------------------------------------
 
     def _things(self) -> list:
         return [t for t in self.pipeline.things if t.enabled]
@@ -170,78 +179,74 @@ class Shadows(Effect):
         return self.pipeline.surfaces.casters(self.casts, self._things(), frame, scenery=False)
 
     def _receivers(self) -> dict:
-        surfaces, things = self.pipeline.surfaces, self._things()
-        actors, things = surfaces.chosen(self.receives, things, handles=False)
-        if self.method == 'volume':  # a mask is that of the opaque surfaces
+        surface_set, things = self.pipeline.surfaces, self._things()
+        actors, things = surface_set.chosen(self.receives, things, handles=False)
+        if self.method == 'volume':  # masks are those of opaque surfaces
             actors = {k: a for k, a in actors.items() if not a.HasTranslucentPolygonalGeometry()}
         return actors | {address(a): a for thing in things for a in thing.actors()}
-
-    # -- the life of an effect ----------------------------------------------------------------
 
     def needed(self, frame) -> bool | str:
         """Return True if any light casts shadows."""
         if has_shadows(frame.renderer):
             raise RuntimeError(
-                'enable_shadows() has VTK draw shadows: call disable_shadows() for these'
+                "shadows must not be VTK's too, got enable_shadows(): call disable_shadows()"
             )
         self._sun.match(frame, self.lights == 'auto', self.ambient)
-        self._seen = tuple(lights_of(frame.renderer))
+        self._scene_lights = tuple(lights_of(frame.renderer))
         if self._may_cast():
             return True
         return 'no light casts shadows: headlights cast none, add a scene light'
 
     def prepare(self, frame):
-        """Redraw stale shadow maps, and bind them for receivers."""
+        """Redraw stale shadow maps and bind them for receivers."""
         if self._drawer is None or self._drawer.renderer is not frame.renderer:
             self._drawer = Drawer(frame.renderer)
         casters = self._casters(frame)
-        self._cast = casters.addresses
-        samplers = 1 + (self.method == 'pcss') + len(VEILS) * bool(casters.translucent)
-        self._most = max((texture_units(frame.window) - _MATERIAL) // samplers, 1)
+        self._caster_addresses = casters.addresses
+        samplers_per_light = 1 + (self.method == 'pcss') + len(VEILS) * bool(casters.translucent)
+        self._light_limit = max((texture_units(frame.window) - _MATERIAL) // samplers_per_light, 1)
         self._match_lights()
-        for maps in self._lights:
+        for maps in self._light_maps:
             maps.update(frame, casters)
-        self._count(frame, casters)
+        self._update_volumes(frame, casters)
         self._attach(frame)
 
     def _casting(self) -> list[SceneLight]:
-        """Return the lights that cast shadows: as many as a shader may sample."""
-        return self._may_cast()[: self._most]
+        """Return the lights that cast shadows, at most as many as a shader may sample."""
+        return self._may_cast()[: self._light_limit]
 
     def _may_cast(self) -> list[SceneLight]:
-        every = self.lights == 'all'
-        return [x for x in self._seen if x.kind != 'headlight' and (every or x.still)]
+        casts_all = self.lights == 'all'
+        return [x for x in self._scene_lights if x.kind != 'headlight' and (casts_all or x.still)]
 
-    def _count(self, frame, casters):
-        """Draw shadow volumes if that is the method."""
+    def _update_volumes(self, frame, casters):
+        """Draw shadow volumes with method volume, or release them."""
         if self.method == 'volume':
             self._volumes = self._volumes or ShadowVolumes(self._drawer)
-            shown = self.pipeline.surfaces.casters(None, self._things())
-            self._volumes.update(frame, self._casting(), casters, shown)
+            visible = self.pipeline.surfaces.casters(None, self._things())
+            self._volumes.update(frame, self._casting(), casters, visible)
         else:
             release(self._volumes)
             self._volumes = None
 
     @property
     def bytes_of_a_light(self) -> float:
-        """Bytes that the maps of one light may take."""
-        return self.memory * 2**20 / max(len(self._lights), 1)
+        """Most bytes of one light's maps."""
+        return self.memory * 2**20 / max(len(self._light_maps), 1)
 
     def _match_lights(self):
-        """Keep the maps of lights that are still on."""
+        """Match maps to lights: keep those of lights that are still on, release others."""
         casting = [] if self.method == 'volume' else self._casting()
-        settings = self.revision
-        old = {maps.light.number: maps for maps in self._lights if maps.settings == settings}
-        kept = [old.pop(light.number, None) for light in casting]
-        for maps in self._lights:
-            if maps not in kept:
-                self._drawn += maps.bakes
+        revision = self.revision
+        old = {maps.light.number: maps for maps in self._light_maps if maps.settings == revision}
+        matched = [old.pop(light.number, None) for light in casting]
+        for maps in self._light_maps:
+            if maps not in matched:
+                self._released_bakes += maps.bakes
                 maps.release()
-        self._lights = []
-        for light, found in zip(casting, kept, strict=True):
-            maps = found or LightMaps(self._drawer, self, settings)
+        self._light_maps = [maps or LightMaps(self._drawer, self, revision) for maps in matched]
+        for maps, light in zip(self._light_maps, casting, strict=True):
             maps.light = light
-            self._lights.append(maps)
 
     def views_of(self, light) -> list:
         """Return the views of a light's shadow maps in the last frame.
@@ -249,87 +254,89 @@ class Shadows(Effect):
         Parameters
         ----------
         light : vtkLight
-            Of the subplot.
+            A light of the subplot.
 
         Returns
         -------
         list of pvibr.maths.views.View
-            The first contains all casters; empty if it casts no shadow or has no maps.
+            The first contains all casters; empty if the light has no maps.
         """
         if self.pipeline is None or not self.enabled:
             return []
-        on = [address(x) for x in self.pipeline.renderer.GetLights() if x.GetSwitch()]
-        key = address(light)
-        number = on.index(key) if key in on else None
-        return next((list(m.views) for m in self._lights if m.light.number == number), [])
+        lights_on = [address(x) for x in self.pipeline.renderer.GetLights() if x.GetSwitch()]
+        light_address = address(light)
+        light_number = lights_on.index(light_address) if light_address in lights_on else None
+        maps = (m for m in self._light_maps if m.light.number == light_number)
+        return next((list(m.views) for m in maps), [])
 
     def _attach(self, frame):
-        """Attach the shader text to receivers, and set the uniforms of this frame."""
-        feature, uniforms = self._receiver(frame)
-        receivers = [] if feature is None else list(self._receivers().values())
+        """Attach the shader to receivers, and set this frame's uniforms."""
+        receiver_feature, uniforms = self._receiver_shader(frame)
+        receivers = [] if receiver_feature is None else list(self._receivers().values())
 
         def features_of(actor):
-            return feature, *surface_features(actor)
+            return receiver_feature, *surface_features(actor)
 
         def version_of(actor):
-            return actor.GetMTime(), feature
+            return actor.GetMTime(), receiver_feature
 
-        for actor in self._attached.match(receivers, features_of, version_of):
-            set_surface_uniforms(actor, casts=address(actor) in self._cast)
+        for actor in self._receiver_features.match(receivers, features_of, version_of):
+            set_surface_uniforms(actor, casts=address(actor) in self._caster_addresses)
         set_fragment_uniforms(receivers, uniforms)
 
-    def _receiver(self, frame):
-        """Return the feature of receivers, None if no light casts a shadow, and its uniforms."""
+    def _receiver_shader(self, frame):
+        """Return the receivers' feature, None without shadows, and its uniforms."""
         if self.method == 'volume':
-            lights = tuple((light.number, light.positional) for light in self._casting())
+            volume_lights = tuple((light.number, light.positional) for light in self._casting())
             uniforms = self._volumes.uniforms(frame)
             uniforms['ibr_shadow_strength'] = float(self.strength)
             for light in self._casting():
                 uniforms |= _place(frame, light)
-            return _feature('volume', 0, False, lights), uniforms
-        lit = [m for m in self._lights if m.view is not None]
-        if not lit:
+            return _feature('volume', 0, False, volume_lights), uniforms
+        light_maps = [m for m in self._light_maps if m.view is not None]
+        if not light_maps:
             return None, {}
-        polygon = self.bias == 'polygon_offset'
-        signature = (*filter_of(self), polygon, tuple(m.signature() for m in lit))
-        return _feature(*signature), self._uniforms(frame, lit)
+        uses_polygon_offset = self.bias == 'polygon_offset'
+        signatures = tuple(m.signature() for m in light_maps)
+        feature = _feature(*filter_of(self), uses_polygon_offset, signatures)
+        return feature, self._uniforms(frame, light_maps)
 
-    def _uniforms(self, frame, lit):
-        _, taps = filter_of(self)
+    def _uniforms(self, frame, light_maps):
+        _, tap_count = filter_of(self)
         uniforms = {
-            'ibr_shadow_view': np.stack([v for m in lit for v in m.in_shader(frame)]),
+            'ibr_shadow_view': np.stack([v for m in light_maps for v in m.in_shader(frame)]),
             'ibr_shadow_normal_bias': self.normal_bias,
             'ibr_shadow_polygon': self.polygon_offset,
             'ibr_shadow_filter_radius': filter_radius(self),
             'ibr_shadow_strength': float(self.strength),
             'ibr_shadow_dither': frame.vary('shadow taps')[0],
-            'ibr_shadow_taps': max(1, round(taps * frame.quality)),
+            'ibr_shadow_taps': max(1, round(tap_count * frame.quality)),
         }
-        for maps in lit:
-            n = maps.light.number
+        for maps in light_maps:
+            light_number = maps.light.number
             uniforms |= _place(frame, maps.source)
-            uniforms[f'ibr_shadow_size_{n}'] = float(maps.view.resolution)
+            uniforms[f'ibr_shadow_size_{light_number}'] = float(maps.view.resolution)
             for name, texture in maps.textures().items():
-                uniforms[f'ibr_shadow_{name}_{n}'] = texture.activate()
+                uniforms[f'ibr_shadow_{name}_{light_number}'] = texture.activate()
         return uniforms
 
     def finish(self, frame):
         """Release the texture units."""
-        for maps in self._lights:
+        for maps in self._light_maps:
             for texture in maps.textures().values():
                 texture.deactivate()
         if self._volumes is not None:
             self._volumes.finish()
-        # Another subplot that shows the same actor has other lights, or no shadows.
-        self._attached.leave_shared()
+        # Other subplots may show the same actors with other lights, or without shadows.
+        self._receiver_features.leave_shared()
 
     def deactivate(self):
-        """Detach the shader text from all receivers, and leave the lights as they were."""
-        self._attached.clear()
+        """Detach the shader from receivers, and restore the lights."""
+        self._receiver_features.clear()
         self._sun.remove()
 
     def attach(self, pipeline):
-        """Add it to a pipeline that has no shadows yet."""
+        """Join a pipeline, which may have one such effect."""
         if any(isinstance(effect, Shadows) for effect in pipeline.effects):
             raise ValueError(
                 'Shadows are in this subplot already: change their settings, or remove them'
@@ -337,15 +344,15 @@ class Shadows(Effect):
         super().attach(pipeline)
 
     def detach(self):
-        """Remove it from the pipeline."""
+        """Leave the pipeline."""
         self.deactivate()
         super().detach()
 
     def release(self):
-        """Free what it holds on the GPU; the context is current."""
+        """Free GPU memory; the context must be current."""
         self.deactivate()
-        release(*self._lights, self._volumes, self._drawer)
-        self._lights, self._drawer, self._volumes = [], None, None
+        release(*self._light_maps, self._volumes, self._drawer)
+        self._light_maps, self._drawer, self._volumes = [], None, None
 
     def bake_into(self, scene):
         """Add shadows to a scene without pvibr."""
@@ -353,43 +360,39 @@ class Shadows(Effect):
         casting = [light.number for light in self._casting()]
         scene.shadow(self.casts, self.receives, casting, self.strength, extents)
 
-    def _extent(self, light, reach):
-        """Return the size of a light: degrees, or a length in world units."""
-        return (self.radius or reach / 50) if light.positional else self.angle
+    def _extent(self, light, scene_distance):
+        """Return the size of a light: degrees, or world units for positional ones."""
+        return (self.radius or scene_distance / 50) if light.positional else self.angle
 
-    def _without(self) -> list[str]:
-        """Return the kinds of what casts no shadow."""
+    def _not_casting(self) -> list[str]:
+        """Return the kinds of lights and props that cast no shadow."""
         volumes = self.pipeline.renderer.GetVolumes() if self.pipeline else ()
-        may = self._may_cast()
-        heads = [s.kind if s.still else 'camera light' for s in self._seen if s not in may]
-        beyond = len(may) - len(self._casting())
-        units = [f'{beyond} lights more than the driver has texture units for'] if beyond else []
-        return heads + units + ['volume' for _ in volumes]
+        casting = self._may_cast()
+        dark_lights = [x for x in self._scene_lights if x not in casting]
+        kinds = [x.kind if x.still else 'camera light' for x in dark_lights]
+        beyond = len(casting) - len(self._casting())
+        if beyond:
+            kinds.append(f'{beyond} lights more than the driver has texture units for')
+        return kinds + ['volume'] * len(list(volumes))
 
     def report(self) -> dict:
-        """Return bytes, texels, views drawn so far, and what casts no shadow."""
-        lit = [m for m in self._lights if m.view is not None]
-        views = [m.view for m in lit]
-        dark = {'no shadows from': self._without()}
+        """Return bytes, texels, views drawn so far, and which lights and props cast no shadow."""
+        light_maps = [m for m in self._light_maps if m.view is not None]
+        depth_views = [m.view for m in light_maps]
+        texels_per_pixel = min((m.texels_per_pixel for m in light_maps), default=0.0)
+        dark_lights = {'no shadows from': self._not_casting()}
         if self._volumes is not None:
-            return (
-                {
-                    'bytes': self._volumes.nbytes,
-                    'lights': len(self._casting()),
-                    'receivers': len(self._attached),
-                }
-                | self._volumes.report()
-                | dark
-            )
+            counts = {'lights': len(self._casting()), 'receivers': len(self._receiver_features)}
+            return {'bytes': self._volumes.nbytes} | counts | self._volumes.report() | dark_lights
         return {
-            'bytes': nbytes_of(*self._lights),
-            'lights': len(views),
-            'views': sum(len(v.views) for v in views),
-            'texels': min((v.resolution for v in views), default=0),
-            'texels per pixel': round(min((m.texels_per_pixel for m in lit), default=0.0), 3),
-            'views drawn': self._drawn + sum(m.bakes for m in self._lights),
-            'receivers': len(self._attached),
-        } | dark
+            'bytes': nbytes_of(*self._light_maps),
+            'lights': len(depth_views),
+            'views': sum(len(v.views) for v in depth_views),
+            'texels': min((v.resolution for v in depth_views), default=0),
+            'texels per pixel': round(texels_per_pixel, 3),
+            'views drawn': self._released_bakes + sum(m.bakes for m in self._light_maps),
+            'receivers': len(self._receiver_features),
+        } | dark_lights
 
 
 def _place(frame, light) -> dict:
@@ -398,23 +401,25 @@ def _place(frame, light) -> dict:
 
 
 @lru_cache(maxsize=16)
-def _feature(method, taps, polygon, lights) -> Feature:
-    """Return the shader text for some lights, put around VTK's own light code."""
-    text = sections(shader_source(__file__))
+def _feature(method, tap_count, uses_polygon_offset, lights) -> Feature:
+    """Return the receivers' shader for these lights, around VTK's own light code."""
+    shader_texts = sections(shader_source(__file__))
     if method == 'volume':
         samplers, body = receiver_text(lights)
-        parts = [declared_samplers(samplers), text['declare'], body]
+        declarations = [declared_samplers(samplers), shader_texts['declare'], body]
     else:
-        parts = map_parts(text, method, taps, polygon, lights)
-    before, after = text['apply'], ''
+        declarations = map_parts(shader_texts, method, tap_count, uses_polygon_offset, lights)
+    light_prefix, light_suffix = shader_texts['apply'], ''
     for number, *_ in lights:
-        call = f'ibr_shadow_{number}(ibr_shadow_p, ibr_shadow_n)'
-        before += f'  vec3 ibr_shadow_lit_{number} = 1.0 - ibr_shadow_strength * (1.0 - {call});\n'
-        before += f'#define lightColor{number} (ibr_shadow_lit_{number} * lightColor{number})\n'
-        after += f'#undef lightColor{number}\n'
-    texts = {
+        hidden = f'(1.0 - ibr_shadow_{number}(ibr_shadow_p, ibr_shadow_n))'
+        light_prefix += (
+            f'  vec3 ibr_shadow_lit_{number} = 1.0 - ibr_shadow_strength * {hidden};\n'
+            f'#define lightColor{number} (ibr_shadow_lit_{number} * lightColor{number})\n'
+        )
+        light_suffix += f'#undef lightColor{number}\n'
+    fragment_texts = {
         'VTK::System::Dec': _GATHER,
-        'VTK::CustomUniforms::Dec': ''.join(parts),
-        'VTK::Light::Impl': f'{before}//VTK::Light::Impl\n{after}',
+        'VTK::CustomUniforms::Dec': ''.join(declarations),
+        'VTK::Light::Impl': f'{light_prefix}//VTK::Light::Impl\n{light_suffix}',
     }
-    return Feature('shadows', fragment=texts)
+    return Feature('shadows', fragment=fragment_texts)

@@ -1,4 +1,4 @@
-"""Position of the sun by PyEphem (the extra ``sun``)."""
+"""Position of the sun, by PyEphem (extra ``sun``)."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def sun_position(time, latitude, longitude):
     checked_number('longitude', longitude, -180, 360)
     ephem = require('ephem', 'sun', 'Positions of the sun')
     observer = ephem.Observer()
-    # PyEphem knows no time zones: it takes every time for universal time.
+    # PyEphem has no time zones: every time is UTC.
     observer.date = ephem.Date(time.astimezone(datetime.timezone.utc).replace(tzinfo=None))
     observer.lat, observer.lon = math.radians(latitude), math.radians(longitude)
     observer.pressure = 0  # no refraction
@@ -30,17 +30,17 @@ def sun_direction(time, latitude, longitude, *, north=(0, 1, 0), up=(0, 0, 1)):
     """Return the unit vector toward the sun, (3,), in world space."""
     east, north, up = _axes(north, up)
     azimuth, altitude = np.radians(sun_position(time, latitude, longitude))
-    level = np.sin(azimuth) * east + np.cos(azimuth) * north
-    return np.cos(altitude) * level + np.sin(altitude) * up
+    horizontal = np.sin(azimuth) * east + np.cos(azimuth) * north
+    return np.cos(altitude) * horizontal + np.sin(altitude) * up
 
 
 def _check_time(time):
     if not isinstance(time, datetime.datetime):
-        raise TypeError(f'time is {time!r}; it must be a datetime.datetime.')
+        raise TypeError(f'time must be a datetime.datetime, got {time!r}')
     if time.utcoffset() is None:
         raise ValueError(
-            f'time is {time} without a time zone; give it one: tzinfo=datetime.timezone.utc, or '
-            "zoneinfo.ZoneInfo('Europe/Zurich')."
+            f'time must have a time zone, got {time}: set tzinfo=datetime.timezone.utc, or '
+            "zoneinfo.ZoneInfo('Europe/Zurich')"
         )
 
 
@@ -50,7 +50,7 @@ def _axes(north, up):
     length = np.linalg.norm(east)
     if length < 1e-6:
         raise ValueError(
-            f'north is {north.tolist()} and up is {up.tolist()}; they must not be parallel.'
+            f'north must not be parallel to up, got {north.tolist()} and {up.tolist()}'
         )
     east /= length
     return east, np.cross(up, east), up

@@ -19,9 +19,9 @@ from pvibr.maths.views import View, corners
 from pvibr.scene.casters import sized
 
 _SURFACE = 2  # VTK_SURFACE
-#: A rounding of float32, and how often it adds up on the way to the screen.
+#: Rounding of float32, times the operations on the way to the screen.
 _ROUNDING = 4 * 2.0**-24
-#: Apart by less than this, in sizes of what is compared, counts as touching.
+#: Gaps below this fraction of the compared sizes count as touching.
 _MARGIN = 1e-6
 
 
@@ -31,12 +31,12 @@ class ShadowVolumes:
     def __init__(self, drawer):
         self.drawer, self.window = drawer, drawer.window
         self.target: Any = None
-        self.drawn = self.silhouettes = 0
+        self.masks_drawn = self.silhouettes = 0
         self.counts = {'depth-pass': 0, 'depth-fail': 0, 'out of view': 0}
-        self._tables: dict = {}
+        self._edge_tables: dict = {}
         self._volumes: dict = {}
         self._key: tuple | None = None
-        self._without = 0
+        self._without_volume = 0
 
     @property
     def nbytes(self) -> int:
@@ -44,21 +44,21 @@ class ShadowVolumes:
         volumes = sum(v.nbytes for v in self._volumes.values())
         return volumes + (self.target.nbytes if self.target else 0)
 
-    def update(self, frame, lights, casters, shown):
+    def update(self, frame, lights, casters, visible):
         """Redraw the masks if anything changed."""
-        key = self._content_key(frame, lights, casters.key(), shown.key())
-        if key == self._key:
+        content_key = self._content_key(frame, lights, casters.key(), visible.key())
+        if content_key == self._key:
             return
         self._fit(frame.size, len(lights))
-        meshes = self._meshes(casters)
-        view = _view(frame, shown.bounds())
+        caster_meshes = self._meshes(casters)
+        view = _view(frame, visible.bounds())
         with self.target.drawing():
-            self._draw_depth(frame, view, shown)
-            self._draw_masks(view, lights, meshes, shown.bounds())
-        self.drawer.doubles.keep(shown.actors, self.window)
+            self._draw_depth(frame, view, visible)
+            self._draw_masks(view, lights, caster_meshes, visible.bounds())
+        self.drawer.doubles.keep(visible.actors, self.window)
         self.drawer.done()
-        self.drawn += len(lights)
-        self._key = self._content_key(frame, lights, casters.settled(), shown.settled())
+        self.masks_drawn += len(lights)
+        self._key = self._content_key(frame, lights, casters.settled(), visible.settled())
 
     def _content_key(self, frame, lights, *keys):
         return frame.size, frame.view.key(), tuple(lights), *keys
@@ -70,81 +70,77 @@ class ShadowVolumes:
             width, height = size
             self.target = StencilTarget(self.window, width, height, masks)
 
-    # -- what casts -----------------------------------------------------------------------------
-
     def _meshes(self, casters) -> list[tuple]:
-        """Return (actor, table of edges, world from model) of each caster."""
-        old, self._tables = self._tables, {}  # what is gone is forgotten
-        shapes = {key[1:]: table for key, table in old.items()}
-        found = []
-        solids = [t.solids() for t in casters.things]
-        actors = [*casters.actors, *(a for group in solids for a in group)]
+        """Return (actor, edge table, world from model) of each caster."""
+        old_tables, self._edge_tables = self._edge_tables, {}
+        tables_by_shape = {key[1:]: table for key, table in old_tables.items()}
+        caster_meshes = []
+        solid_groups = [t.solids() for t in casters.things]
+        actors = [*casters.actors, *(a for group in solid_groups for a in group)]
         for actor in actors:
-            key, data = (None, None) if actor is None else _source(actor)
+            key, mesh_data = (None, None) if actor is None else _source(actor)
             if key is None:
                 continue
-            world, flat = np.reshape(actor.GetMatrix().GetData(), (4, 4)), None
-            if np.linalg.matrix_rank(world[:3, :3]) < 3:  # no way back: its shape is the world's
-                world, flat = np.eye(4), world
-                key = (*key, flat.tobytes())
-            if key not in self._tables:
-                known = old.get(key)
-                if known is None:
-                    known = _table(data, flat, shapes.get(key[1:]) if len(key) > 1 else None)
-                self._tables[key] = known
-            if len(self._tables[key].triangles):
-                found.append((actor, self._tables[key], world))
-        self._without = len(actors) - len(found)
-        return found
+            world_from_model, flat_matrix = np.reshape(actor.GetMatrix().GetData(), (4, 4)), None
+            if np.linalg.matrix_rank(world_from_model[:3, :3]) < 3:  # bake what cannot be inverted
+                world_from_model, flat_matrix = np.eye(4), world_from_model
+                key = (*key, flat_matrix.tobytes())
+            if key not in self._edge_tables:
+                same_shape = tables_by_shape.get(key[1:]) if len(key) > 1 else None
+                self._edge_tables[key] = old_tables.get(key) or _table(
+                    mesh_data, flat_matrix, same_shape
+                )
+            if len(self._edge_tables[key].triangles):
+                caster_meshes.append((actor, self._edge_tables[key], world_from_model))
+        self._without_volume = len(actors) - len(caster_meshes)
+        return caster_meshes
 
-    # -- drawing --------------------------------------------------------------------------------
-
-    def _draw_depth(self, frame, view, shown):
+    def _draw_depth(self, frame, view, visible):
         width, height = self.target.size
         self.drawer.look(view, (0, 0, width, height))
         bulge = self.drawer.inner.GetSize()[0] / width
-        with sized(shown.actors, frame, frame, bulge):
-            self.drawer.draw_depth(shown.actors)
-        for thing in shown.things:
+        with sized(visible.actors, frame, frame, bulge):
+            self.drawer.draw_depth(visible.actors)
+        for thing in visible.things:
             self.drawer.draw(thing.depths())
 
-    def _draw_masks(self, view, lights, meshes, shown):
-        boxes = np.array([actor.GetBounds() for actor, *_ in meshes], float).reshape(-1, 6)
-        scene = np.stack([shown[:, ::2].min(0), shown[:, 1::2].max(0)], 1).ravel()
+    def _draw_masks(self, view, lights, meshes, visible_bounds):
+        caster_bounds = np.array([actor.GetBounds() for actor, *_ in meshes], float).reshape(-1, 6)
+        low, high = visible_bounds[:, ::2].min(0), visible_bounds[:, 1::2].max(0)
+        scene_bounds = np.stack([low, high], 1).ravel()
         self.counts = dict.fromkeys(self.counts, 0)
-        old, self._volumes = self._volumes, {}
-        for mask, light in enumerate(lights):
-            place = light.homogeneous()
-            rects = shadow_rects(view, place, boxes, scene, self.target.size)
-            seen, safe = rects[:, 2:].min(1) > 0, safe_before(view, place, boxes)
-            ways: tuple = ([], [])
+        old_volumes, self._volumes = self._volumes, {}
+        for mask_number, light in enumerate(lights):
+            light_place = light.homogeneous()
+            rects = shadow_rects(view, light_place, caster_bounds, scene_bounds, self.target.size)
+            in_view = rects[:, 2:].min(1) > 0
+            safe_near = safe_before(view, light_place, caster_bounds)
+            volumes_by_way: tuple = ([], [])
             for k, (actor, edges, world) in enumerate(meshes):
                 key = (light.number, address(actor))
-                self._volumes[key] = found = old.pop(key, None) or _Volume()
-                if seen[k]:
-                    way = ways[not (safe[k] and _is_whole(actor))]
-                    way.append((found, edges, world, rects[k].tolist()))
-            self.counts['out of view'] += int((~seen).sum())
-            self._count(view, place, mask, ways)
-        for gone in old.values():
-            gone.release(self.window)
+                self._volumes[key] = volume = old_volumes.pop(key, None) or _Volume()
+                if in_view[k]:
+                    way_volumes = volumes_by_way[not (safe_near[k] and _is_whole(actor))]
+                    way_volumes.append((volume, edges, world, rects[k].tolist()))
+            self.counts['out of view'] += int((~in_view).sum())
+            self._count(view, light_place, mask_number, volumes_by_way)
+        for stale_volume in old_volumes.values():
+            stale_volume.release(self.window)
 
-    def _count(self, view, place, mask, ways):
+    def _count(self, view, light_place, mask_number, volumes_by_way):
         state = self.window.GetState()
-        with self.target.counting(mask):
-            for behind, volumes in enumerate(ways):
+        with self.target.counting(mask_number):
+            for behind, volumes in enumerate(volumes_by_way):
                 self.target.count(behind=bool(behind))
                 self.counts['depth-fail' if behind else 'depth-pass'] += len(volumes)
-                for found, edges, world, rect in volumes:
+                for volume, edges, world, rect in volumes:
                     state.vtkglScissor(*rect)
-                    self.silhouettes += found.update(edges, world, place, caps=bool(behind))
-                    actors = found.actors(view, self.target.size[1], caps=bool(behind))
+                    self.silhouettes += volume.update(edges, world, light_place, caps=bool(behind))
+                    actors = volume.actors(view, self.target.size[1], caps=bool(behind))
                     self.drawer.draw(actors, translucent=True)
 
-    # -- what receives --------------------------------------------------------------------------
-
     def uniforms(self, frame) -> dict:
-        """Return the uniforms of receivers, with the masks bound."""
+        """Bind the masks, and return the uniforms of receivers."""
         masks = enumerate(self.target.textures)
         return {
             'ibr_shadow_clip': frame.clip_from_view,
@@ -160,36 +156,37 @@ class ShadowVolumes:
     def report(self) -> dict:
         """Return the number of volumes by counting method, and of casters without volume."""
         return self.counts | {
-            'masks drawn': self.drawn,
+            'masks drawn': self.masks_drawn,
             'outlines found': self.silhouettes,
-            'casters without volume': self._without,
+            'casters without volume': self._without_volume,
         }
 
     def release(self):
-        """Free the GPU's memory; the context must be alive."""
-        for found in self._volumes.values():
-            found.release(self.window)
+        """Free GPU memory; the context must be current."""
+        for volume in self._volumes.values():
+            volume.release(self.window)
         release(self.target)
         self.target = self._key = None
-        self._volumes, self._tables = {}, {}
+        self._volumes, self._edge_tables = {}, {}
 
 
 def receiver_text(lights) -> tuple[dict[str, str], str]:
-    """Return samplers and source of the shader of receivers."""
-    parts = sections(shader_source(__file__))
-    text = parts['declare']
-    for k, (number, positional) in enumerate(lights):
-        values = {
+    """Return samplers and source of the receivers' shader."""
+    shader_parts = sections(shader_source(__file__))
+    receiver_code = shader_parts['declare']
+    for light_index, (number, positional) in enumerate(lights):
+        replacements = {
             'NUMBER': str(number),
             'POSITIONAL': str(bool(positional)).lower(),
-            'MASK': f'ibr_shadow_mask_{k // 4}',
-            'CHANNEL': 'rgba'[k % 4],
+            'MASK': f'ibr_shadow_mask_{light_index // 4}',
+            'CHANNEL': 'rgba'[light_index % 4],
         }
-        light = parts['light']
-        for name, value in values.items():
-            light = light.replace(name, value)
-        text += light
-    return {f'ibr_shadow_mask_{k}': 'sampler2D' for k in range(-(-len(lights) // 4))}, text
+        light_code = shader_parts['light']
+        for name, value in replacements.items():
+            light_code = light_code.replace(name, value)
+        receiver_code += light_code
+    mask_count = -(-len(lights) // 4)
+    return {f'ibr_shadow_mask_{k}': 'sampler2D' for k in range(mask_count)}, receiver_code
 
 
 class _Volume:
@@ -197,48 +194,48 @@ class _Volume:
 
     def __init__(self):
         self.sides, self.caps = _Part(_feature(False)), _Part(_feature(True))
-        self._edges = self._world = None
-        self._light = np.full(4, np.nan)  # of none yet
-        self._mirrored = False
-        self._filled: bool | None = None
+        self._edges = self._world_from_model = None
+        self._model_light = np.full(4, np.nan)  # none yet
+        self._is_mirrored = False
+        self._has_caps: bool | None = None
 
     @property
     def nbytes(self) -> int:
         return self.sides.nbytes + self.caps.nbytes
 
-    def update(self, edges, world, place, *, caps) -> bool:
+    def update(self, edges, world_from_model, light_place, *, caps) -> bool:
         """Update the silhouette; return whether it changed."""
-        light = np.linalg.inv(world) @ place
-        light[3] = place[3]
-        mirrored = np.linalg.det(world[:3, :3]) < 0
-        same = self._edges is edges and np.array_equal(light, self._light)
-        fresh = not (same and mirrored == self._mirrored)
-        if fresh:
-            self._edges, self._light, self._mirrored = edges, light, mirrored
-        if fresh or (caps and not self._filled):
+        model_light = np.linalg.inv(world_from_model) @ light_place
+        model_light[3] = light_place[3]
+        is_mirrored = np.linalg.det(world_from_model[:3, :3]) < 0
+        is_same = self._edges is edges and np.array_equal(model_light, self._model_light)
+        is_new = not (is_same and is_mirrored == self._is_mirrored)
+        if is_new:
+            self._edges, self._model_light, self._is_mirrored = edges, model_light, is_mirrored
+        if is_new or (caps and not self._has_caps):
             self._fill(caps)
-        self._world = world
-        return fresh
+        self._world_from_model = world_from_model
+        return is_new
 
     def _fill(self, caps):
-        lit = LitMesh(self._edges, self._light)
-        vertices, triangles = lit.volume(caps=caps)
-        sides = len(triangles)
+        lit_mesh = LitMesh(self._edges, self._model_light)
+        vertices, triangles = lit_mesh.volume(caps=caps)
+        side_count = len(triangles)
         if caps:
-            sides = len(lit.volume_triangles(caps=False))
-        if self._mirrored:  # what is turned outward winds the other way there
+            side_count = len(lit_mesh.volume_triangles(caps=False))
+        if self._is_mirrored:  # mirroring reverses the winding
             triangles = triangles[:, ::-1]
-        self.sides.fill(vertices, triangles[:sides])
+        self.sides.fill(vertices, triangles[:side_count])
         if caps:
-            self.caps.fill(vertices, triangles[sides:])
-        self._filled = caps
+            self.caps.fill(vertices, triangles[side_count:])
+        self._has_caps = caps
 
     def actors(self, view, height, *, caps) -> list:
         """Return the actors to draw in a view."""
-        clip, slack = _clip_from_caster(view, self._world, self._edges, height)
+        aim = _clip_from_caster(view, self._world_from_model, self._edges, height)
         parts = [p for p in (self.sides, self.caps)[: 1 + caps] if p.filled]
         for part in parts:
-            part.aim(clip, slack)
+            part.aim(*aim)
         return [part.actor for part in parts]
 
     def release(self, window):
@@ -255,11 +252,11 @@ class _Part:
         mapper = _vtk.vtkPolyDataMapper()
         mapper.SetInputData(self.mesh)
         mapper.ScalarVisibilityOff()
-        mapper.SetVBOShiftScaleMethod(0)  # the shader takes the numbers as they are
+        mapper.SetVBOShiftScaleMethod(0)  # the shader needs unscaled coordinates
         self.actor = _vtk.vtkActor()
         self.actor.SetMapper(mapper)
         self.actor.GetProperty().LightingOff()
-        self.actor.ForceTranslucentOn()  # what VTK draws so writes no depth
+        self.actor.ForceTranslucentOn()  # VTK then writes no depth
         feature.attach(self.actor)
 
     @property
@@ -269,19 +266,19 @@ class _Part:
     def fill(self, vertices, triangles):
         """Set homogeneous vertices, those at infinity last, and triangles."""
         points, polys = _vtk.vtkPoints(), _vtk.vtkCellArray()
-        floats, cells = np.float32(vertices[:, :3]), np.int32(triangles)
-        points.SetData(_vtk.numpy_to_vtk(floats, deep=True))
-        offsets = np.arange(0, cells.size + 1, 3, dtype=np.int32)
-        polys.SetData(*(_vtk.numpy_to_vtk(a, deep=True) for a in (offsets, cells.ravel())))
+        float_points, triangle_ids = np.float32(vertices[:, :3]), np.int32(triangles)
+        points.SetData(_vtk.numpy_to_vtk(float_points, deep=True))
+        offsets = np.arange(0, triangle_ids.size + 1, 3, dtype=np.int32)
+        polys.SetData(*(_vtk.numpy_to_vtk(a, deep=True) for a in (offsets, triangle_ids.ravel())))
         self.mesh.SetPoints(points)
         self.mesh.SetPolys(polys)
         self._near = int(np.count_nonzero(vertices[:, 3]))
-        self.nbytes = (floats.nbytes + cells.nbytes) if len(cells) else 0
+        self.nbytes = (float_points.nbytes + triangle_ids.nbytes) if len(triangle_ids) else 0
 
-    def aim(self, clip, slack):
-        uniforms = {'ibr_volume_clip': clip, 'ibr_volume_near': self._near}
+    def aim(self, clip_from_caster, depth_slack):
+        uniforms = {'ibr_volume_clip': clip_from_caster, 'ibr_volume_near': self._near}
         set_vertex_uniforms([self.actor], uniforms)
-        set_fragment_uniforms([self.actor], {'ibr_volume_slack': slack})
+        set_fragment_uniforms([self.actor], {'ibr_volume_slack': depth_slack})
 
     def release(self, window):
         self.actor.ReleaseGraphicsResources(window)
@@ -299,7 +296,7 @@ def _feature(caps) -> Feature:
 
 
 def _source(actor):
-    """Return a mesh that throws a shadow with a key of its shape, or None and None."""
+    """Return a key of a caster's shape and its mesh, or None and None."""
     mapper = actor.GetMapper()
     if (
         any(mapper.IsA(name) for name in ('vtkGlyph3DMapper', 'vtkPointGaussianMapper'))
@@ -310,18 +307,19 @@ def _source(actor):
         return None, None
     if mapper.GetInputAlgorithm() is not None:
         mapper.GetInputAlgorithm().Update()
-    data = mapper.GetInputDataObject(0, 0)
-    if data is None:
+    mesh_data = mapper.GetInputDataObject(0, 0)
+    if mesh_data is None:
         return None, None
-    parts = [data]
-    if data.IsA('vtkPolyData'):
-        # Colours may change as they like.
-        parts = [p for p in (data.GetPoints(), data.GetPolys(), data.GetStrips()) if p is not None]
-    return tuple((address(p), p.GetMTime()) for p in parts), data
+    mesh_parts = [mesh_data]
+    if mesh_data.IsA('vtkPolyData'):
+        # Colours do not count.
+        arrays = mesh_data.GetPoints(), mesh_data.GetPolys(), mesh_data.GetStrips()
+        mesh_parts = [array for array in arrays if array is not None]
+    return tuple((address(p), p.GetMTime()) for p in mesh_parts), mesh_data
 
 
 def _is_part(actor) -> bool:
-    """Return whether only a part of an actor's polygons is drawn."""
+    """Return True if only a part of an actor's polygons is drawn."""
     mapper = actor.GetMapper()
     planes = mapper.GetClippingPlanes()
     if is_cut_out(actor) or (planes is not None and planes.GetNumberOfItems()):
@@ -330,12 +328,12 @@ def _is_part(actor) -> bool:
     return attributes is not None and attributes.HasBlockVisibilities()
 
 
-def _table(data, matrix, like=None):
-    """Return the edge table of a mesh, from that of the same triangles if only points moved."""
-    if like is not None and matrix is None:
-        moved = moved_table(like, _vtk.vtk_to_numpy(data.GetPoints().GetData()))
-        if moved is not None:
-            return moved
+def _table(data, matrix, old_table=None):
+    """Return the edge table of a mesh, updated from an old one if only points moved."""
+    if old_table is not None and matrix is None:
+        table = moved_table(old_table, _vtk.vtk_to_numpy(data.GetPoints().GetData()))
+        if table is not None:
+            return table
     points, triangles = _triangles(data)
     if matrix is not None:
         points = points @ matrix[:3, :3].T + matrix[:3, 3]
@@ -345,15 +343,16 @@ def _table(data, matrix, like=None):
 def _triangles(data):
     """Return points (n, 3) and triangles (m, 3); polygons are fans, as in VTK's mappers."""
     if not data.IsA('vtkPolyData'):
-        composite = data.IsA('vtkCompositeDataSet')
-        surface = _vtk.vtkCompositeDataGeometryFilter() if composite else _vtk.vtkGeometryFilter()
-        surface.SetInputDataObject(data)
-        surface.Update()
-        data = surface.GetOutput()
+        surface_filter = _vtk.vtkGeometryFilter()
+        if data.IsA('vtkCompositeDataSet'):
+            surface_filter = _vtk.vtkCompositeDataGeometryFilter()
+        surface_filter.SetInputDataObject(data)
+        surface_filter.Update()
+        data = surface_filter.GetOutput()
     if data.GetPoints() is None:
         return np.zeros((0, 3)), np.zeros((0, 3), int)
-    found = [*_cut(data.GetPolys(), _fan), *_cut(data.GetStrips(), _strip)]
-    triangles = np.concatenate(found) if found else np.zeros((0, 3), int)
+    groups = [*_cut(data.GetPolys(), _fan), *_cut(data.GetStrips(), _strip)]
+    triangles = np.concatenate([np.zeros((0, 3), int), *groups])
     return _vtk.vtk_to_numpy(data.GetPoints().GetData()), triangles
 
 
@@ -365,27 +364,27 @@ def _strip(size):
     return [(i + i % 2, i + 1 - i % 2, i + 2) for i in range(size - 2)]
 
 
-def _cut(cells, pattern):
+def _cut(cells, triangle_pattern):
     """Yield the triangles of all cells of each size."""
     if cells is None or not cells.GetNumberOfCells():
         return
-    ids = _vtk.vtk_to_numpy(cells.GetConnectivityArray())
+    point_ids = _vtk.vtk_to_numpy(cells.GetConnectivityArray())
     size = cells.IsHomogeneous()
     if size > 0:
-        offsets = np.arange(0, len(ids) + 1, size)
+        offsets = np.arange(0, len(point_ids) + 1, size)
     else:
         offsets = _vtk.vtk_to_numpy(cells.GetOffsetsArray())
     sizes = np.diff(offsets)
     for size in np.unique(sizes[sizes > 2]):
         starts = offsets[:-1][sizes == size]
-        yield ids[(starts[:, None, None] + np.array(pattern(size))).reshape(-1, 3)]
+        yield point_ids[(starts[:, None, None] + np.array(triangle_pattern(size))).reshape(-1, 3)]
 
 
 def _is_whole(actor) -> bool:
-    """Return whether an actor is drawn without culling and clipping."""
+    """Return True if an actor is drawn without culling and clipping."""
     prop, planes = actor.GetProperty(), actor.GetMapper().GetClippingPlanes()
-    cut = planes is not None and planes.GetNumberOfItems() > 0
-    return not (cut or prop.GetBackfaceCulling() or prop.GetFrontfaceCulling())
+    is_clipped = planes is not None and planes.GetNumberOfItems() > 0
+    return not (is_clipped or prop.GetBackfaceCulling() or prop.GetFrontfaceCulling())
 
 
 # -- views --------------------------------------------------------------------------------------
@@ -393,17 +392,18 @@ def _is_whole(actor) -> bool:
 
 def _view(frame, bounds) -> View:
     """Return the frame's view with near and far planes fitted to bounds."""
-    near, far = frame.near, frame.far
-    clip = frame.clip_from_view.copy()
-    parallel = bool(clip[3, 3])
-    away = (frame.eye - corners(bounds)) @ frame.view_from_world[2, :3]
-    if away.size:
-        pad = 1e-3 * np.ptp(away) if parallel else 0.5 * abs(away.min())
-        near = max(near, float(away.min() - pad))
-        far = min(far, float(away.max() + pad))
-    if near < far and np.allclose(clip[2], _depth_row(frame.near, frame.far, parallel)):
-        clip[2] = _depth_row(near, far, parallel)
-    return replace(frame.view, clip_from_view=clip, near=near, far=far)
+    near_plane, far_plane = frame.near, frame.far
+    clip_from_view = frame.clip_from_view.copy()
+    is_parallel = bool(clip_from_view[3, 3])
+    view_distances = (frame.eye - corners(bounds)) @ frame.view_from_world[2, :3]
+    if view_distances.size:
+        padding = 1e-3 * np.ptp(view_distances) if is_parallel else 0.5 * abs(view_distances.min())
+        near_plane = max(near_plane, float(view_distances.min() - padding))
+        far_plane = min(far_plane, float(view_distances.max() + padding))
+    own_depth_row = _depth_row(frame.near, frame.far, is_parallel)
+    if near_plane < far_plane and np.allclose(clip_from_view[2], own_depth_row):
+        clip_from_view[2] = _depth_row(near_plane, far_plane, is_parallel)
+    return replace(frame.view, clip_from_view=clip_from_view, near=near_plane, far=far_plane)
 
 
 def _depth_row(near, far, parallel):
@@ -412,66 +412,72 @@ def _depth_row(near, far, parallel):
     return [0.0, 0.0, -(far + near) / (far - near), -2 * far * near / (far - near)]
 
 
-def _clip_from_caster(view, world, edges, height):
+def _clip_from_caster(view, world_from_model, edges, height):
     """Return clip from model space, and the rounding error in pixels and depth."""
-    axes = view.view_from_world[:3, :3]
-    local = np.eye(4)
-    local[:3, :3] = axes @ world[:3, :3]
-    # The difference first: far from the world's origin both are large.
-    local[:3, 3] = axes @ (world[:3, :3] @ edges.origin + world[:3, 3] - view.eye)
-    clip = view.clip_from_view
-    size = np.linalg.norm(np.abs(world[:3, :3]) @ edges.half_box)
-    step = clip[2, 2] if view.parallel else clip[2, 3]
-    pixel = clip[1, 1] * height / 2
-    return clip @ local, (_ROUNDING * size * np.array([pixel, 0.5 * abs(step)])).tolist()
+    view_axes = view.view_from_world[:3, :3]
+    model_axes, view_from_model = world_from_model[:3, :3], np.eye(4)
+    view_from_model[:3, :3] = view_axes @ model_axes
+    # Subtract first: far from the world's origin both terms are large.
+    from_eye = model_axes @ edges.origin + world_from_model[:3, 3] - view.eye
+    view_from_model[:3, 3] = view_axes @ from_eye
+    clip_from_view = view.clip_from_view
+    caster_size = np.linalg.norm(np.abs(model_axes) @ edges.half_box)
+    depth_step = clip_from_view[2, 2] if view.parallel else clip_from_view[2, 3]
+    pixel_scale = clip_from_view[1, 1] * height / 2
+    depth_slack = _ROUNDING * caster_size * np.array([pixel_scale, 0.5 * abs(depth_step)])
+    return clip_from_view @ view_from_model, depth_slack.tolist()
 
 
-def shadow_rects(view, light, bounds, scene, size) -> np.ndarray:
+def shadow_rects(view, light_point, bounds, scene, size) -> np.ndarray:
     """Return the rectangles of pixels where boxes may cast shadows."""
-    near = corners(bounds) - view.eye
-    place = light[:3] - light[3] * view.eye
-    away = light[3] * near - place
-    # How often a corner's way from the light is gone until the scene ends, at most.
-    low, high = np.asarray(scene, float).reshape(3, 2).T - view.eye
+    box_corners = corners(bounds) - view.eye
+    light_offset = light_point[:3] - light_point[3] * view.eye
+    light_away = light_point[3] * box_corners - light_offset
+    # How far each corner's ray from the light goes until it leaves the scene, in its own lengths.
+    low_corner, high_corner = np.asarray(scene, float).reshape(3, 2).T - view.eye
     with np.errstate(divide='ignore', invalid='ignore'):
-        ends = np.where(away > 0, high - near, low - near) / away
-    one_way = (away > 0).all(1) | (away < 0).all(1)
-    reach = np.where(one_way, ends.max(1), np.inf).min(1)
-    reach = np.where(np.isfinite(reach), np.maximum(reach, 0.0), 1e6)
-    points = np.concatenate([near, near + reach[:, None, None] * away], axis=1)
+        exits = np.where(light_away > 0, high_corner - box_corners, low_corner - box_corners)
+        exit_factors = exits / light_away
+    one_way = (light_away > 0).all(1) | (light_away < 0).all(1)
+    ray_reach = np.where(one_way, exit_factors.max(1), np.inf).min(1)
+    ray_reach = np.where(np.isfinite(ray_reach), np.maximum(ray_reach, 0.0), 1e6)
+    far_corners = box_corners + ray_reach[:, None, None] * light_away
+    points = np.concatenate([box_corners, far_corners], axis=1)
     axes, clip = view.view_from_world[:3, :3], view.clip_from_view
     x, y, _, w = np.moveaxis(points @ (clip[:, :3] @ axes).T + clip[:, 3], -1, 0)
     outside = [(side > w).all(1) for side in (x, -x, y, -y)] + [(w < 0).all(1)]
-    ahead = (w > 1e-6 * np.abs(w).max(1, keepdims=True)).all(1)[:, None]
-    pixels = []
+    in_front = (w > 1e-6 * np.abs(w).max(1, keepdims=True)).all(1)[:, None]
+    pixel_spans = []
     for across, side in zip((x, y), size, strict=True):
-        at = (across / np.where(ahead, w, 1.0) + 1) / 2 * side
-        first = np.where(ahead[:, 0], np.floor(at.min(1)) - 2, 0).clip(0, side)
-        last = np.where(ahead[:, 0], np.ceil(at.max(1)) + 2, side).clip(0, side)
-        pixels.append((first, last - first))
-    (left, width), (bottom, height) = pixels
+        pixel_coords = (across / np.where(in_front, w, 1.0) + 1) / 2 * side
+        first_pixel = np.where(in_front[:, 0], np.floor(pixel_coords.min(1)) - 2, 0).clip(0, side)
+        end_pixel = np.where(in_front[:, 0], np.ceil(pixel_coords.max(1)) + 2, side).clip(0, side)
+        pixel_spans.append((first_pixel, end_pixel - first_pixel))
+    (left, width), (bottom, height) = pixel_spans
     rects = np.stack([left, bottom, width, height], axis=1).astype(int)
     rects[np.any(outside, axis=0)] = 0
     return rects
 
 
-def safe_before(view, light, bounds) -> np.ndarray:
-    """Return which boxes cannot shadow the near plane."""
-    axes = view.view_from_world[:3, :3]
+def safe_before(view, light_point, bounds) -> np.ndarray:
+    """Return the mask of boxes that cannot shadow the near plane."""
+    view_axes = view.view_from_world[:3, :3]
     square = np.array([(-1, -1, -1, 1), (1, -1, -1, 1), (1, 1, -1, 1), (-1, 1, -1, 1)])
-    near = square @ np.linalg.inv(view.clip_from_view).T
-    near = near[:, :3] / near[:, 3:] @ axes
-    boxes = corners(bounds) - view.eye
-    place = light[:3] - light[3] * view.eye
-    sides = np.cross(np.roll(near, -1, axis=0) - near, light[3] * near - place)
-    normals = np.concatenate([np.eye(3), axes[2:], sides])
+    near_corners = square @ np.linalg.inv(view.clip_from_view).T
+    near_corners = near_corners[:, :3] / near_corners[:, 3:] @ view_axes
+    box_corners = corners(bounds) - view.eye
+    light_offset = light_point[:3] - light_point[3] * view.eye
+    near_edges = np.roll(near_corners, -1, axis=0) - near_corners
+    side_normals = np.cross(near_edges, light_point[3] * near_corners - light_offset)
+    normals = np.concatenate([np.eye(3), view_axes[2:], side_normals])
     normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
     normals = np.concatenate([normals, -normals])
-    reach = (near @ normals.T).max(0)
-    if light[3]:
-        reach = np.maximum(reach, normals @ place)
+    prism_reach = (near_corners @ normals.T).max(0)
+    if light_point[3]:
+        prism_reach = np.maximum(prism_reach, normals @ light_offset)
     else:
-        reach[normals @ place > 1e-9 * np.linalg.norm(place)] = np.inf
-    heights = boxes @ normals.T
-    size = np.abs(heights).max(axis=(1, 2), initial=0)[:, None] + np.abs(near).max()
-    return (heights.min(1) > reach + _MARGIN * size).any(1)
+        prism_reach[normals @ light_offset > 1e-9 * np.linalg.norm(light_offset)] = np.inf
+    corner_heights = box_corners @ normals.T
+    size_scale = np.abs(corner_heights).max(axis=(1, 2), initial=0)[:, None]
+    size_scale = size_scale + np.abs(near_corners).max()
+    return (corner_heights.min(1) > prism_reach + _MARGIN * size_scale).any(1)

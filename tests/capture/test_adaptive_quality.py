@@ -42,11 +42,8 @@ def drive(budget, cost, frames):
     return seen
 
 
-def test_frames_within_the_budget_are_full():
+def test_frames_over_the_budget_lower_the_next():
     assert set(drive(Budget(100.0), lambda q: 99.0 * q, 200)) == {1.0}
-
-
-def test_a_frame_over_the_budget_lowers_the_next():
     assert drive(Budget(100.0), lambda q: 150.0 * q, 3) == pytest.approx([1.0, 0.5, 0.5])
 
 
@@ -138,6 +135,14 @@ def stage(**kwargs):
     return pl
 
 
+def shown_stage():
+    """Return a shown plotter, and the effect that records its frames."""
+    pl = stage()
+    show = pl.ibr.add(Show())
+    pl.show(auto_close=False)
+    return pl, show
+
+
 def event(pl, name, x, y=32):
     pl.iren.interactor.SetEventInformation(x, y, 0, 0)
     pl.iren.interactor.InvokeEvent(name)
@@ -163,9 +168,7 @@ def picture(pl):
 
 
 def test_a_drag_lowers_and_its_end_is_full(slow):
-    pl = stage()
-    show = pl.ibr.add(Show())
-    pl.show(auto_close=False)
+    pl, show = shown_stage()
     assert show.seen == [1.0]
     drag(pl)
     assert show.seen[-1] == pytest.approx(0.25)
@@ -177,9 +180,7 @@ def test_a_drag_lowers_and_its_end_is_full(slow):
 
 def test_frames_in_time_are_full(slow):
     slow.full = 0.02
-    pl = stage()
-    show = pl.ibr.add(Show())
-    pl.show(auto_close=False)
+    pl, show = shown_stage()
     drag(pl, 20)
     release(pl)
     assert set(show.seen) == {1.0}
@@ -204,9 +205,7 @@ def test_limits_that_are_none(value):
 
 
 def test_scripts_that_move_the_camera_are_full(slow):
-    pl = stage()
-    show = pl.ibr.add(Show())
-    pl.show(auto_close=False)
+    pl, show = shown_stage()
     for _ in range(6):
         pl.camera.azimuth += 5
         pl.render()
@@ -214,9 +213,7 @@ def test_scripts_that_move_the_camera_are_full(slow):
 
 
 def test_the_wheel_ends_with_a_full_frame(slow):
-    pl = stage()
-    show = pl.ibr.add(Show())
-    pl.show(auto_close=False)
+    pl, show = shown_stage()
     for _ in range(4):
         event(pl, 'MouseWheelForwardEvent', 40)
         assert show.seen[-1] == 1.0
@@ -295,9 +292,7 @@ def test_a_screenshot_in_a_drag_is_full(slow):
 
 
 def test_buffers_in_a_drag_are_full(slow):
-    pl = stage()
-    show = pl.ibr.add(Show())
-    pl.show(auto_close=False)
+    pl, show = shown_stage()
     drag(pl)
     pl.ibr.buffer('depth')
     assert show.seen[-1] == 1.0
@@ -306,9 +301,7 @@ def test_buffers_in_a_drag_are_full(slow):
 
 
 def test_frames_of_a_movie_are_full(slow, tmp_path):
-    pl = stage()
-    show = pl.ibr.add(Show())
-    pl.show(auto_close=False)
+    pl, show = shown_stage()
     pl.open_gif(str(tmp_path / 'drag.gif'))
     pl.write_frame()
     drag(pl)
@@ -384,9 +377,7 @@ def test_two_that_watch_one_window(slow):
 
 
 def test_the_wheel_in_a_page(slow):
-    pl = stage()
-    show = pl.ibr.add(Show())
-    pl.show(auto_close=False)
+    pl, show = shown_stage()
     # As views of trame do, which then have the server draw and send.
     pl.add_on_render_callback(lambda plotter: plotter.render_window.Render(), render_event=False)
 
@@ -422,9 +413,7 @@ def test_an_error_while_moving_lets_nothing_lie(slow):
 
 
 def test_closed_in_a_drag(slow):
-    pl = stage()
-    pl.ibr.add(Show())
-    pl.show(auto_close=False)
+    pl, _ = shown_stage()
     drag(pl)
     pl.close()
     assert 'screenshot' not in vars(pl)
@@ -446,9 +435,7 @@ def server():
 def test_a_page_dragged_on_a_server(slow, server):
     web, app = server
     buttons = web.vtkWebInteractionEvent.LEFT_BUTTON
-    pl = stage()
-    show = pl.ibr.add(Show())
-    pl.show(auto_close=False)
+    pl, show = shown_stage()
     pl.iren.interactor.EnableRenderOff()  # servers draw only to send
 
     def mouse(x, pressed=buttons):
@@ -471,9 +458,7 @@ def test_moves_that_queue_while_a_page_is_drawn_are_one_frame(slow, server):
     buttons = web.vtkWebInteractionEvent.LEFT_BUTTON
 
     def dragged(renders):
-        pl = stage()
-        show = pl.ibr.add(Show())
-        pl.show(auto_close=False)
+        pl, show = shown_stage()
         pl.iren.interactor.SetEnableRender(renders)  # trame's views are off
         press(pl)
         first = len(show.seen)
@@ -494,9 +479,7 @@ def test_moves_that_queue_while_a_page_is_drawn_are_one_frame(slow, server):
 
 
 def test_nothing_is_watched_where_nothing_is_left(slow):
-    pl = stage()
-    show = pl.ibr.add(Show())
-    pl.show(auto_close=False)
+    pl, show = shown_stage()
     window = pl.render_window
     assert window.HasObserver('EndEvent')
     pl.ibr.remove(show)
@@ -509,9 +492,7 @@ def test_nothing_is_watched_where_nothing_is_left(slow):
 
 
 def test_a_plotter_that_moved_is_forgotten(slow):
-    pl = stage()
-    pl.ibr.add(Show())
-    pl.show(auto_close=False)
+    pl, _ = shown_stage()
     drag(pl)
     pace = weakref.ref(pl.ibr._adaptive_quality)
     pl.close()

@@ -136,7 +136,6 @@ def test_off_screen_only_frames_of_a_movie_move_it(tmp_path, wall):
     pl.write_frame()
     assert pl.ibr.time == 2.5
     assert 'write_frame' not in vars(pl)
-    pl.close()
 
 
 def test_a_movie_decides_in_a_window_as_well(window, wall):

@@ -46,7 +46,7 @@ def test_a_broken_movie_goes_on_where_it_stopped(pl, tmp_path, name):
     np.testing.assert_allclose(calls, 3 + np.arange(6) / 3)
     assert (pl.ibr.time, pl.camera_position) == (3.0, before)
     turn, _ = turner(pl, until=4)
-    with pytest.raises(KeyboardInterrupt, match=r'Frames are kept in .*resumes'):
+    with pytest.raises(KeyboardInterrupt, match=r'Frames are stored in .*resumes'):
         pl.ibr.movie(broken, 1, fps=6, each=turn, speed=2)
     assert (pl.ibr.time, pl.camera_position) == (3.0, before)
     assert not broken.is_file()
@@ -117,7 +117,7 @@ def test_a_full_disk_keeps_the_frames_and_the_old_movie(pl, tmp_path, monkeypatc
 
     with monkeypatch.context() as patch:
         patch.setattr('pvibr.capture.movies._write_gif', full)
-        with pytest.raises(OSError, match=r'the disk is full.*Frames are kept'):
+        with pytest.raises(OSError, match=r'the disk is full.*Frames are stored'):
             pl.ibr.movie(movie, 0.5, fps=4, each=turner(pl)[0])
     assert movie.read_text() == 'before'
     turn, calls = turner(pl)

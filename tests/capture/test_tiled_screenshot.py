@@ -109,7 +109,6 @@ def test_subplots_without_pixels_are_left_out(port):
     assert margins(pl.renderer, (0, 0)) == (1.0, 1.0)
     assert pl.ibr.screenshot(scale=2).shape == (128, 192, 3)
     assert pl.ibr.pick(70, 30) is None
-    pl.close()
 
 
 @pytest.mark.parametrize(
@@ -218,7 +217,6 @@ def test_what_follows_is_the_scene_as_before(how):
     assert (pl.screenshot(return_img=True) == before).all()
     pl.render()
     assert (pl.screenshot(return_img=True) == before).all()
-    pl.close()
 
 
 def details(pl):

@@ -165,7 +165,7 @@ def test_state_keeps_points():
 
 @pytest.mark.parametrize('target', [(1, 2), 'ball', (1, 2, np.nan), 3.0])
 def test_bad_targets(target):
-    with pytest.raises(ValueError, match='target = '):
+    with pytest.raises(ValueError, match='target must be'):
         pvibr.DepthOfField(target)
 
 
@@ -194,35 +194,6 @@ def test_scale_free():
         pl.show(auto_close=False)
         found.append(shot(pl))
     assert np.abs(found[0] - found[1]).mean() < 0.5
-
-
-def test_only_its_own_subplot_and_no_text():
-    pl = pv.Plotter(shape=(1, 2), window_size=(320, 120))
-    for k in range(2):
-        pl.subplot(0, k)
-        pl.add_mesh(pv.Sphere(), color='tan')
-        pl.add_text('text', font_size=10)
-        pl.camera.position, pl.camera.focal_point, pl.camera.up = (0, 0, 4), (0, 0, 0), (0, 1, 0)
-    pl.show(auto_close=False)
-    off = shot(pl)
-    pl.subplot(0, 1)
-    lens = pl.ibr.add(pvibr.DepthOfField(distance=1.0, f_number=0.7))
-    on = shot(pl)
-    assert np.array_equal(on[:, :160], off[:, :160])
-    assert np.abs(on[:, 160:] - off[:, 160:]).max() > 20
-    text = off[100:, 160:].max(axis=2) > 250
-    assert np.array_equal(on[100:, 160:][text], off[100:, 160:][text])
-    pl.ibr.remove(lens)
-    assert np.array_equal(shot(pl), off)
-
-
-def test_resize_and_a_window_of_one_pixel(half_plane):
-    pl = half_plane(5.0)
-    lens = pl.ibr.add(pvibr.DepthOfField(radius=0.3))
-    for size in ((1, 1), (33, 17), (200, 160)):
-        pl.window_size = size
-        assert shot(pl).shape[:2] == size[::-1]
-        assert lens.enabled
 
 
 @pytest.mark.parametrize('stage', ['coc', 'near', 'far'])

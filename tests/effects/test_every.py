@@ -250,6 +250,7 @@ COMPANY = {
     'ssao': lambda pl: pl.enable_ssao(),
     'edl': lambda pl: pl.enable_eye_dome_lighting(),
     'peeling': lambda pl: pl.enable_depth_peeling(),
+    'shadows': lambda pl: pl.enable_shadows(),
     'volume': volume,
     'translucent': lambda pl: None,
 }

@@ -12,9 +12,6 @@ from tests.pictures import shot
 SIZE = (120, 80)
 IMAGE = np.random.default_rng(3).integers(0, 256, (80, 120, 4), np.uint8)
 OPAQUE = IMAGE[..., :3]
-SMOOTH = np.dstack(
-    [*np.meshgrid(np.linspace(0, 1, 120), np.linspace(1, 0, 80)), np.ones((80, 120))]
-)
 
 
 @pytest.fixture
@@ -31,73 +28,6 @@ def places(size=SIZE):
     """Pixel centres as shares of the subplot, row 0 at the top."""
     u, v = (np.arange(size[0]) + 0.5) / size[0], 1 - (np.arange(size[1]) + 0.5) / size[1]
     return np.stack(np.meshgrid(u, v), -1)
-
-
-EVERY = {
-    'vignette': (lambda: Vignette(radius=0, softness=0.5), {'intensity': 0}),
-    'flash': (lambda: Flash(at=0), {'at': None}),
-    'night': (lambda: NightVision(), {'intensity': 0}),
-    'iris': (lambda: Iris(opening=0.2, color=(1, 0, 0)), {'opening': 1}),
-    'picture': (lambda: ImageOverlay(SMOOTH), {'opacity': 0}),
-    'backdrop': (lambda: Backdrop(SMOOTH), {'opacity': 0}),
-    'sky': (lambda: Sky(), {'opacity': 0}),
-}
-
-
-@pytest.mark.parametrize('name', EVERY)
-def test_off_is_the_identity_and_on_is_not(pl, name):
-    before = shot(pl)
-    make, off = EVERY[name]
-    effect = pl.ibr.add(make())
-    assert np.abs(shot(pl) - before).max() > 20
-    assert pl.ibr.report().rows[0].state == 'ran'
-    for setting, value in off.items():
-        setattr(effect, setting, value)
-    np.testing.assert_array_equal(shot(pl), before)
-    assert pl.ibr.report().rows[0].state == 'skipped'
-    pl.ibr.remove(effect)
-    effect.restore(make().state())
-    pl.ibr.add(effect)
-    assert np.abs(shot(pl) - before).max() > 20
-    pl.ibr.clear()
-    np.testing.assert_array_equal(shot(pl), before)
-
-
-@pytest.mark.parametrize('name', EVERY)
-def test_own_subplot_only_and_text_stays(name):
-    pl = pv.Plotter(shape=(1, 2), window_size=(200, 80), border=False)
-    for i in range(2):
-        pl.subplot(0, i)
-        pl.disable_anti_aliasing()
-        pl.add_mesh(pv.Sphere(), color='tan')
-        pl.add_text('text', font_size=14, color='magenta')
-    pl.show(auto_close=False)
-    before = shot(pl)
-    pl.ibr.add(EVERY[name][0]())
-    after = shot(pl)
-    np.testing.assert_array_equal(after[:, :100], before[:, :100])
-    assert np.abs(after[:, 100:] - before[:, 100:]).max() > 20
-    text = (before == [255, 0, 255]).all(axis=2)
-    assert text.sum() > 20
-    np.testing.assert_array_equal(after[text], before[text])
-
-
-@pytest.mark.parametrize('name', EVERY)
-def test_large_screenshots_show_the_same(pl, name):
-    pl.ibr.add(EVERY[name][0]())
-    pl.set_background('white')
-    small, large = shot(pl), shot(pl, scale=2)
-    large = large.reshape(SIZE[1], 2, SIZE[0], 2, 3).mean(axis=(1, 3))
-    assert np.abs(large - small).mean() < 1.5
-
-
-@pytest.mark.parametrize('name', ['vignette', 'night', 'backdrop', 'sky'])
-def test_transparent_background_keeps_its_alpha(pl, name):
-    before = shot(pl, transparent_background=True)
-    pl.ibr.add(EVERY[name][0]())
-    after = shot(pl, transparent_background=True)
-    assert 0 < (before[..., 3] == 0).mean() < 1
-    np.testing.assert_array_equal(after[..., 3], before[..., 3])
 
 
 def test_what_covers_covers_transparent_background_too(pl):
@@ -181,7 +111,7 @@ def test_iris_of_a_shape(pl):
 
 
 def test_shape_without_light():
-    with pytest.raises(ValueError, match='no bright pixel'):
+    with pytest.raises(ValueError, match='must have bright, opaque pixels'):
         Iris(np.zeros((4, 4)))
 
 
@@ -212,7 +142,7 @@ def test_picture_lies_where_it_should(pl):
     np.testing.assert_array_equal((shot(pl) == 255).all(axis=2), expected)
     picture.place = (0.5, 0.5, 0.5, 1)
     np.testing.assert_array_equal(shot(pl), before)
-    assert 'is empty' in pl.ibr.report().rows[0].why
+    assert 'place must have' in pl.ibr.report().rows[0].why
 
 
 def test_pictures_of_a_sequence_follow_the_clock(pl):
@@ -327,16 +257,6 @@ def test_a_plain_sky_is_the_background_itself(pl, name):
     off = np.abs(shot(pl) - before).max(axis=2)
     assert (off > 3).mean() < 0.04
     assert off.max() < 25
-
-
-def test_any_window(pl):
-    for name in EVERY:
-        if name != 'sky':
-            pl.ibr.add(EVERY[name][0]())
-    for size in ((1, 1), (200, 7), (64, 64)):
-        pl.window_size = size
-        assert shot(pl).shape[:2] == size[::-1]
-    assert all(r.state == 'ran' for r in pl.ibr.report().rows)
 
 
 def test_behind_a_volume(pl):

@@ -196,13 +196,13 @@ def test_the_template_is_an_effect(pl):
 
 
 def test_bad_arguments(tmp_path):
-    with pytest.raises(ValueError, match=r'source is empty'):
+    with pytest.raises(ValueError, match=r'source must be GLSL'):
         ShaderEffect()
     with pytest.raises(FileNotFoundError):
         ShaderEffect(tmp_path / 'none.glsl')
-    with pytest.raises(ValueError, match=r'ShaderEffect\.size: the name is reserved'):
+    with pytest.raises(ValueError, match=r'ShaderEffect\.size must not be a reserved name'):
         ShaderEffect(body('return vec4(size);'), size=2.0)
-    with pytest.raises(TypeError, match=r'ShaderEffect\.word: cannot be a uniform'):
+    with pytest.raises(TypeError, match=r'ShaderEffect\.word must be a uniform'):
         ShaderEffect(body('return vec4(0.0);'), word='x')
     with pytest.raises(TypeError, match='five'):
         ShaderEffect(body('return vec4(0.0);'), five=(1, 2, 3, 4, 5))

@@ -34,5 +34,3 @@ def test_what_clipping_planes_leave(kind):
     drawn = (one != one[0, 0]).any(2)
     assert drawn.mean() > 0.02
     assert (np.abs(one - two).max(2) > 25).sum() < 0.15 * drawn.sum()
-    pl.close()
-    plain.close()

@@ -30,11 +30,13 @@ def _quick_bakes(monkeypatch):
     monkeypatch.setattr('pvibr.figures.pose_atlas.VIEWS', 6)
 
 
-def plotter(**kwargs):
+def plotter(*contents, **kwargs):
     pl = pv.Plotter(off_screen=True, window_size=SIZE, lighting='none', **kwargs)
     pl.set_background('white')
     pl.add_light(pv.Light(position=(2, -3, 5), light_type='scene light', intensity=0.8))
     pl.add_light(pv.Light(light_type='headlight', intensity=0.2))
+    for add in contents:
+        add(pl)
     return pl
 
 
@@ -52,6 +54,11 @@ def ball(pl, shift=(0, 0, 0)):
     return pl.add_mesh(mesh, color='orange', smooth_shading=True)
 
 
+def shown(pl):
+    pl.show(auto_close=False)
+    return pl
+
+
 def triangles(pl):
     actors = [a for r in pl.renderers for a in r.actors.values()]
     return sum(a.mapper.dataset.n_cells for a in actors if getattr(a, 'mapper', None) is not None)
@@ -64,7 +71,6 @@ def pictures(pl, **options):
     made = pl.ibr.to_plain_plotter(**options)
     made.show(auto_close=False)
     after = made.screenshot().astype(int)
-    made.close()
     again = pl.screenshot().astype(int)
     assert np.array_equal(before, again)  # the input is as it was
     return before, after
@@ -79,8 +85,7 @@ def differ(pl, **options):
 
 
 def test_a_scene_without_effects_is_copied():
-    pl = plotter()
-    ground(pl)
+    pl = plotter(ground)
     mesh = pv.Sphere()
     mesh['height'] = mesh.points[:, 2]
     pl.add_mesh(mesh, scalars='height', show_edges=True)
@@ -89,7 +94,6 @@ def test_a_scene_without_effects_is_copied():
     pl.add_text('text')
     look(pl)
     assert differ(pl) < 0.02
-    pl.close()
 
 
 def test_volumes_and_axes_are_there():
@@ -100,7 +104,6 @@ def test_volumes_and_axes_are_there():
     pl.show_grid()
     look(pl, (4, 4, 4))
     assert differ(pl) < 3
-    pl.close()
 
 
 def test_subplots_cameras_lights_and_sizes_are_the_same():
@@ -113,8 +116,7 @@ def test_subplots_cameras_lights_and_sizes_are_the_same():
     pl.subplot(2)
     pl.enable_parallel_projection()
     pl.ibr.add_spheres([[2, 0, 0]])
-    pl.show(auto_close=False)
-    made = pl.ibr.to_plain_plotter()
+    made = shown(pl).ibr.to_plain_plotter()
     assert made.window_size == pl.window_size
     assert [r.viewport for r in made.renderers] == [r.viewport for r in pl.renderers]
     cameras = [r.camera for r in made.renderers]
@@ -126,8 +128,6 @@ def test_subplots_cameras_lights_and_sizes_are_the_same():
         assert old.GetBackground() == new.GetBackground()
         assert old.GetGradientBackground() == new.GetGradientBackground()
         assert len(old.lights) == len(new.lights)
-    made.close()
-    pl.close()
 
 
 @pytest.mark.parametrize(
@@ -145,7 +145,6 @@ def test_bad_numbers(name, value, error):
     pl = plotter()
     with pytest.raises(error, match=name):
         pl.ibr.to_plain_plotter(**{name: value})
-    pl.close()
 
 
 def test_closed_plotters_raise():
@@ -156,28 +155,21 @@ def test_closed_plotters_raise():
 
 
 def test_what_is_lost_is_named_once():
-    pl = plotter()
-    ground(pl)
+    pl = plotter(ground)
     pl.ibr.add(pvibr.Bloom())
     pl.ibr.add(pvibr.Vignette())
     with pytest.warns(pvibr.PvibrWarning, match='Bloom .*Vignette') as said:
-        made = pl.ibr.to_plain_plotter()
+        pl.ibr.to_plain_plotter()
     assert len(said) == 1
-    made.close()
-    pl.close()
 
 
 def test_what_is_off_or_not_visible_is_left_out():
-    pl = plotter()
-    ground(pl)
+    pl = plotter(ground)
     balls = pl.ibr.add_spheres([[0, 0, 1]])
     balls.visibility = False
     pl.ibr.add(pvibr.Bloom()).enabled = False
-    pl.show(auto_close=False)
-    made = pl.ibr.to_plain_plotter()
+    made = shown(pl).ibr.to_plain_plotter()
     assert triangles(made) == 100
-    made.close()
-    pl.close()
 
 
 # -- effects --------------------------------------------------------------------------------------
@@ -197,7 +189,6 @@ def test_shadows_become_colours(shift):
     dark = (before.sum(2) < 200) & (before.sum(2) > 0)
     assert dark.sum() > 50  # there is a shadow
     assert np.abs(before - after)[dark].mean() < 12
-    pl.close()
 
 
 def test_shadows_on_flat_coloured_and_textured_things():
@@ -213,16 +204,13 @@ def test_shadows_on_flat_coloured_and_textured_things():
     pl.ibr.add(pvibr.Shadows(method='pcss'))
     look(pl)
     assert differ(pl, detail=1 / 128) < 2.5
-    pl.close()
 
 
 @pytest.mark.sampled
 @pytest.mark.parametrize('mode', ['replace', 'modulate', 'decal', 'add'])
 @pytest.mark.parametrize('texture', [0, 256])
 def test_projected_pictures(mode, texture):
-    pl = plotter()
-    ground(pl)
-    ball(pl)
+    pl = plotter(ground, ball)
     image = np.zeros((16, 16, 3), np.uint8)
     image[:8, :8], image[8:, 8:], image[:8, 8:] = (255, 0, 0), (0, 0, 255), (200, 200, 0)
     camera = pv.Camera()
@@ -230,36 +218,30 @@ def test_projected_pictures(mode, texture):
     pl.ibr.add(pvibr.Projector(image, camera, mode=mode, lit=mode == 'decal'))
     look(pl)
     assert differ(pl, texture=texture, triangles=60_000) < 5
-    pl.close()
 
 
 def test_sky_becomes_a_dome_and_outlines_lines():
-    pl = plotter()
-    ball(pl)
+    pl = plotter(ball)
     pl.add_mesh(pv.Cube(center=(2, 0, 0.5)), color='green')
     pl.ibr.add(pvibr.Sky())
     outline = pl.ibr.add(pvibr.Outline(color=(1, 0, 0)))
     look(pl)
-    pl.show(auto_close=False)
-    made = pl.ibr.to_plain_plotter()
+    made = shown(pl).ibr.to_plain_plotter()
     lines = [a for a in made.actors.values() if a.mapper.dataset.n_lines]
     assert len(lines) == 1
     assert lines[0].prop.color == 'red'
     assert lines[0].prop.line_width == outline.width
     assert 'sky' in made.actors
-    made.close()
     before, after = pictures(pl)
     assert np.abs(before - after).mean() < 4.5  # lines are thinner where a ball bulges before them
     assert np.abs(before - after)[:20].mean() < 1.5  # sky alone
-    pl.close()
 
 
 # -- things ---------------------------------------------------------------------------------------
 
 
 def test_instances_keep_places_colours_and_holes():
-    pl = plotter()
-    ground(pl)
+    pl = plotter(ground)
     cones = pl.ibr.add_instances(
         pv.Cone(direction=(0, 0, 1)),
         [[2, 2, 0.5], [-2, 1, 0.5], [0, -1, 0.5], [0, 2, 0.5]],
@@ -272,8 +254,6 @@ def test_instances_keep_places_colours_and_holes():
     made = pl.ibr.to_plain_plotter()
     cone = pv.Cone(direction=(0, 0, 1)).triangulate()
     assert triangles(made) == 100 + 3 * cone.n_cells
-    made.close()
-    pl.close()
 
 
 @pytest.mark.slow
@@ -299,7 +279,6 @@ def test_a_number_of_triangles_is_kept_to():
         shown = group.surfaces(levels)
         assert sum(len(s.faces) for s in shown) == total
     assert (levels < 0).any()
-    pl.close()
 
 
 def test_what_there_is_no_room_for_is_named():
@@ -309,8 +288,6 @@ def test_what_there_is_no_room_for_is_named():
     with pytest.warns(pvibr.PvibrWarning, match=r'\d+ of Spheres, the smallest on the screen'):
         made = pl.ibr.to_plain_plotter(triangles=200)
     assert 0 < triangles(made) <= 200
-    made.close()
-    pl.close()
 
 
 def test_quadrics_and_their_opacity():
@@ -326,12 +303,10 @@ def test_quadrics_and_their_opacity():
     pl.ibr.add_ellipsoids([[2, -2, 0]], [[1.0, 0.5, 0.3]], opacity=0.5)
     look(pl)
     assert differ(pl) < 2
-    pl.close()
 
 
 def test_billboards_and_their_shadows():
-    pl = plotter()
-    ground(pl)
+    pl = plotter(ground)
     image = np.zeros((32, 32, 4), np.uint8)
     y, x = np.mgrid[:32, :32]
     image[..., 0], image[..., 1] = 255, 8 * y
@@ -343,7 +318,6 @@ def test_billboards_and_their_shadows():
     pl.ibr.add(pvibr.Shadows())
     before, after = pictures(pl)
     assert np.abs(before - after).mean() < 4  # pvibr turns each to the light
-    pl.close()
 
 
 def balloon():
@@ -353,8 +327,7 @@ def balloon():
 
 
 def test_figures_are_posed_as_they_are_now():
-    pl = plotter()
-    ground(pl)
+    pl = plotter(ground)
     pl.ibr.add_animated(balloon(), color='red')
     look(pl)
     pl.ibr.time = 0.5
@@ -362,13 +335,10 @@ def test_figures_are_posed_as_they_are_now():
     made = pl.ibr.to_plain_plotter()
     red = [a for a in made.actors.values() if a.prop.color == 'red']
     assert np.isclose(red[0].center[2], 1.0, atol=1e-3)
-    made.close()
-    pl.close()
 
 
 def test_crowds_are_posed_each_at_its_time():
-    pl = plotter()
-    ground(pl)
+    pl = plotter(ground)
     pl.ibr.add_animated(
         balloon(),
         [[-2, 0, 0.6], [2, 0, 0.6]],
@@ -378,15 +348,11 @@ def test_crowds_are_posed_each_at_its_time():
         colors=[[255, 0, 0], [0, 0, 255]],
     )
     look(pl)
-    pl.show(auto_close=False)
-    made = pl.ibr.to_plain_plotter()
+    made = shown(pl).ibr.to_plain_plotter()
     tops = sorted(a.bounds[5] for a in made.actors.values())
     assert np.allclose(tops[1:], [1.2, 2.2], atol=0.01)
-    made.close()
     few = pl.ibr.to_plain_plotter(triangles=800)
     assert triangles(few) <= 100 + 800 * 1.2
-    few.close()
-    pl.close()
 
 
 def test_impostors_are_their_actors():
@@ -395,7 +361,6 @@ def test_impostors_are_their_actors():
     pl.ibr.add_impostor(heavy, only_if_faster=False)
     look(pl)
     assert differ(pl) < 1
-    pl.close()
 
 
 def test_everything_together_in_subplots():
@@ -415,35 +380,26 @@ def test_everything_together_in_subplots():
     pl.ibr.add(shadows)
     pl.enable_depth_peeling()
     assert differ(pl) < 4
-    pl.close()
 
 
 def test_a_window_that_was_never_drawn():
-    pl = plotter()
-    ground(pl)
-    ball(pl)
+    pl = plotter(ground, ball)
     pl.ibr.add(pvibr.Shadows())
     pl.ibr.add_billboards([[1, 1, 1]], np.ones((4, 4)), size=9, size_unit='pixel')
     made = pl.ibr.to_plain_plotter()
     made.show(auto_close=False)
     pl.show(auto_close=False)
     assert np.abs(made.screenshot().astype(int) - pl.screenshot()).mean() < 1
-    made.close()
-    pl.close()
 
 
 def test_what_is_baked_can_be_baked_and_shown_again():
-    pl = plotter()
-    ground(pl)
-    ball(pl)
+    pl = plotter(ground, ball)
     pl.ibr.add(pvibr.Shadows())
     look(pl)
     pl.show(auto_close=False)
     once = pl.ibr.to_plain_plotter()
     assert not once.ibr.web_report().rows
     assert differ(once) < 0.02
-    once.close()
-    pl.close()
 
 
 def test_a_renderer_of_plain_vtk():
@@ -457,7 +413,6 @@ def test_a_renderer_of_plain_vtk():
         made = ibr.to_plain_plotter()
         assert triangles(made) > 100
         assert tuple(made.window_size) == SIZE
-        made.close()
 
 
 # -- files ----------------------------------------------------------------------------------------
@@ -471,8 +426,7 @@ def vertex_colours(geometry):
 
 
 def test_glb_has_bounds_triangles_and_colours(tmp_path):
-    pl = plotter()
-    ground(pl)
+    pl = plotter(ground)
     pl.ibr.add_spheres([[0, 0, 1]], 1.0, colors=[[255, 0, 0]])
     look(pl)
     pl.show(auto_close=False)
@@ -487,8 +441,6 @@ def test_glb_has_bounds_triangles_and_colours(tmp_path):
     cells = [a.mapper.dataset.triangulate().n_cells for a in made.actors.values()]
     assert found == sum(cells)
     assert [[255, 0, 0]] in [vertex_colours(g) for g in scene.geometry.values()]
-    made.close()
-    pl.close()
 
 
 def test_glb_far_from_the_origin_is_as_sharp(tmp_path):
@@ -501,7 +453,6 @@ def test_glb_far_from_the_origin_is_as_sharp(tmp_path):
     radius = np.linalg.norm(mesh.vertices, axis=1)
     assert np.allclose(radius, 1.0, atol=1e-5)
     assert np.allclose(scene.bounds.mean(0), [1e7, 0, 0], atol=1)
-    pl.close()
 
 
 def test_glb_of_textures_holes_and_lines(tmp_path):
@@ -523,19 +474,16 @@ def test_glb_of_textures_holes_and_lines(tmp_path):
     assert 1 in [p.get('mode', 4) for m in document['meshes'] for p in m['primitives']]
     assert len(document['images']) == 1
     assert document['cameras'][0]['type'] == 'perspective'
-    pl.close()
 
 
 def test_bad_names_of_files(tmp_path):
-    pl = plotter()
-    ground(pl)
+    pl = plotter(ground)
     with pytest.raises(ValueError, match=r'must end in \.glb'):
         pl.ibr.export_glb(tmp_path / 'scene.obj')
     (tmp_path / 'folder.glb').mkdir()
     with pytest.raises(OSError, match='folder'):
         pl.ibr.export_glb(tmp_path / 'folder.glb')
     assert [p.name for p in tmp_path.iterdir()] == ['folder.glb']
-    pl.close()
 
 
 def test_a_page_is_whole_or_not_there(tmp_path):
@@ -553,7 +501,6 @@ def test_a_page_is_whole_or_not_there(tmp_path):
     with pytest.raises(OSError, match='folder'):
         pl.ibr.export_html(tmp_path / 'folder.html')
     assert sorted(p.name for p in tmp_path.iterdir()) == ['folder.html', 'page.html']
-    pl.close()
 
 
 @pytest.mark.parametrize('angle', [5, 30, 90])
@@ -573,21 +520,16 @@ def test_reframed_cameras_show_as_much(angle):
 
 
 def test_gltf_of_pyvista_has_what_is_baked(tmp_path):
-    pl = plotter()
-    ground(pl)
-    ball(pl)
+    pl = plotter(ground, ball)
     pl.ibr.add(pvibr.Shadows())
     look(pl)
-    pl.show(auto_close=False)
-    made = pl.ibr.to_plain_plotter()
+    made = shown(pl).ibr.to_plain_plotter()
     made.export_gltf(str(tmp_path / 'scene.gltf'), rotate_scene=False)
     scene = trimesh.load(tmp_path / 'scene.gltf')
     assert np.allclose(scene.bounds, np.reshape(made.bounds, (3, 2)).T, atol=1e-4)
     assert sum(len(g.faces) for g in scene.geometry.values()) == triangles(made)
     # The ground has the shadow of the ball, whose lit side has none.
     assert max(len(vertex_colours(g)) for g in scene.geometry.values()) > 100
-    made.close()
-    pl.close()
 
 
 # -- parts ----------------------------------------------------------------------------------------
@@ -633,7 +575,6 @@ def test_lamps_shine_as_those_of_vtk():
     point, normal = np.zeros((1, 3)), np.array([[0, 0, 1.0]])
     found = sum(lamps.on(k, point, normal)[0] for k in range(2))
     assert np.allclose(np.minimum(found, 1), middle, atol=0.03)
-    pl.close()
 
 
 def test_tiled_copies_are_the_mesh_in_each_place():
@@ -661,7 +602,6 @@ def test_larger_copies_get_better_levels():
     assert (np.diff(found) <= 0).all()
     assert found[0] == len(levels) - 1
     assert found[-1] < found[0]
-    pl.close()
 
 
 def test_ranges_of_bars_are_told_before_the_bars_are_drawn():
@@ -677,5 +617,3 @@ def test_ranges_of_bars_are_told_before_the_bars_are_drawn():
         if prop.IsA('vtkActor') and prop.GetMapper().GetLookupTable() is table
     ]
     assert [prop.GetMapper().GetScalarRange() for prop in tellers] == [(0.0, 59.0)]
-    plain.close()
-    pl.close()

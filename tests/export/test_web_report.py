@@ -157,7 +157,6 @@ def test_pages_of_trame_and_html(plotter):
     with pytest.warns(pvibr.PvibrWarning, match='Bloom'):
         sizes = [len(pl.trame.export_vtksz(None)) for pl in (plotter, plain)]
     assert sizes[0] == pytest.approx(sizes[1], rel=0.01)
-    plain.close()
 
 
 def test_no_warning_without_effects_or_where_all_is_shown(tmp_path):
@@ -172,7 +171,6 @@ def test_no_warning_without_effects_or_where_all_is_shown(tmp_path):
         pl.ibr.remove(impostor)
         assert pl.renderer.GetViewProps().GetNumberOfItems() == before
         exports(pl, tmp_path)
-    pl.close()
 
 
 @pytest.mark.parametrize('what', ['enable_shadows', 'enable_ssao', 'enable_depth_peeling'])
@@ -186,7 +184,6 @@ def test_frames_of_passes_hand_nothing_over(what):
         pl.show(auto_close=False)
         pl.render()
     assert not [w for w in said if w.category is pvibr.PvibrWarning]
-    pl.close()
 
 
 def test_the_watch_does_not_show(plotter):
@@ -238,4 +235,3 @@ def test_who_asks_for_bounds_is_told_nothing():
     assert pl.bounds.x_max < 1
     for actor in pl.renderer.GetActors():
         actor.GetBounds()
-    pl.close()

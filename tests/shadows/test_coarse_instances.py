@@ -68,4 +68,3 @@ def test_lit_sides_stay_lit_at_a_lower_quality(monkeypatch, make, gaps):
     roof = pv.Plane(center=(15, -6, 6.5), direction=(5, -2, 2), i_size=40, j_size=40)
     pl.add_mesh(roof, color='black')
     assert dark(lit(level, 0.25)) > 0.98
-    pl.close()

@@ -70,4 +70,3 @@ def test_no_floor_point_jumps_in_flight(kind):
     assert judged[0] > 50_000
     assert judged[1] > 1000
     assert (wrong <= 5e-4 * judged).all()
-    pl.close()

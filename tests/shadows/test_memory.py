@@ -28,7 +28,7 @@ def scene(lights=1):
 def test_maps_stay_within_their_memory(method, lights):
     pl = scene(lights)
     shadows = pl.ibr.add(pvibr.Shadows(method=method, resolution=1024, memory=2.0))
-    with pytest.warns(pvibr.PvibrWarning, match=r'resolution = 1024.*memory = 2 leaves'):
+    with pytest.warns(pvibr.PvibrWarning, match=r'resolution = 1024.*memory = 2'):
         pl.show(auto_close=False)
     report = shadows.report()
     assert report['lights'] == lights

@@ -124,14 +124,14 @@ def test_below_the_horizon_it_points_down():
 
 
 def test_bad_input_is_named(monkeypatch):
-    with pytest.raises(ValueError, match=r'without a time zone.*timezone\.utc'):
+    with pytest.raises(ValueError, match=r'must have a time zone.*timezone\.utc'):
         sun_position(datetime(2026, 1, 1), 0, 0)
     with pytest.raises(TypeError, match=r'datetime\.datetime'):
         sun_position('2026-01-01', 0, 0)
     for latitude in (91, -91, np.nan):
-        with pytest.raises(ValueError, match='latitude is'):
+        with pytest.raises(ValueError, match='latitude'):
             sun_position(JUNE, latitude, 0)
-    with pytest.raises(ValueError, match='longitude is'):
+    with pytest.raises(ValueError, match='longitude'):
         sun_position(JUNE, 0, 361)
     with pytest.raises(ValueError, match='parallel'):
         sun_direction(JUNE, 0, 0, north=(0, 0, 1))

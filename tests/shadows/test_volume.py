@@ -271,7 +271,6 @@ def test_subplots_resize_remove_and_add_leave_no_trace():
     pl.ibr.add(both)
     assert np.array_equal(shot(pl)[:, 100:], picture[:, 100:])
     assert not pl.ren_win.GetState().GetEnumState(0x0B90)  # the stencil test
-    pl.close()
 
 
 def test_the_method_may_change():
