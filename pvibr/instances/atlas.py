@@ -74,7 +74,20 @@ class Atlas:
 
     @classmethod
     def blank(cls, points, *, half=False) -> Atlas:
-        """Return an atlas without images but with the sphere and box of a mesh's points."""
+        """Return an atlas without images but with the sphere and box of a mesh's points.
+
+        Parameters
+        ----------
+        points : array_like, shape (n, 3)
+            Points of the mesh.
+        half : bool, default: False
+            True for a mesh that is seen from above only.
+
+        Returns
+        -------
+        Atlas
+            The atlas.
+        """
         points = np.asarray(points, float)
         blank_image = np.zeros((8, 8, 4), np.uint8)
         center, radius = bounding_sphere(points)
@@ -117,7 +130,13 @@ class Atlas:
         return mip_level
 
     def textures(self):
-        """Return geometry and albedo with their mip levels, (side, 3 * side / 2, 4) uint8 each."""
+        """Return geometry and albedo with their mip levels.
+
+        Returns
+        -------
+        list of numpy.ndarray, shape (side, 3 * side / 2, 4), uint8
+            Level 0 at the left, the others stacked at the right; each tile is averaged by itself.
+        """
         return [pyramid(image, self.tile) for image in (self.geometry, self.albedo)]
 
     def to_arrays(self) -> dict:
@@ -136,7 +155,23 @@ class Atlas:
 
     @classmethod
     def from_arrays(cls, arrays) -> Atlas:
-        """Return an atlas from the arrays of :meth:`to_arrays`; ValueError if they are invalid."""
+        """Return an atlas from named arrays, checked.
+
+        Parameters
+        ----------
+        arrays : mapping of str to numpy.ndarray
+            As :meth:`to_arrays` returns them.
+
+        Returns
+        -------
+        Atlas
+            The atlas.
+
+        Raises
+        ------
+        ValueError
+            If an array is missing or of the wrong shape or type.
+        """
         try:
             views, tile, half = (int(v) for v in arrays['grid'])
             sphere = np.asarray(arrays['sphere'], float)
