@@ -91,4 +91,4 @@ def _prism() -> float:
         add = stage.plotter.ibr.add_instances
         things = add(prism, [[0, 0, 0]], max_error=2.0, bake=True, progress=False, cache=False)
         # By their error: where a mesh costs less it takes over before.
-        return float(limits_of(things.atlases[0].errors, 1, things.max_error).mesh.min())
+        return float(limits_of(things.atlases[0].errors, 1, things.max_error).mesh_from.min())

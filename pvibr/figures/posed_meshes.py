@@ -21,7 +21,7 @@ class _Group(list):
 class PosedPool(MeshPool):
     """Actors of a figure, lent to near members and posed for each."""
 
-    turns = False  # where a pose mirrors, faces are wound the other way
+    turns_normals = False  # where a pose mirrors, faces are wound the other way
 
     def __init__(self, level, mesh_actors, skinning):
         super().__init__(level)
@@ -31,7 +31,7 @@ class PosedPool(MeshPool):
         self._shown_keys: dict = {}
         self._made_so_far = 0
 
-    def _made(self) -> list:
+    def _new_actors(self) -> list:
         group = _Group(self._actor(mesh_actor) for mesh_actor in self.mesh_actors)
         group.number = self._made_so_far
         self._made_so_far += 1

@@ -70,7 +70,7 @@ class InstanceSet:
     def pool(self, number, texels) -> MeshPool:
         """Return the mesh pool of the level that is within the error at a size."""
         group = self.thing.groups[number]
-        limits = self.thing.limits[number].meshes.min(1)
+        limits = self.thing.limits[number].mesh_to.min(1)
         level = max(k for k, limit in enumerate(limits) if k == 0 or texels <= limit)
         key = number, level
         if key not in self._pools:
@@ -81,7 +81,7 @@ class InstanceSet:
 
     def plain(self, meshes, pixels, area, pixel) -> np.ndarray:
         """Return the seconds of blocks drawn by the set itself."""
-        limits = [limit.mesh.min() for limit in self.thing.limits]
+        limits = [limit.mesh_from.min() for limit in self.thing.limits]
         limit = np.array([limits[block.number] for block in self.blocks])
         cards = self.per * _CARD + pixel * area
         # The larger a block is beside its instances, the smaller these are.

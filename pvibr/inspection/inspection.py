@@ -294,7 +294,7 @@ def _shown(impostor, frame):
 
 def _cells_seen(group):
     """Return the cells of a group with visible instances."""
-    return np.unique(group.seen * group.unit // BLOCK)
+    return np.unique(group.visible_blocks * group.unit // BLOCK)
 
 
 def _count_taken(impostor, frame) -> int:

@@ -8,7 +8,7 @@ from pvibr.impostors.impostor import Impostor
 from pvibr.instances.card_layers import PATCH_SIDE
 from pvibr.instances.cards import FADE
 from pvibr.maths import octahedral
-from pvibr.meshes.turntable import LEVEL
+from pvibr.meshes.turntable import SIDE_ELEVATION
 
 #: Of images that were drawn for this frame.
 FLASH = (1.0, 0.0, 1.0)
@@ -68,8 +68,8 @@ def used_views(group, frame) -> np.ndarray:
     three = _drawn(group, 'blended', cells, size) | _drawn(group, 'fine', cells, size)
     others = [_drawn(group, name, cells, size) for name in _ONE]
     if group.atlas.turntable is not None:
-        others = [drawn & (rise >= LEVEL) for drawn in others]
-        three &= rise >= LEVEL
+        others = [drawn & (rise >= SIDE_ELEVATION) for drawn in others]
+        three &= rise >= SIDE_ELEVATION
     grid = (octahedral.encode(toward, group.atlas.half) * 0.5 + 0.5) * (group.atlas.views - 1)
     one = np.any(others, 0)
     found = np.concatenate([_blended(grid[three], group.atlas.views), np.rint(grid[one])])

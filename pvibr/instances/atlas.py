@@ -1,4 +1,4 @@
-"""The atlas: images of an object from all sides, as data."""
+"""The atlas: images of an object from all directions, as data."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from pvibr.maths.views import corners
 from pvibr.meshes.turntable import Turntable
 from pvibr.scene.soft_draws import WHOLE
 
-MARGIN = 1.02  # half side of a tile in radii: the silhouette never touches its border
-# Share of what is covered below which two draws of it cost more than they mend: what is small and
-# scattered has hardly an opaque pixel.
-_MOST = 0.6
-_SOME = 3  # rows of views, of which one is asked
+MARGIN = 1.02  # half side of a tile in radii: silhouettes never touch its border
+# Share of covered texels that must be opaque for a separate draw of the core to pay: fine
+# details have hardly any.
+_OPAQUE_SHARE = 0.6
+_ROW_STEP = 3  # one in so many rows of views is looked at
 
 
 def bounding_sphere(points):
-    """Return a sphere that holds all points: the box's centre and the farthest point from it."""
+    """Return the sphere around the centre of the bounding box through the farthest point."""
     points = np.asarray(points, float)
     center = (points.min(0) + points.max(0)) / 2
     radius = float(np.sqrt(((points - center) ** 2).sum(1).max()))
@@ -74,28 +74,28 @@ class Atlas:
 
     @classmethod
     def blank(cls, points, *, half=False) -> Atlas:
-        """Return an atlas without images, for a driver that cannot render them.
+        """Return an atlas without images but with the sphere and box of a mesh's points.
 
         Parameters
         ----------
         points : array_like, shape (n, 3)
-            Those of the mesh.
+            Points of the mesh.
         half : bool, default: False
             True for a mesh that is seen from above only.
 
         Returns
         -------
         Atlas
-            With the right sphere and box.
+            The atlas.
         """
         points = np.asarray(points, float)
-        picture = np.zeros((8, 8, 4), np.uint8)
+        blank_image = np.zeros((8, 8, 4), np.uint8)
         center, radius = bounding_sphere(points)
-        # Without cards its box will do: hulls of many points take seconds.
-        (ends,) = corners(np.stack([points.min(0), points.max(0)], 1).ravel())
-        support = support_table((ends - center) / radius)
+        # The support of the box will do: hulls of many points take seconds.
+        (box_corners,) = corners(np.stack([points.min(0), points.max(0)], 1).ravel())
+        support = support_table((box_corners - center) / radius)
         grid = {'views': 2, 'tile': 4, 'half': half}
-        return cls(picture, picture.copy(), center, radius, support, **grid)
+        return cls(blank_image, blank_image.copy(), center, radius, support, **grid)
 
     @property
     def n_poses(self) -> int:
@@ -109,7 +109,7 @@ class Atlas:
 
     @property
     def nbytes(self) -> int:
-        """GPU memory of the images, mip levels included."""
+        """Bytes of GPU memory of the images, mip levels included."""
         pictures = [self.geometry, self.albedo]
         if self.turntable is not None:
             pictures += [self.turntable.geometry, self.turntable.albedo]
@@ -117,44 +117,50 @@ class Atlas:
 
     @cached_property
     def core_level(self) -> int:
-        """Coarsest level of which most is opaque, -1 if none is."""
-        tile, covered = self.tile, self.geometry[..., 1]
-        some = covered.reshape(-1, tile, covered.shape[-1])[::_SOME].astype(np.float32)
-        level = -1
-        while (some >= 255 * WHOLE).sum() > _MOST * (some > 0).sum() and some.shape[1] > 1:
-            rows, side, width = some.shape
-            some = some.reshape(rows, side // 2, 2, width // 2, 2).mean((2, 4))
-            level += 1
-        return level
+        """Coarsest mip level that is mostly opaque, -1 if none is."""
+        alpha = self.geometry[..., 1]
+        alpha = alpha.reshape(-1, self.tile, alpha.shape[-1])[::_ROW_STEP].astype(np.float32)
+        mip_level = -1
+        while (alpha >= 255 * WHOLE).sum() > _OPAQUE_SHARE * (alpha > 0).sum() and len(
+            alpha[0]
+        ) > 1:
+            n_rows, side, width = alpha.shape
+            alpha = alpha.reshape(n_rows, side // 2, 2, width // 2, 2).mean((2, 4))
+            mip_level += 1
+        return mip_level
 
     def textures(self):
-        """Return geometry and albedo with all mip levels beside them.
+        """Return geometry and albedo with their mip levels.
 
         Returns
         -------
         list of numpy.ndarray, shape (side, 3 * side / 2, 4), uint8
-            Level 0 at the left, the others stacked at the right; tiles are averaged separately,
-            which mip levels of a driver do not guarantee.
+            Level 0 at the left, the others stacked at the right; each tile is averaged by itself.
         """
-        return [pyramid(p, self.tile) for p in (self.geometry, self.albedo)]
+        return [pyramid(image, self.tile) for image in (self.geometry, self.albedo)]
 
     def to_arrays(self) -> dict:
         """Return everything as named arrays, for a file."""
         numbers = np.array([*self.center, self.radius, self.seconds], float)
         grid = np.array([self.views, self.tile, self.half], np.int64)
-        out = {'geometry': self.geometry, 'albedo': self.albedo, 'sphere': numbers, 'grid': grid}
-        out['support'] = self.support
-        out |= self.turntable.to_arrays() if self.turntable is not None else {}
-        return out | {f'errors.{k}': np.asarray(v) for k, v in self.errors.items()}
+        arrays = {
+            'geometry': self.geometry,
+            'albedo': self.albedo,
+            'sphere': numbers,
+            'grid': grid,
+        }
+        arrays['support'] = self.support
+        arrays |= self.turntable.to_arrays() if self.turntable is not None else {}
+        return arrays | {f'errors.{k}': np.asarray(v) for k, v in self.errors.items()}
 
     @classmethod
     def from_arrays(cls, arrays) -> Atlas:
-        """Return an atlas of named arrays, checked.
+        """Return an atlas from named arrays, checked.
 
         Parameters
         ----------
         arrays : mapping of str to numpy.ndarray
-            As :meth:`to_arrays` gives.
+            As :meth:`to_arrays` returns them.
 
         Returns
         -------
@@ -170,18 +176,16 @@ class Atlas:
             views, tile, half = (int(v) for v in arrays['grid'])
             sphere = np.asarray(arrays['sphere'], float)
             support = np.asarray(arrays['support'], float)
-            pictures = [np.asarray(arrays[k]) for k in ('geometry', 'albedo')]
+            images = [np.asarray(arrays[k]) for k in ('geometry', 'albedo')]
         except (KeyError, TypeError, ValueError) as err:
             raise ValueError(f'not an atlas: {err}') from err
-        side = views * tile
-        good = sphere.shape == (5,) and np.isfinite(sphere).all() and sphere[3] > 0
-        good = good and support.shape == (SIDE, SIDE) and np.isfinite(support).all()
-        if not good or any(p.shape != (side, side, 4) or p.dtype != np.uint8 for p in pictures):
-            raise ValueError(
-                f'not an atlas: pictures must be ({side}, {side}, 4) uint8 with a sphere'
-            )
+        shape = (views * tile, views * tile, 4)
+        is_valid = sphere.shape == (5,) and np.isfinite(sphere).all() and sphere[3] > 0
+        is_valid = is_valid and support.shape == (SIDE, SIDE) and np.isfinite(support).all()
+        if not is_valid or any(p.shape != shape or p.dtype != np.uint8 for p in images):
+            raise ValueError(f'not an atlas: images must be {shape} uint8, with a sphere')
         errors = {k[7:]: np.asarray(arrays[k]) for k in arrays if k.startswith('errors.')}
-        geometry, albedo = pictures
+        geometry, albedo = images
         return cls(
             geometry,
             albedo,
@@ -209,7 +213,7 @@ class Atlas:
 
     @classmethod
     def load(cls, path) -> Atlas:
-        """Read from a file written by :meth:`save`.
+        """Read a file written by :meth:`save`.
 
         Parameters
         ----------
@@ -268,19 +272,20 @@ class Atlas:
         return octahedral.view_directions(self.views, self.half)
 
 
-def pyramid(picture, tile) -> np.ndarray:
-    """Return an image with all mip levels beside it."""
-    side = len(picture)
-    out = np.zeros((side, side * 3 // 2, 4), np.uint8)
-    out[:, :side] = picture
-    level, row = picture, 0
+def pyramid(image, tile) -> np.ndarray:
+    """Return an image with its mip levels stacked at the right, averaged within each tile."""
+    side = len(image)
+    pyramid_image = np.zeros((side, side * 3 // 2, 4), np.uint8)
+    pyramid_image[:, :side] = image
+    mip_image, row = image, 0
     for _ in range(tile.bit_length() - 1):
-        level = _halve(level)
-        out[row : row + len(level), side : side + len(level)] = level
-        row += len(level)
-    return out
+        mip_image = _halve(mip_image)
+        size = len(mip_image)
+        pyramid_image[row : row + size, side : side + size] = mip_image
+        row += size
+    return pyramid_image
 
 
 def _halve(picture):
-    rows = picture[0::2].astype(np.uint16) + picture[1::2]
-    return ((rows[:, 0::2] + rows[:, 1::2] + 2) >> 2).astype(np.uint8)
+    row_sums = picture[0::2].astype(np.uint16) + picture[1::2]
+    return ((row_sums[:, 0::2] + row_sums[:, 1::2] + 2) >> 2).astype(np.uint8)

@@ -1,4 +1,4 @@
-"""Textures of atlases, shared by all that draw them in a window."""
+"""Textures of atlases, shared within a window."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from pvibr.gl.texture import release
 from pvibr.instances.atlas import pyramid
 
 _NAMES = ('ibr_geometry', 'ibr_albedo')
-# By window, what is on its GPU, by the address of the atlas, which the entry keeps alive.
+# Textures by window, then by the id of their atlas, which they keep alive.
 _shared: weakref.WeakKeyDictionary[object, dict[int, AtlasTextures]] = weakref.WeakKeyDictionary()
 
 
@@ -38,13 +38,13 @@ class AtlasTextures:
 
     @classmethod
     def of(cls, atlas, window) -> AtlasTextures:
-        """Return the textures of an atlas, to be given back; the context is current."""
-        known = _shared.setdefault(window, {})
-        if id(atlas) not in known:
-            known[id(atlas)] = cls(atlas, window)
-        found = known[id(atlas)]
-        found.users += 1
-        return found
+        """Return the textures of an atlas, to release after use; the context is current."""
+        by_atlas = _shared.setdefault(window, {})
+        if id(atlas) not in by_atlas:
+            by_atlas[id(atlas)] = cls(atlas, window)
+        textures = by_atlas[id(atlas)]
+        textures.users += 1
+        return textures
 
     @property
     def nbytes(self) -> int:
@@ -52,7 +52,7 @@ class AtlasTextures:
         return sum(t.nbytes for t in (*self.views.values(), *self.turned.values()))
 
     def give_back(self):
-        """Free the GPU memory if nobody else uses it; the context is current."""
+        """Free the GPU memory unless others use it; the context is current."""
         self.users -= 1
         if not self.users:
             del _shared[self._window][id(self.atlas)]

@@ -21,9 +21,9 @@ from pvibr.meshes.materials import PROPERTY_TEXTURES, copy_property, copy_textur
 from pvibr.meshes.turntable import Turntable
 
 _FLAT = 0  # VTK_FLAT
-# Lighting is computed by VTK and thrown away: what is kept is the colour before light, which
-# VTK then multiplies by the texture, and the normal after VTK's own flips for two-sided surfaces.
-# Ambient light is none, but VTK sets the colours of back faces only where its uniforms are used.
+# VTK's lighting is discarded: the output is the unlit colour, which VTK multiplies by the texture,
+# and the normal after VTK's flips for two-sided surfaces. Ambient light is zero, but VTK sets the
+# colours of back faces only where its uniforms are used.
 _UNLIT = """//VTK::Light::Impl
   fragOutput0 = vec4(ambientColor + diffuseColor, opacity);
   vec3 ibr_normal = normalVCVSOutput;
@@ -51,16 +51,16 @@ def bake_parts(
     turns=None,
     progress=None,
 ) -> Atlas:
-    """Render the parts of one object from all views into an atlas, of a sphere around it."""
+    """Render the parts of one object from all views into an atlas."""
     check_grid(views, tile)
     start = time.perf_counter()
     points = np.concatenate([p.mesh.points for p in parts])
     center, radius = bounding_sphere(points) if sphere is None else sphere
     with hidden_window() as (window, renderer):
-        limit = texture_limit(window)
-        while views * tile * 3 // 2 > limit and tile > 4:
-            tile //= 2  # the smaller levels lie beside the largest
-        while views * tile * supersample > limit and supersample > 1:
+        max_texture_size = texture_limit(window)
+        while views * tile * 3 // 2 > max_texture_size and tile > 4:
+            tile //= 2  # mip levels lie beside the image
+        while views * tile * supersample > max_texture_size and supersample > 1:
             supersample //= 2
         directions = octahedral.view_directions(views, half)
         baker = Baker(renderer, parts, center, radius, (views, tile, supersample))
@@ -90,15 +90,15 @@ def bake_parts(
 
 
 def check_grid(views, tile):
-    """Raise ValueError unless there can be so many views, of so many texels, along a side."""
+    """Raise ValueError for invalid numbers of views, and of texels of each, along a side."""
     if views < 2 or tile < 4 or tile & (tile - 1):
         raise ValueError(
-            f'views={views}, tile={tile}: views must be 2 or more, tile a power of two from 4'
+            f'views must be at least 2 and tile a power of two from 4, got {views} and {tile}'
         )
 
 
 class Baker:
-    """Renders views of parts, whose points may change in between."""
+    """Renders views of parts; their points may change in between."""
 
     def __init__(self, renderer, parts, center, radius, grid):
         self.window, self.center = renderer.GetRenderWindow(), center
@@ -118,7 +118,7 @@ class Baker:
         strips = []
         for k, row in enumerate(frames):
             strips.append(self._row(row))
-            fill_depth(strips[-1][0], self.tile)  # a row at a time stays in the cache
+            fill_depth(strips[-1][0], self.tile)  # row by row, within the processor's cache
             if progress is not None:
                 progress((k + 1) / self.views)
         return [np.concatenate(s) for s in zip(*strips, strict=True)]
@@ -129,14 +129,14 @@ class Baker:
         with self.raster.drawing(clear=(0, 0, 0, 0)):
             for i, axes in enumerate(frames):
                 self._draw(axes, (i * side, 0, side, side))
-        surface, shape = self.raster.colors
+        surface_texture, shape_texture = self.raster.colors
         with self.strip.drawing():
-            self.reduce.draw(textures={'surface': surface, 'shape': shape})
+            self.reduce.draw(textures={'surface': surface_texture, 'shape': shape_texture})
         return [c.download() for c in self.strip.colors]
 
     def _draw(self, axes, rect):
-        reach = MARGIN * self.radius
-        low, high = (axes @ self.center + sign * reach for sign in (-1, 1))
+        half_side = MARGIN * self.radius
+        low, high = (axes @ self.center + sign * half_side for sign in (-1, 1))
         self.drawer.look(orthographic(axes, low, high), rect, clear=False)
         set_fragment_uniforms(self.actors, {'ibr_object_from_view': axes.T})
         self.drawer.draw(self.actors)
@@ -145,13 +145,13 @@ class Baker:
         """Free GPU memory; the context is current."""
         for actor in self.actors:
             actor.ReleaseGraphicsResources(self.window)
-        for thing in (self.raster, self.strip, self.reduce):
-            thing.release()
+        for target in (self.raster, self.strip, self.reduce):
+            target.release()
         self.drawer.release()
 
 
 def unlit_actor(part, closed=None):
-    """Return a copy of a part's actor that writes its unlit surface."""
+    """Return a copy of a part's actor that writes unlit colour, normal and depth."""
     if closed is None:
         closed = (
             part.alpha_cutoff is None and winding(part.mesh.points, part.mesh.regular_faces) > 0
@@ -161,25 +161,25 @@ def unlit_actor(part, closed=None):
     actor.ForceOpaqueOn()
     prop = _unlit(part.actor.GetProperty())
     if closed and not prop.GetFrontfaceCulling():
-        prop.BackfaceCullingOn()  # all hidden: a third of the work
+        prop.BackfaceCullingOn()  # hidden anyway: a third of the work
     actor.SetProperty(prop)
     if part.actor.GetBackfaceProperty() is not None:
         actor.SetBackfaceProperty(_unlit(part.actor.GetBackfaceProperty()))
-    texture = copy_texture(part.actor.GetTexture())
-    if texture is not None:
-        actor.SetTexture(texture)
-    cut = _CUT if part.alpha_cutoff else ''  # a discard, even unused, costs early depth tests
-    # Images have no place for emitted light: it brightens the colour, which is lit.
+    color_texture = copy_texture(part.actor.GetTexture())
+    if color_texture is not None:
+        actor.SetTexture(color_texture)
+    cut_text = _CUT if part.alpha_cutoff else ''  # unused, it would disable early depth tests
+    # Images do not store emitted light: it brightens the colour, which is then lit.
     attach_maps(actor, emission_of(part.actor))
-    texts = {'VTK::Light::Impl': _UNLIT, 'VTK::DepthPeeling::Impl': cut + _OUTPUT}
-    Feature('bake', fragment=texts).attach(actor)
-    if cut:
+    shader_text = {'VTK::Light::Impl': _UNLIT, 'VTK::DepthPeeling::Impl': cut_text + _OUTPUT}
+    Feature('bake', fragment=shader_text).attach(actor)
+    if cut_text:
         set_fragment_uniforms((actor,), {'ibr_cut': float(part.alpha_cutoff)})
     return actor
 
 
 def _unlit(prop):
-    """Return a material with the colour and the shading of normals of another."""
+    """Return an unlit copy of a material, with its normals."""
     copy = _vtk.vtkProperty()
     copy_property(copy, prop)
     if prop.GetInterpolation() != _FLAT:
@@ -193,24 +193,22 @@ def _unlit(prop):
     for name in PROPERTY_TEXTURES:
         texture = copy_texture(prop.GetTexture(name))
         if texture is not None:
-            copy.RemoveTexture(name)  # or VTK warns of its replacement
+            copy.RemoveTexture(name)  # or VTK warns that it is replaced
             copy.SetTexture(name, texture)
     return copy
 
 
 def fill_depth(geometry, tile):
-    """Dilate depth into the background of every tile, for rays that pass beside a part.
+    """Dilate depth into the background of every tile, for rays that pass beside the object.
 
-    The pull-push interpolation of Gortler et al., "The Lumigraph", SIGGRAPH 1996, section 3.4,
-    within each tile: averages of the covered texels are pulled up a pyramid, holes take the value
-    of the finest level that has one.
+    Pull-push interpolation within tiles: Gortler et al., "The Lumigraph", SIGGRAPH 1996, 3.4.
     """
     weight = (geometry[..., 1] > 0).astype(np.float32)
-    levels = [(geometry[..., 0] * weight, weight)]
+    mip_levels = [(geometry[..., 0] * weight, weight)]
     for _ in range(tile.bit_length() - 1):
-        levels.append(tuple(map(_halve, levels[-1])))
-    filled = np.full_like(levels[-1][0], 127.5)
-    for total, weight in reversed(levels):
+        mip_levels.append(tuple(map(_halve, mip_levels[-1])))
+    filled = np.full_like(mip_levels[-1][0], 127.5)
+    for total, weight in reversed(mip_levels):
         if filled.shape != total.shape:
             filled = filled.repeat(2, 0).repeat(2, 1)
         filled = np.where(weight > 0, total / np.maximum(weight, 1e-6), filled)

@@ -9,42 +9,42 @@ import numpy as np
 from pvibr.scene.shader_draws import PBR
 from pvibr.scene.soft_draws import CORE, SOLID, SoftDraws
 
-#: Side of the square of patches of directions, each of which has errors of its own.
+#: View directions are divided into a square of patches; errors are measured in each.
 PATCH_SIDE = 4
 PATCHES = PATCH_SIDE**2
 
 
 def at_patches(values, patches) -> np.ndarray:
-    """Return values by patch at some patches, the least of all where one is unknown, -1."""
+    """Return the values at patches, the least of all where a patch is unknown, -1."""
     return np.append(values, values.min(-1, keepdims=True), -1)[..., patches]
 
 
 class CardLayer(SoftDraws):
-    """The cards of one shader, drawn in parts from the same entries."""
+    """The cards of one shader: cores, fringes and depth, from the same entries."""
 
-    def __init__(self, cards, shader, prop, draws, most):
+    def __init__(self, cards, shader, prop, draws, chunk):
         self.cards, self.shader = cards, shader
         self.core_size = shader.core_size(cards.atlas)
         shiny = prop.GetSpecular() > 0 or prop.GetInterpolation() == PBR
         kind = shiny, cards.atlas.animated, cards.atlas.turntable is not None
         super().__init__(
             shader.feature(*kind, deep=True),
-            # Where things pierce one another, a plane cuts wide fringes raggedly; those of small
-            # cards are narrow, and the early depth test of a plane saves half of their time.
+            # Planes that pierce one another cut wide fringes raggedly; fringes of small cards are
+            # narrow, and the early depth test of a plane halves their time.
             shader.feature(*kind, deep=shader.steps > 0),
             cored=self.core_size < shader.largest,
             draws=draws,
-            chunk=most,
+            chunk=chunk,
             prop=prop,
             binder=cards.binder,
         )
-        self.ranges, self.level = np.zeros((2, PATCHES, 4))
+        self.ranges, self.side_ranges = np.zeros((2, PATCHES, 4))
         self.unit = cards.unit
-        self.tint: tuple | None = None  # a colour for all that it draws
+        self.tint: tuple | None = None  # one colour for all its cards
 
     @property
     def window(self):
-        """The window that the cards are in."""
+        """The window of the cards."""
         return self.cards.window
 
     @property
@@ -53,38 +53,38 @@ class CardLayer(SoftDraws):
         return self.fringe.nbytes
 
     def show(self, blocks, cuts, cored):
-        """Draw blocks between cuts, from far to near; cores from one of them on."""
+        """Draw blocks between cuts, from far to near; from index `cored` on with cores."""
         self.fringe.upload(self.cards.window, blocks)
-        ends = list(pairwise(np.asarray(cuts).tolist()))
-        parts = self.parts(solid=self.cards.solid, deep=self.cards.deep)
+        block_spans = list(pairwise(np.asarray(cuts).tolist()))
+        layer_parts = self.parts(solid=self.cards.solid, deep=self.cards.deep)
         for draws in self.every:
-            part = parts.get(draws)
-            draws.entries, draws.part = self.fringe.entries, part or SOLID
-            first = cored if part is CORE else 0
-            some = [(max(a, first), b) for a, b in ends] if part else []
-            draws.show_spans([(a * self.unit, b) if b > a else (0, 0) for a, b in some])
+            layer_part = layer_parts.get(draws)
+            draws.entries, draws.part = self.fringe.entries, layer_part or SOLID
+            first_entry = cored if layer_part is CORE else 0
+            part_spans = [(max(a, first_entry), b) for a, b in block_spans] if layer_part else []
+            draws.show_spans([(a * self.unit, b) if b > a else (0, 0) for a, b in part_spans])
 
     def inputs(self) -> tuple[dict, dict]:
         """Return the textures and the uniforms of all parts."""
         cards, textures = self.cards, self.cards.textures
         uniforms = cards.uniforms | {
             'ibr_ranges': _columns(self.ranges),
-            'ibr_turn_ranges': _columns(self.level),
+            'ibr_turn_ranges': _columns(self.side_ranges),
             'ibr_unit': self.unit,
             'ibr_tint': (*self.tint, 1.0) if self.tint else (0.0, 0.0, 0.0, 0.0),
         }
         if self.tint:
             uniforms['ibr_multiply'] = 0
         if self.shader.sides:
-            turns, textures = cards.atlas.turntable, {**textures, **cards.turned}
+            turntable, textures = cards.atlas.turntable, {**textures, **cards.turntable_textures}
             uniforms |= {
-                'ibr_views': turns.turns.columns,
-                'ibr_tile': turns.tile,
-                'ibr_turn_views': 1 if self.shader.sides == 1 else turns.turns.views,
+                'ibr_views': turntable.turns.columns,
+                'ibr_tile': turntable.tile,
+                'ibr_turn_views': 1 if self.shader.sides == 1 else turntable.turns.views,
             }
         return textures, uniforms
 
 
 def _columns(ranges):
-    """Return a matrix for each row of patches, a column for each patch."""
+    """Return one matrix per row of patches, with a column per patch."""
     return ranges.reshape(PATCH_SIDE, -1, 4).swapaxes(1, 2)

@@ -1,4 +1,4 @@
-"""Cards on the GPU: an atlas, its instances and card shaders."""
+"""Instances of one atlas drawn as cards, textured quads, by several shaders."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from pvibr.instances.atlas_textures import AtlasTextures
 from pvibr.instances.card_layers import PATCH_SIDE, PATCHES, CardLayer
 from pvibr.instances.placement import WIDTH
 from pvibr.maths.blocks import BLOCK
-from pvibr.meshes.turntable import LEVEL
+from pvibr.meshes.turntable import SIDE_ELEVATION
 from pvibr.scene.shader_draws import DULL, ROW, pack
 
-_CHUNKS = 8192, 65_536  # cards of one draw, of small and of large sets
-_DRAWS = 32  # of a shader, as long as the cards of one allow it
-_SHARPNESS = 1.42  # 1.4 to 2.8 texels a pixel: measured best, 1 blurs outlines
-# Around VTK's own light code, whatever it is: its clamped cosines become those of spread normals.
+_CHUNKS = 8192, 65_536  # cards per draw, in small and in large sets
+_DRAWS = 32  # draws per shader that the number of cards per draw aims at
+_SHARPNESS = 1.42  # texels per pixel, up to twice as many: measured best, 1 blurs outlines
+# Around any light code of VTK: its clamped cosines become those of spread normals.
 _SOFT_LIGHT = '#define max(a, b) ibr_lit(a, b)\n//VTK::Light::Impl\n#undef max\n'
 
 
@@ -42,15 +42,15 @@ class CardShader:
     largest: float = float('inf')
 
     def core_size(self, atlas) -> float:
-        """Return the on-screen diameter, in pixels, up to which its cards have no core."""
+        """Return the on-screen diameter, in pixels, up to which cards have no core."""
         if self.splat or atlas.core_level < 0:
             return np.inf
-        texels = _SHARPNESS * self.taps**0.5  # per pixel, at which the shader chooses a mip level
-        return atlas.tile / 2 ** (atlas.core_level + 1) / texels
+        texels_per_pixel = _SHARPNESS * self.taps**0.5  # at which the shader selects a mip level
+        return atlas.tile / 2 ** (atlas.core_level + 1) / texels_per_pixel
 
-    def defines(self, animated=False, turned=False, *, deep=False) -> str:
+    def defines(self, animated=False, has_turntable=False, *, deep=False) -> str:
         """Return the preprocessor lines of the shader."""
-        values = {
+        define_values = {
             'VIEWS_BLENDED': self.views,
             'STEPS': self.steps,
             'CARD_TAPS': self.taps,
@@ -58,31 +58,31 @@ class CardShader:
             'SPLAT': int(self.splat),
             'DEEP': int(deep),
             'ANIMATED': int(animated),
-            'TURNED': int(turned),
+            'TURNED': int(has_turntable),
             'SIDES': self.sides,
             'PATCH_SIDE': PATCH_SIDE,
         }
-        return DITHER + ''.join(f'#define {k} {v}\n' for k, v in values.items())
+        return DITHER + ''.join(f'#define {k} {v}\n' for k, v in define_values.items())
 
-    def feature(self, shiny=True, animated=False, turned=False, *, deep=True) -> Feature:
-        """Return the shader text by VTK's tags, with depth of its own if it has one."""
-        part = sections(shader_source(__file__))
+    def feature(self, shiny=True, animated=False, has_turntable=False, *, deep=True) -> Feature:
+        """Return the shader code by VTK's tags, writing depth per pixel if `deep`."""
+        section = sections(shader_source(__file__))
         deep = deep and not self.splat
-        defines = self.defines(animated, turned, deep=deep)
-        vertex = {
-            'VTK::PositionVC::Dec': defines + part['surface'] + part['vertex.declare'],
-            'VTK::PositionVC::Impl': part['vertex.position'],
+        defines = self.defines(animated, has_turntable, deep=deep)
+        vertex_code = {
+            'VTK::PositionVC::Dec': defines + section['surface'] + section['vertex.declare'],
+            'VTK::PositionVC::Impl': section['vertex.position'],
         }
-        depth = part['fragment.depth'] if deep else ''
-        fragment = {
-            'VTK::PositionVC::Dec': defines + part['surface'] + part['fragment.declare'],
-            'VTK::PositionVC::Impl': part['fragment.sample'],
-            'VTK::Depth::Impl': depth + '//VTK::Depth::Impl\n',
-            'VTK::Color::Impl': '//VTK::Color::Impl\n' + part['fragment.color'],
+        depth_code = section['fragment.depth'] if deep else ''
+        fragment_code = {
+            'VTK::PositionVC::Dec': defines + section['surface'] + section['fragment.declare'],
+            'VTK::PositionVC::Impl': section['fragment.sample'],
+            'VTK::Depth::Impl': depth_code + '//VTK::Depth::Impl\n',
+            'VTK::Color::Impl': '//VTK::Color::Impl\n' + section['fragment.color'],
             'VTK::Normal::Impl': 'vec3 normalVCVSOutput = ibr_normal;\n',
             'VTK::Light::Impl': _SOFT_LIGHT if shiny else DULL[0] + _SOFT_LIGHT + DULL[1],
         }
-        return Feature(f'card_{self.name}_{int(deep)}', vertex, fragment)
+        return Feature(f'card_{self.name}_{int(deep)}', vertex_code, fragment_code)
 
 
 SPLAT = CardShader(
@@ -95,57 +95,58 @@ FINE = CardShader('fine', views=3, steps=2, taps=4, largest=32.0)
 CARD_SHADERS = (SPLAT, FLAT, PARALLAX, BLENDED, FINE)
 BILLBOARD = CardShader('billboard', views=1, steps=0, sides=1)
 TURNTABLE = CardShader('turntable', views=1, steps=0, sides=2)
-#: In the order of their cost, those of a turntable included.
+#: Cheapest first, with those of a turntable.
 ALL_CARD_SHADERS = (SPLAT, BILLBOARD, TURNTABLE, FLAT, PARALLAX, BLENDED, FINE)
-_SLACK = 0.25  # of the extent of a set, around it: what bounds VTK has of it
-_LOOSE = 4.0  # times that extent, from which these bounds are too wide
-#: A level takes over from its coarser neighbour while the size grows by this factor. Both are
-#: drawn meanwhile; 1.1 pops no less on a walk, and a million instances take a tenth longer.
+_SLACK = 0.25  # margin of VTK's bounds around a moving set, relative to its extent
+_LOOSE = 4.0  # times that extent, at which VTK's bounds are too wide
+#: Growth in size during which a level fades in over the coarser one, with both drawn. 1.1 pops no
+#: less on a walk, and takes a tenth longer for a million instances.
 FADE = 1.05
-#: On-screen diameters from and to, and whether the mesh comes next, by patch: all of them.
+#: From, to, whether the mesh is next, and 0, by patch: drawn at every size.
 ALWAYS = np.tile([0.0, 1e9, 0.0, 0.0], (PATCHES, 1))
 
 
 def chunk(instances) -> int:
-    """Return the cards of one draw: drivers are paid by the draw, and by the empty cards of it."""
+    """Return the number of cards per draw: each draw costs, and so do its unused cards."""
     return int(np.clip(-(-instances // _DRAWS // BLOCK) * BLOCK, *_CHUNKS))
 
 
 def slabs(depths, turns, capacity) -> list[np.ndarray]:
-    """Divide the blocks of several meshes into alternating draws from far to near."""
-    total = sum(len(d) for d in depths)
+    """Return where to cut the sorted blocks of each mesh, so that draws alternate far to near."""
+    block_count = sum(len(d) for d in depths)
     if len(depths) == 1:
-        return [np.minimum(np.arange(-(-total // capacity) + 1) * capacity, total)]
-    size = min(capacity, max(1, -(-total // turns)))
-    rank = np.empty(total, int)
-    rank[np.argsort(np.concatenate(depths), kind='stable')] = np.arange(total)
-    edges = np.arange(-(-total // size) + 1)
-    starts = np.cumsum([0, *(len(d) for d in depths)])
-    return [np.searchsorted(rank[a:b] // size, edges) for a, b in pairwise(starts)]
+        return [np.minimum(np.arange(-(-block_count // capacity) + 1) * capacity, block_count)]
+    slab_size = min(capacity, max(1, -(-block_count // turns)))
+    depth_rank = np.empty(block_count, int)
+    depth_rank[np.argsort(np.concatenate(depths), kind='stable')] = np.arange(block_count)
+    slab_edges = np.arange(-(-block_count // slab_size) + 1)
+    mesh_starts = np.cumsum([0, *(len(d) for d in depths)])
+    slab_of_block = depth_rank // slab_size
+    return [np.searchsorted(slab_of_block[a:b], slab_edges) for a, b in pairwise(mesh_starts)]
 
 
-def slab_counts(instances, meshes, turned=False) -> dict[str, int]:
+def slab_counts(instances, meshes, has_turntable=False) -> dict[str, int]:
     """Return the maximum number of draws of each shader."""
-    # A block may be partly empty, and each mesh has one such block.
-    full = -(-(instances + meshes * BLOCK) // chunk(instances))
-    used = ALL_CARD_SHADERS if turned else CARD_SHADERS
-    return {p.name: full + (p.turns if meshes > 1 else 0) for p in used}
+    # Each mesh may have one block that is partly empty.
+    full_draws = -(-(instances + meshes * BLOCK) // chunk(instances))
+    shaders = ALL_CARD_SHADERS if has_turntable else CARD_SHADERS
+    return {p.name: full_draws + (p.turns if meshes > 1 else 0) for p in shaders}
 
 
 class Cards:
     """The instances of one atlas as cards."""
 
-    def __init__(self, atlas, capacity, unit, draws, prop, binder):
+    def __init__(self, atlas, capacity, unit, draw_counts, prop, binder):
         self.atlas, self.binder, self.window = atlas, binder, None
         self.solid = self.deep = False
-        #: Corners of the bounds that VTK knows, the lower first, world units.
+        #: Low and high corner of the bounds that VTK culls by, world units.
         self.bounds = np.full((2, 3), np.nan)
         self.textures: dict[str, Texture] = {}
-        self._own: dict[str, Texture] = {}
+        self._textures: dict[str, Texture] = {}
         self._images: AtlasTextures | None = None
         self._poses = np.zeros((1, WIDTH, 4), np.float32)
         self._looks = np.zeros((1, 1, 4), np.uint8)
-        # What changed since it was uploaded: its rows, None for all.
+        # Textures that changed since their upload: rows, None for all.
         self._stale: dict[str, list | None] = {}
         self.uniforms = {
             'ibr_count': 0,
@@ -167,16 +168,18 @@ class Cards:
         if turntable is not None:
             sides = turntable.turns.sides()
             self.uniforms |= {
-                'ibr_turn_level': LEVEL,
+                'ibr_turn_level': SIDE_ELEVATION,
                 'ibr_turn_axis': tuple(map(float, sides[2])),
                 'ibr_turn_start': tuple(map(float, sides[0])),
             }
         self.unit = unit
-        draws = draws or slab_counts(capacity, 1, turntable is not None)
-        #: Cards of one draw.
+        draw_counts = draw_counts or slab_counts(capacity, 1, turntable is not None)
+        #: Cards per draw.
         self.chunk = min(chunk(capacity), max(1, -(-capacity // unit)) * unit)
-        used = [p for p in ALL_CARD_SHADERS if p.name in draws]
-        self.layers = {p.name: CardLayer(self, p, prop, draws[p.name], self.chunk) for p in used}
+        shaders = [p for p in ALL_CARD_SHADERS if p.name in draw_counts]
+        self.layers = {
+            p.name: CardLayer(self, p, prop, draw_counts[p.name], self.chunk) for p in shaders
+        }
 
     @property
     def nbytes(self) -> int:
@@ -187,11 +190,11 @@ class Cards:
     def item_nbytes(self) -> int:
         """Bytes on the GPU that grow with the number of instances."""
         blocks = sum(layer.nbytes for layer in self.layers.values())
-        return blocks + sum(texture.nbytes for texture in self._own.values())
+        return blocks + sum(texture.nbytes for texture in self._textures.values())
 
     @property
-    def turned(self) -> dict[str, Texture]:
-        """The images around an axis, if there are any."""
+    def turntable_textures(self) -> dict[str, Texture]:
+        """The textures of a turntable, if there is one."""
         return self._images.turned if self._images else {}
 
     @property
@@ -200,76 +203,79 @@ class Cards:
         return next((layer.failure for layer in self.layers.values() if layer.failure), None)
 
     def check(self):
-        """Note shaders that the frame was not drawn with."""
+        """Note shaders that failed to draw."""
         for layer in self.layers.values():
             layer.check()
 
     def shaders(self) -> list:
-        """Return the card shaders in use, in drawing order."""
+        """Return the card shaders in use, cheapest first."""
         return [layer.shader for layer in self.layers.values()]
 
     def order(self) -> list:
-        """Return pairs of a key and an actor in the order of drawing."""
-        found = []
+        """Return pairs of sort key and actor, in drawing order."""
+        keyed_actors = []
         for layer in self.layers.values():
-            found += layer.order(ALL_CARD_SHADERS.index(layer.shader))
-        return sorted(found, key=lambda pair: pair[0])
+            keyed_actors += layer.order(ALL_CARD_SHADERS.index(layer.shader))
+        return sorted(keyed_actors, key=lambda pair: pair[0])
 
     def actors(self) -> list:
-        """Return all actors in the order of drawing."""
+        """Return all actors in drawing order."""
         return [actor for _, actor in self.order()]
 
-    def place(self, placement, rows=None):
-        """Take over the poses of a placement, or some rows of them, with the next upload."""
-        self.uniforms |= {'ibr_count': len(placement.ids), 'ibr_texels': placement.texels}
-        self._poses, stale = placement.rows, self._stale.get('ibr_poses', ())
-        self._stale['ibr_poses'] = None if rows is None or stale is None else [*stale, rows]
+    def place(self, placement, changed_rows=None):
+        """Schedule the upload of a placement's poses, or of some rows of the texture."""
+        self.uniforms |= {'ibr_count': len(placement.ids), 'ibr_texels': placement.texels_per_pose}
+        self._poses, stale = placement.pose_texture, self._stale.get('ibr_poses', ())
+        is_partial = changed_rows is not None and stale is not None
+        self._stale['ibr_poses'] = [*(stale or ()), changed_rows] if is_partial else None
 
     def bound(self, bounds):
-        """Have VTK know about where the cards are: it culls by that, and EDL scales by it."""
+        """Set the bounds that VTK culls by and EDL scales by, with slack for motion."""
         low, high = np.reshape(bounds, (3, 2)).T
-        sides, known = (high - low).max(), np.ptp(self.bounds, axis=0).max()
-        inside = (self.bounds[0] <= low).all() and (high <= self.bounds[1]).all()
-        if not inside or known > _LOOSE * sides:  # else what moves would be uploaded each time
-            slack = _SLACK * sides if self.window is not None else 0.0  # of what does move
+        extent, bounds_extent = (high - low).max(), np.ptp(self.bounds, axis=0).max()
+        is_inside = (self.bounds[0] <= low).all() and (high <= self.bounds[1]).all()
+        # Without slack each motion would be an upload; sets that never move need none.
+        if not is_inside or bounds_extent > _LOOSE * extent:
+            slack = _SLACK * extent if self.window is not None else 0.0
             self.bounds = np.stack([low - slack, high + slack])
             for layer in self.layers.values():
                 layer.bound(self.bounds.T.ravel(), layer.shader.corners)
 
     def look(self, looks):
-        """Take over colours of instances with the next upload."""
+        """Schedule the upload of instance colours, (n, 4) uint8 or None."""
         self.uniforms['ibr_has_looks'] = int(looks is not None)
         self._looks = np.zeros((1, 1, 4), np.uint8) if looks is None else pack(looks, ROW, 4)
         self._stale['ibr_looks'] = None
 
     def upload(self, window):
-        """Upload what changed; the context is current."""
+        """Upload what has changed; the context is current."""
         if self.window is None:
             self._begin(window)
         images = {'ibr_poses': self._poses, 'ibr_looks': self._looks}
-        for name, rows in self._stale.items():
-            if rows is None:
-                self.textures[name].upload(images[name])
+        for name, stale_rows in self._stale.items():
+            texture, image = self.textures[name], images[name]
+            if stale_rows is None:
+                texture.upload(image)
             else:
-                put_rows(self.textures[name], images[name], np.unique(np.concatenate(rows)))
+                put_rows(texture, image, np.unique(np.concatenate(stale_rows)))
         self._stale = {}
 
     def _begin(self, window):
         self._images = self._images or AtlasTextures.of(self.atlas, window)
         if self.atlas.animated:
-            self._own['ibr_moves'] = Texture(window)
+            self._textures['ibr_moves'] = Texture(window)
             self.uniforms['ibr_pages'] = self.atlas.pages
-        self._own |= {name: Texture(window) for name in ('ibr_poses', 'ibr_looks')}
-        self.textures = self._images.views | self._own
+        self._textures |= {name: Texture(window) for name in ('ibr_poses', 'ibr_looks')}
+        self.textures = self._images.views | self._textures
         self._stale = dict.fromkeys(('ibr_poses', 'ibr_looks'))
-        self.window = window  # last: what fails begins anew
+        self.window = window  # last: after a failure all is made again
 
     def move(self, moves):
         """Upload the motion of instances of an animated atlas."""
         self.textures['ibr_moves'].upload(pack(moves, ROW, 4))
 
     def view(self, frame, *, depth=False):
-        """Set the uniforms of a frame's camera; depth may be wanted of soft edges."""
+        """Set the uniforms of a frame's camera; `depth` if an effect reads that of soft edges."""
         self.solid = frame.picking or frame.casting
         self.deep = depth and not self.solid
         clip, view = frame.clip_from_view, frame.view_from_world
@@ -284,10 +290,10 @@ class Cards:
             'ibr_error': 1.0 / frame.quality,
         }
 
-    def show(self, name, blocks, cuts, *, ranges=ALWAYS, level=ALWAYS, unit=None, cored=0):
-        """Draw some blocks by a shader, from far to near, the first of which have no core."""
+    def show(self, name, blocks, cuts, *, ranges=ALWAYS, side_ranges=ALWAYS, unit=None, cored=0):
+        """Draw blocks by a shader from far to near; those before `cored` have no core."""
         layer = self.layers[name]
-        layer.ranges, layer.level, layer.unit = ranges, level, unit or self.unit
+        layer.ranges, layer.side_ranges, layer.unit = ranges, side_ranges, unit or self.unit
         layer.show(blocks, cuts, cored)
 
     def hide(self):
@@ -300,7 +306,7 @@ class Cards:
         self.binder.unbind()
         for layer in self.layers.values():
             layer.release(self.window)
-        release(*self._own.values())
+        release(*self._textures.values())
         if self._images is not None:
             self._images.give_back()
-        self.textures, self._own, self._images, self.window = {}, {}, None, None
+        self.textures, self._textures, self._images, self.window = {}, {}, None, None

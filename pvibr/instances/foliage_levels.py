@@ -9,18 +9,17 @@ import pyvista as pv
 
 from pvibr.instances.foliage_quads import Groups, clusters, components, dilated, quads
 from pvibr.instances.mesh_pool import lendable
-from pvibr.maths.facing import CLOSE
 from pvibr.maths.flip import flip
 from pvibr.maths.image_error import box_reduce, psnr, silhouette_iou
 from pvibr.maths.vectors import as_units
 from pvibr.meshes.decimate import lighter
 from pvibr.meshes.materials import copy_texture
-from pvibr.meshes.parts import Part, as_parts, check_triangles
+from pvibr.meshes.parts import as_parts, check_triangles
 from pvibr.meshes.surfaces import some_triangles
 from pvibr.meshes.turntable import Turns
 
 _SAMPLES = 4  # along a side of a texel of a turntable, and of a pixel of the reference
-_SHARES = (0.5, 0.2)  # of the triangles of what stays a mesh, beside quads
+_SHARES = (0.5, 0.2)  # of the triangles of what stays a mesh, in the levels of quads
 
 
 @dataclass
@@ -41,40 +40,43 @@ class FoliageLevels:
     def __init__(self, parts, counts, turntable):
         self.parts, self.turntable = parts, turntable
         self.billboard = {**turntable, 'image': turntable['image'][:1], 'views': 1}
-        rows = zip(('mesh', 'parts', 'clusters'), self._meshes(), [0, *counts], strict=True)
-        self.levels = [_of_meshes(*row) for row in rows]
-        size = turntable['image'][0].shape[1::-1]
-        self.levels.append(FoliageLevel('turntable', 4, 2, 1, [size] * turntable['views']))
-        self.levels.append(FoliageLevel('billboard', 4, 2, 1, [size]))
+        mesh_levels = zip(('mesh', 'parts', 'clusters'), self._meshes(), [0, *counts], strict=True)
+        self.levels = [_of_meshes(*row) for row in mesh_levels]
+        view_size = turntable['image'][0].shape[1::-1]
+        self.levels.append(FoliageLevel('turntable', 4, 2, 1, [view_size] * turntable['views']))
+        self.levels.append(FoliageLevel('billboard', 4, 2, 1, [view_size]))
 
     def _meshes(self) -> list:
         """Return the parts of each level of meshes."""
-        count = len(self.parts[0].stand_ins)
+        n_levels = len(self.parts[0].supplied_levels)
         return [
             self.parts,
-            *([q for p in self.parts for q in p.stand_ins[k]] for k in range(count)),
+            *([q for p in self.parts for q in p.supplied_levels[k]] for k in range(n_levels)),
         ]
 
     def actors(self, name) -> list:
         """Return new actors that show a level of meshes, for ``plotter.add_actor``."""
         names = [level.name for level in self.levels[: len(self._meshes())]]
         if name not in names:
-            raise ValueError(f'name is {name!r}; it must be one of {", ".join(names)}')
+            raise ValueError(f'name must be one of {", ".join(names)}, got {name!r}')
         return _actors(self._meshes()[names.index(name)])
 
     def measure(self, size=128, directions=6) -> FoliageLevels:
         """Measure the error of each level against the supersampled mesh."""
-        shots = _Shots(self.parts, size, directions)
-        truth = shots.take(_shown(self.parts), _SAMPLES)
-        drawn = [shots.take(_shown(parts)) for parts in self._meshes()]
-        drawn += [shots.take(_billboard(cards)) for cards in (self.turntable, self.billboard)]
-        for level, pictures in zip(self.levels, drawn, strict=True):
-            pairs = list(zip(pictures, truth, strict=True))
-            colors = [(_on_white(a), _on_white(b)) for a, b in pairs]
+        views = _views_around(self.parts, directions)
+        samples = _pictures(_shown(self.parts), views, [size * _SAMPLES] * 2)
+        reference = [box_reduce(picture, _SAMPLES) for picture in samples]
+        scenes = [_shown(parts) for parts in self._meshes()]
+        scenes += [_billboard(cards) for cards in (self.turntable, self.billboard)]
+        for level, add_actors in zip(self.levels, scenes, strict=True):
+            pictures = _pictures(add_actors, views, [size] * 2)
+            pairs = list(zip(pictures, reference, strict=True))
+            color_pairs = [(_on_white(a), _on_white(b)) for a, b in pairs]
+            alphas = [(a[..., 3], b[..., 3]) for a, b in pairs]
             level.error = {
-                'flip': float(np.mean([flip(a, b).mean() for a, b in colors])),
-                'psnr': float(np.mean([psnr(a, b) for a, b in colors])),
-                'iou': float(np.mean([silhouette_iou(a[..., 3], b[..., 3]) for a, b in pairs])),
+                'flip': float(np.mean([flip(a, b).mean() for a, b in color_pairs])),
+                'psnr': float(np.mean([psnr(a, b) for a, b in color_pairs])),
+                'iou': float(np.mean([silhouette_iou(a, b) for a, b in alphas])),
             }
         return self
 
@@ -105,23 +107,23 @@ def foliage_levels(
     axis=(0.0, 0.0, 1.0),
     **looks,
 ) -> FoliageLevels:
-    """Return ever cheaper levels of detail of foliage: many small parts, such as leaves.
+    """Return levels of detail of foliage, objects of many small parts such as leaves.
 
-    The mesh; a textured quad per part; quads per cluster of parts; a turntable of views about an
-    axis on a billboard; one billboard. Large parts, such as a trunk, stay simplified meshes in the
-    levels of quads.
+    From the heaviest: the mesh; a textured quad per part; quads per cluster of parts; a billboard
+    with a turntable of views about an axis; a billboard with one view. The levels of quads keep
+    large parts, such as a trunk, as simplified meshes.
 
     Parameters
     ----------
     mesh : dataset, MultiBlock, actor, trimesh object, path, list of Part or of actors
         As :meth:`plotter.ibr.add_instances` takes it, or a list of actors.
     labels : array_like of int, shape (m,), optional
-        Part of each triangle of a mesh with one look; negative triangles stay a mesh. By default
-        parts are connected components.
+        Part of each triangle of a mesh with one look; triangles with negative labels stay a mesh.
+        By default parts are connected components.
     largest : float
-        Maximum size of a small part, as a share of the mesh's.
+        Maximum size of a small part, relative to the size of the mesh.
     n_clusters : int, optional
-        Number of clusters; by default twice the root of the number of parts.
+        Number of clusters; by default twice the square root of the number of parts.
     crossed : {1, 2, 3}
         Quads per cluster: in the best-fit plane, and perpendicular to it.
     views : int
@@ -160,73 +162,76 @@ def foliage_levels(
     parts = as_parts(mesh, **looks)
     check_triangles(parts)
     divided = _divided(parts, labels, largest)
-    if not any(small is not None for _, small, _ in divided):
+    if not any(foliage is not None for _, foliage, _ in divided):
         raise ValueError(
-            f'mesh has no part below {largest} of its size; give labels, or raise largest'
+            f'mesh must have parts below {largest} of its size, got none; pass labels or raise '
+            'largest'
         )
-    joined, counts = [], np.zeros(len(_SHARES), int)
-    for part, (kept, small, of_part) in zip(parts, divided, strict=True):
-        sets: list = [[], []]
-        if small is not None:
-            groups = Groups.of(small.mesh, of_part)
-            bunches = Groups.of(small.mesh, _clustered(groups, n_clusters)[of_part])
-            sets = [[groups], [bunches.turned(k) for k in range(crossed)]]
-        stand_ins = []
-        for chosen, share in zip(sets, _SHARES, strict=True):
-            level = [quads(small, chosen, texels=texels)] if chosen else []
-            stand_ins.append(
-                (*level, *([lighter(kept, share) or kept] if kept is not None else []))
-            )
-        counts += [sum(len(g.axes) for g in chosen) for chosen in sets]
-        joined.append(replace(part, stand_ins=tuple(stand_ins)))
-    axis = as_units('axis', axis)
-    joined[0] = replace(joined[0], turns=Turns(tuple(axis.tolist()), int(views)))
-    turntable = _turntable(parts, axis, views, view_size)
-    return FoliageLevels(joined, counts.tolist(), turntable)
+    parts_with_levels, counts = [], np.zeros(len(_SHARES), int)
+    for part, (rest, foliage, group_of_triangle) in zip(parts, divided, strict=True):
+        level_groups: list = [[], []]
+        if foliage is not None:
+            leaf_groups = Groups.of(foliage.mesh, group_of_triangle)
+            cluster_of_triangle = _clustered(leaf_groups, n_clusters)[group_of_triangle]
+            cluster_groups = Groups.of(foliage.mesh, cluster_of_triangle)
+            level_groups = [[leaf_groups], [cluster_groups.turned(k) for k in range(crossed)]]
+        supplied_levels = []
+        for groups, share in zip(level_groups, _SHARES, strict=True):
+            level = [quads(foliage, groups, texels=texels)] if groups else []
+            level += [] if rest is None else [lighter(rest, share) or rest]
+            supplied_levels.append(tuple(level))
+        counts += [sum(len(g.axes) for g in groups) for groups in level_groups]
+        parts_with_levels.append(replace(part, supplied_levels=tuple(supplied_levels)))
+    turns = Turns(tuple(as_units('axis', axis).tolist()), int(views))
+    parts_with_levels[0] = replace(parts_with_levels[0], turns=turns)
+    return FoliageLevels(parts_with_levels, counts.tolist(), _turntable(parts, turns, view_size))
 
 
 def _check(largest, crossed, views, view_size):
     if not 0 < largest < 1:
-        raise ValueError(f'largest is {largest!r}; it must be between 0 and 1')
+        raise ValueError(f'largest must be between 0 and 1, got {largest!r}')
     if crossed not in (1, 2, 3):
-        raise ValueError(f'crossed is {crossed!r}; it must be 1, 2 or 3')
+        raise ValueError(f'crossed must be 1, 2 or 3, got {crossed!r}')
     if views < 1 or view_size < 4:
-        raise ValueError(f'views = {views!r}, view_size = {view_size!r}: must be 1 and 4 at least')
+        raise ValueError(
+            f'views must be at least 1 and view_size at least 4, got {views!r} and {view_size!r}'
+        )
 
 
 def _divided(parts, labels, largest):
-    """Return for each part the rest as a mesh, the foliage, and its labels."""
+    """Return of each part the rest, the foliage, and the groups of its triangles."""
     if labels is not None:
         count = parts[0].mesh.n_cells
         labels = np.asarray(labels)
         if len(parts) > 1 or labels.shape != (count,) or labels.dtype.kind not in 'iu':
             raise ValueError(
-                f'labels has shape {labels.shape}, dtype {labels.dtype}; it must be integers, one '
-                f'for each of the {count} triangles of a mesh with one look'
+                f'labels must be ({count},) integers, one per triangle of a mesh with one look, '
+                f'got shape {labels.shape}, dtype {labels.dtype}'
             )
         return [_split(parts[0], labels, labels >= 0)]
-    whole = np.array([p.mesh.bounds for p in parts]).reshape(-1, 3, 2)
-    limit = largest * np.linalg.norm(whole[:, :, 1].max(0) - whole[:, :, 0].min(0))
-    out = []
+    all_bounds = np.array([p.mesh.bounds for p in parts]).reshape(-1, 3, 2)
+    low, high = all_bounds[:, :, 0].min(0), all_bounds[:, :, 1].max(0)
+    largest_size = largest * np.linalg.norm(high - low)
+    divided = []
     for part in parts:
-        found = components(part.mesh)
-        groups = Groups.of(part.mesh, found)
-        sizes = np.linalg.norm(groups.high - groups.low, axis=1)
-        out.append(_split(part, found, sizes[found] < limit))
-    return out
+        part_labels = components(part.mesh)
+        groups = Groups.of(part.mesh, part_labels)
+        is_small = np.linalg.norm(groups.high - groups.low, axis=1) < largest_size
+        divided.append(_split(part, part_labels, is_small[part_labels]))
+    return divided
 
 
-def _split(part, labels, small):
-    if not small.any():
+def _split(part, labels, is_small):
+    if not is_small.any():
         return part, None, None
-    of_part = np.unique(labels[small], return_inverse=True)[1].ravel()
-    kept = None if small.all() else _only(part, ~small)
-    return kept, part if kept is None else _only(part, small), of_part
-
-
-def _only(part, chosen) -> Part:
-    """Return a part with some of its triangles."""
-    return part.with_mesh(some_triangles(part.mesh, np.flatnonzero(chosen)))
+    group_of_triangle = np.unique(labels[is_small], return_inverse=True)[1].ravel()
+    if is_small.all():
+        return None, part, group_of_triangle
+    rest, foliage = (
+        part.with_mesh(some_triangles(part.mesh, np.flatnonzero(mask)))
+        for mask in (~is_small, is_small)
+    )
+    return rest, foliage, group_of_triangle
 
 
 def _clustered(groups, count):
@@ -236,111 +241,100 @@ def _clustered(groups, count):
     return clusters(centers, int(count))
 
 
-def _turntable(parts, axis, views, size) -> dict:
-    """Return arguments of billboards that show an object from its sides."""
+def _turntable(parts, turns, view_size) -> dict:
+    """Return arguments of billboards that show an object from around an axis."""
+    first_axis, second_axis, axis = turns.sides()
     points = np.concatenate([np.asarray(p.mesh.points, float) for p in parts])
-    along = points @ axis
-    radius = float(np.linalg.norm(points - along[:, None] * axis, axis=1).max())
-    low, height = float(along.min()), float(np.ptp(along))
-    height = height or radius
-    side = np.array([1.0, 0, 0] if abs(axis[0]) < CLOSE else [0, 1.0, 0])
-    first = as_units('axis', side - axis * (axis @ side))
-    second = np.cross(axis, first)
-    focus = (low + height / 2) * axis
-    reach = 2 * (radius + height)
-    cameras = []
-    for angle in 2 * np.pi * np.arange(views) / views:
-        back = np.cos(angle) * first + np.sin(angle) * second
-        cameras.append((focus + reach * back, focus, axis, height / 2, reach))
-    texels = size / max(2 * radius, height)
-    window = [max(round(2 * radius * texels), 1), max(round(height * texels), 1)]
-    pictures = _pictures(_shown(parts), cameras, [n * _SAMPLES for n in window])
-    images = [dilated(box_reduce(p, _SAMPLES)) for p in pictures]
+    heights = points @ axis
+    radius = float(np.linalg.norm(points - heights[:, None] * axis, axis=1).max())
+    lowest = float(heights.min())
+    height = float(np.ptp(heights)) or radius
+    focal_point, distance = (lowest + height / 2) * axis, 2 * (radius + height)
+    azimuths = 2 * np.pi * np.arange(turns.views)[:, None] / turns.views
+    directions = np.cos(azimuths) * first_axis + np.sin(azimuths) * second_axis
+    views = [(direction, focal_point, axis, height / 2, distance) for direction in directions]
+    texels_per_unit = view_size / max(2 * radius, height)
+    window_size = [max(round(n * texels_per_unit), 1) * _SAMPLES for n in (2 * radius, height)]
+    pictures = _pictures(_shown(parts), views, window_size)
     return {
-        'image': images,
+        'image': [dilated(box_reduce(p, _SAMPLES)) for p in pictures],
         'size': np.array([[2 * radius, height]]),
         'facing': 'cylindrical',
         'axis': axis,
-        'anchor': (0.5, -low / height),
-        'views': views,
+        'anchor': (0.5, -lowest / height),
+        'views': turns.views,
     }
 
 
 def _shown(parts):
     """Return a function that adds parts to a plotter."""
 
-    def put(plotter):
+    def add_parts(plotter):
         for actor in _actors(parts):
             plotter.renderer.AddViewProp(actor)
 
-    return put
+    return add_parts
 
 
 def _actors(parts):
     """Return independent actors of parts for another window."""
-    out = []
+    actors = []
     for part in parts:
         actor = lendable(part, part.polydata_mapper())
         actor.SetTexture(copy_texture(part.actor.GetTexture()))
-        out.append(actor)
-    return out
+        actors.append(actor)
+    return actors
 
 
 def _billboard(cards):
-    def put(plotter):
+    def add_cards(plotter):
         plotter.ibr.add_billboards([[0.0, 0, 0]], reset_camera=False, **cards)
 
-    return put
+    return add_cards
 
 
-def _pictures(put, cameras, size):
+def _pictures(add_actors, views, size):
     """Return premultiplied RGBA, 0 to 1, of parallel views, top row first."""
     plotter = pv.Plotter(off_screen=True, window_size=size, theme=pv.themes.Theme())
     try:
         plotter.renderer.disable_anti_aliasing()
         plotter.renderer.set_background('black')
-        put(plotter)
+        add_actors(plotter)
         plotter.show(auto_close=False)
-        camera, out = plotter.camera, []
+        camera, pictures = plotter.camera, []
         camera.parallel_projection = True
-        for eye, focus, up, half, reach in cameras:
-            camera.position, camera.focal_point, camera.up = eye, focus, up
-            camera.parallel_scale = half
-            camera.clipping_range = 0.01 * reach, 2 * reach
+        for direction, focal_point, up, half_height, distance in views:
+            camera.position = focal_point + distance * direction
+            camera.focal_point, camera.up = focal_point, up
+            camera.parallel_scale = half_height
+            camera.clipping_range = 0.01 * distance, 2 * distance
             plotter.render()
             picture = np.asarray(plotter.screenshot(transparent_background=True), float) / 255
             picture[..., :3] *= picture[..., 3:]
-            out.append(picture)
-        return out
+            pictures.append(picture)
+        return pictures
     finally:
         plotter.close()
 
 
-class _Shots:
-    """Renders foliage and its levels from all around."""
-
-    def __init__(self, parts, size, directions):
-        bounds = np.array([p.mesh.bounds for p in parts]).reshape(-1, 3, 2)
-        low, high = bounds[:, :, 0].min(0), bounds[:, :, 1].max(0)
-        focus, radius = (low + high) / 2, float(np.linalg.norm(high - low)) / 2
-        self.size, self.cameras = size, []
-        for k in range(directions):
-            azimuth = 2 * np.pi * (k + 0.3) / directions
-            height = np.radians(30) * (k % 3) / 2
-            flat = np.array([np.cos(azimuth), np.sin(azimuth), 0.0]) * np.cos(height)
-            back = flat + np.array([0, 0, np.sin(height)])
-            self.cameras.append((focus + 3 * radius * back, focus, (0, 0, 1), radius, 3 * radius))
-
-    def take(self, put, samples=1):
-        """Return images supersampled by a factor along a side."""
-        pictures = _pictures(put, self.cameras, [self.size * samples] * 2)
-        return [box_reduce(p, samples) for p in pictures]
+def _views_around(parts, count) -> list:
+    """Return views of an object from azimuths all around, at three elevations in turn."""
+    bounds = np.array([p.mesh.bounds for p in parts]).reshape(-1, 3, 2)
+    low, high = bounds[:, :, 0].min(0), bounds[:, :, 1].max(0)
+    center, radius = (low + high) / 2, float(np.linalg.norm(high - low)) / 2
+    views = []
+    for k in range(count):
+        azimuth, elevation = 2 * np.pi * (k + 0.3) / count, np.radians(30) * (k % 3) / 2
+        horizontal = np.array([np.cos(azimuth), np.sin(azimuth), 0.0]) * np.cos(elevation)
+        direction = horizontal + np.array([0, 0, np.sin(elevation)])
+        views.append((direction, center, (0, 0, 1), radius, 3 * radius))
+    return views
 
 
 def _of_meshes(name, parts, count) -> FoliageLevel:
     textures = [t.GetInput().GetDimensions()[:2] for p in parts if (t := p.actor.GetTexture())]
-    vertices, cells = (sum(getattr(p.mesh, n) for p in parts) for n in ('n_points', 'n_cells'))
-    return FoliageLevel(name, vertices, cells, count, textures)
+    n_vertices = sum(p.mesh.n_points for p in parts)
+    return FoliageLevel(name, n_vertices, sum(p.mesh.n_cells for p in parts), count, textures)
 
 
 def _on_white(picture):

@@ -17,41 +17,44 @@ from pvibr.instances.mesh_pool import lendable
 from pvibr.maths.views import orthographic
 from pvibr.meshes.materials import copy_property, copy_texture
 from pvibr.meshes.parts import Part, as_parts
+from pvibr.meshes.surfaces import set_active
 
 _SAMPLES = 2  # along a side of a texel
-_ONE_SIDED = 0.9  # of the area of triangles, seen along the normals of their groups
-_EDGE = 1  # texels around a group that stay empty
+_ONE_SIDED = 0.9  # net projected area of triangles along their group's normal, of their area
+_EDGE = 1  # empty texels around a group
 _ROUNDS = 12  # of Lloyd's algorithm
-_THIN = 1e-3  # least width of a quad, in parts of its length
+_THIN = 1e-3  # minimum width of a quad relative to its length
 
 
 def components(mesh) -> np.ndarray:
     """Return the connected component of each triangle."""
-    _, same = np.unique(np.asarray(mesh.points), axis=0, return_inverse=True)
-    triangles = same.ravel()[mesh.regular_faces]
-    ends = np.concatenate([triangles[:, :2], triangles[:, 1:]])
-    count = int(same.max()) + 1
-    graph = coo_array((np.ones(len(ends), bool), tuple(ends.T)), shape=(count, count))
-    of_point = connected_components(graph, directed=False)[1][triangles[:, 0]]
-    return np.unique(of_point, return_inverse=True)[1].ravel()
+    _, place_of_point = np.unique(np.asarray(mesh.points), axis=0, return_inverse=True)
+    triangles = place_of_point.ravel()[mesh.regular_faces]
+    edge_ends = np.concatenate([triangles[:, :2], triangles[:, 1:]])
+    count = int(place_of_point.max()) + 1
+    graph = coo_array((np.ones(len(edge_ends), bool), tuple(edge_ends.T)), shape=(count, count))
+    component_of_triangle = connected_components(graph, directed=False)[1][triangles[:, 0]]
+    return np.unique(component_of_triangle, return_inverse=True)[1].ravel()
 
 
 def clusters(centers, count, seed=0) -> np.ndarray:
-    """Return the cluster of each point, by k-means with spread seeds."""
+    """Return the cluster of each point, by k-means with farthest-point seeds."""
     if count >= len(centers):
         return np.arange(len(centers))
     rng = np.random.default_rng(seed)
     means = centers[rng.choice(len(centers), 1)]
-    away = np.full(len(centers), np.inf)
+    distances = np.full(len(centers), np.inf)
     for _ in range(count - 1):
-        away = np.minimum(away, ((centers - means[-1]) ** 2).sum(1))
-        means = np.concatenate([means, centers[[int(away.argmax())]]])
+        distances = np.minimum(distances, ((centers - means[-1]) ** 2).sum(1))
+        means = np.concatenate([means, centers[[int(distances.argmax())]]])
     for _ in range(_ROUNDS):
-        near = cKDTree(means).query(centers)[1]
-        sums = [np.bincount(near, c, minlength=count) for c in centers.T]
-        sizes = np.bincount(near, minlength=count)
+        nearest = cKDTree(means).query(centers)[1]
+        cluster_sums = [np.bincount(nearest, c, minlength=count) for c in centers.T]
+        sizes = np.bincount(nearest, minlength=count)
         means = np.where(
-            sizes[:, None] > 0, np.stack(sums, 1) / np.maximum(sizes, 1)[:, None], means
+            sizes[:, None] > 0,
+            np.stack(cluster_sums, 1) / np.maximum(sizes, 1)[:, None],
+            means,
         )
     return np.unique(cKDTree(means).query(centers)[1], return_inverse=True)[1].ravel()
 
@@ -67,24 +70,27 @@ class Groups:
     axes: np.ndarray
     low: np.ndarray
     high: np.ndarray
-    #: Whether the triangles of each look along its normal, so that a quad may be culled as they.
+    #: Whether triangles face along their group's normal, so that its quad may be culled like them.
     one_sided: bool = False
 
     @classmethod
     def of(cls, mesh, labels) -> Groups:
         """Divide a mesh."""
         faces, count = mesh.regular_faces, mesh.n_points
-        keys, corner = np.unique(labels[:, None] * np.int64(count) + faces, return_inverse=True)
+        keys, corner_ids = np.unique(
+            labels[:, None] * np.int64(count) + faces, return_inverse=True
+        )
         group, source = np.divmod(keys, count)
         points = np.asarray(mesh.points, float)[source]
         axes = _principal(points, group)
         a, b, c = np.asarray(mesh.points, float)[faces].swapaxes(0, 1)
-        across = np.cross(b - a, c - a)
-        facing = np.bincount(labels, (across * axes[labels, 2]).sum(1))
-        axes *= np.where(facing < 0, -1.0, 1.0)[:, None, None] ** [[0], [1], [1]]
-        one_sided = np.abs(facing).sum() > _ONE_SIDED * np.linalg.norm(across, axis=1).sum()
+        area_normals = np.cross(b - a, c - a)
+        facing_area = np.bincount(labels, (area_normals * axes[labels, 2]).sum(1))
+        axes *= np.where(facing_area < 0, -1.0, 1.0)[:, None, None] ** [[0], [1], [1]]
+        areas = np.linalg.norm(area_normals, axis=1)
+        one_sided = np.abs(facing_area).sum() > _ONE_SIDED * areas.sum()
         low, high = _extents(points, group, axes)
-        triangles = corner.reshape(-1, 3)
+        triangles = corner_ids.reshape(-1, 3)
         return cls(points, source, group, triangles, axes, low, high, bool(one_sided))
 
     def turned(self, k) -> Groups:
@@ -92,10 +98,6 @@ class Groups:
         axes = np.roll(self.axes, k, 1)
         low, high = _extents(self.points, self.group, axes)
         return Groups(self.points, self.source, self.group, self.triangles, axes, low, high)
-
-    def thickness(self) -> np.ndarray:
-        """Return the thickness of each group over its plane, shape (g,)."""
-        return (self.high[:, 2] - self.low[:, 2]) / 2
 
     def local(self) -> np.ndarray:
         """Return the points in the frames of their groups, shape (n, 3)."""
@@ -105,17 +107,17 @@ class Groups:
 def _principal(points, group):
     """Return tangent, bitangent and normal of each group, right-handed."""
     count = int(group.max()) + 1
-    sizes = np.bincount(group, minlength=count)
-    sums = np.stack([np.bincount(group, c, minlength=count) for c in points.T], 1)
-    means = sums / sizes[:, None]
-    off = points - means[group]
+    group_sizes = np.bincount(group, minlength=count)
+    group_sums = np.stack([np.bincount(group, c, minlength=count) for c in points.T], 1)
+    means = group_sums / group_sizes[:, None]
+    offsets = points - means[group]
     squares = np.empty((count, 3, 3))
     for i in range(3):
         for j in range(3):
-            squares[:, i, j] = np.bincount(group, off[:, i] * off[:, j], minlength=count)
+            squares[:, i, j] = np.bincount(group, offsets[:, i] * offsets[:, j], minlength=count)
     _, vectors = np.linalg.eigh(squares)
-    along, normal = vectors[:, :, 2], vectors[:, :, 0]
-    return np.stack([along, np.cross(normal, along), normal], 1)
+    tangents, normals = vectors[:, :, 2], vectors[:, :, 0]
+    return np.stack([tangents, np.cross(normals, tangents), normals], 1)
 
 
 def _extents(points, group, axes):
@@ -125,7 +127,7 @@ def _extents(points, group, axes):
 
 
 @dataclass
-class Layout:
+class TextureLayout:
     """Where each group lies in a texture."""
 
     corners: np.ndarray
@@ -134,17 +136,17 @@ class Layout:
     size: tuple[int, int]
 
     @classmethod
-    def of(cls, extents, side) -> Layout:
+    def of(cls, extents, side) -> TextureLayout:
         """Pack rectangles at the largest common scale."""
         scale = side / np.sqrt(max(float(extents.prod(1).sum()), 1e-300))
         scale = min(scale, (side - 2 * _EDGE) / float(extents.max()))
-        least = 1 + 2 * _EDGE
-        if len(extents) * least**2 > side**2:
-            raise ValueError(f'texture is {side} texels wide: too small for {len(extents)} quads')
+        smallest = 1 + 2 * _EDGE
+        if len(extents) * smallest**2 > side**2:
+            raise ValueError(f'texels must be larger for {len(extents)} quads, got {side}')
         while True:
             sizes = np.maximum(np.ceil(extents * scale).astype(int), 1) + 2 * _EDGE
             corners, size = shelves(sizes, 1 << 30)
-            if max(size) <= side or (sizes == least).all():
+            if max(size) <= side or (sizes == smallest).all():
                 return cls(corners, sizes, scale, size)
             scale *= 0.93
 
@@ -154,38 +156,39 @@ def quads(part, groups, *, texels=1024) -> Part:
     low, high = (
         np.concatenate([getattr(g, name)[:, :2] for g in groups]) for name in ('low', 'high')
     )
-    extents = high - low
-    extents = np.maximum(extents, _THIN * extents.max(1, keepdims=True) + 1e-30)
-    layout = Layout.of(extents, texels)
-    flat = _flattened(part, groups, layout, low)
-    picture = pv.Texture(dilated(_drawn(part, flat, layout.size))[::-1])
-    picture.interpolate, picture.repeat = True, False
+    quad_extents = high - low
+    quad_extents = np.maximum(quad_extents, _THIN * quad_extents.max(1, keepdims=True) + 1e-30)
+    layout = TextureLayout.of(quad_extents, texels)
+    flat_meshes = _flattened(part, groups, layout, low)
+    quad_texture = pv.Texture(dilated(_drawn(part, flat_meshes, layout.size))[::-1])
+    quad_texture.interpolate, quad_texture.repeat = True, False
     mesh = _quads(groups, layout, low, _mean_normals(part.mesh, groups))
-    (out,) = as_parts(mesh, texture=picture, alpha_cutoff=0.5, color='white')
-    prop = _vtk.vtkProperty()
-    copy_property(prop, part.actor.GetProperty())
-    prop.SetColor(1.0, 1.0, 1.0)
+    (quad_part,) = as_parts(mesh, texture=quad_texture, alpha_cutoff=0.5, color='white')
+    quad_material = _vtk.vtkProperty()
+    copy_property(quad_material, part.actor.GetProperty())
+    quad_material.SetColor(1.0, 1.0, 1.0)
     if not all(g.one_sided for g in groups):
-        prop.BackfaceCullingOff()
-        prop.FrontfaceCullingOff()
-    out.actor.SetProperty(prop)
-    return out
+        quad_material.BackfaceCullingOff()
+        quad_material.FrontfaceCullingOff()
+    quad_part.actor.SetProperty(quad_material)
+    return quad_part
 
 
 def _flattened(part, groups, layout, low):
-    """Return the triangles of all groups flattened along their normals, side by side."""
-    pieces, first = [], 0
+    """Return the triangles of all groups projected along their normals, side by side."""
+    flat_meshes, first_group = [], 0
     for g in groups:
         count = len(g.axes)
         local = g.local()
-        corners = layout.corners[first : first + count] + _EDGE
+        texel_corners = layout.corners[first_group : first_group + count] + _EDGE
         flat = np.empty_like(local)
-        spare = layout.sizes[first : first + count] - 2 * _EDGE
-        wide = (g.high - g.low)[:, :2] * layout.scale
-        flat[:, :2] = (local[:, :2] - low[first : first + count][g.group]) * layout.scale
-        flat[:, :2] += (corners + (spare - wide) / 2)[g.group]
-        depth = np.maximum((g.high - g.low)[:, 2], 1e-300)
-        flat[:, 2] = ((local[:, 2] - g.low[g.group, 2]) / depth[g.group]).clip(0, 1)
+        margins = layout.sizes[first_group : first_group + count] - 2 * _EDGE
+        widths = (g.high - g.low)[:, :2] * layout.scale
+        group_low = low[first_group : first_group + count]
+        flat[:, :2] = (local[:, :2] - group_low[g.group]) * layout.scale
+        flat[:, :2] += (texel_corners + (margins - widths) / 2)[g.group]
+        depths = np.maximum((g.high - g.low)[:, 2], 1e-300)
+        flat[:, 2] = ((local[:, 2] - g.low[g.group, 2]) / depths[g.group]).clip(0, 1)
         mesh = pv.PolyData.from_regular_faces(flat, g.triangles)
         source = part.mesh
         for name in source.point_data:
@@ -193,16 +196,14 @@ def _flattened(part, groups, layout, low):
         for name in source.cell_data:
             mesh.cell_data[name] = np.asarray(source.cell_data[name])
         _keep_active(source, mesh)
-        pieces.append(mesh)
-        first += count
-    return pieces
+        flat_meshes.append(mesh)
+        first_group += count
+    return flat_meshes
 
 
 def _keep_active(source, mesh):
-    info, coordinates = source.active_scalars_info, source.active_texture_coordinates
-    if info.name is not None and info.association.name in ('POINT', 'CELL'):
-        mesh.set_active_scalars(info.name, preference=info.association.name.lower())
-    if coordinates is not None:
+    set_active(mesh, source.active_scalars_info)
+    if source.active_texture_coordinates is not None:
         name = source.GetPointData().GetTCoords().GetName()
         mesh.GetPointData().SetActiveTCoords(name)
 
@@ -228,7 +229,7 @@ def _unlit(part, mesh):
     prop.BackfaceCullingOff()
     prop.FrontfaceCullingOff()
     actor.SetProperty(prop)
-    # Unlit, there is no normal to turn.
+    # Unlit, there is no normal to flip.
     actor.GetShaderProperty().ClearFragmentShaderReplacement('//VTK::Normal::Impl', True)
     actor.SetTexture(copy_texture(part.actor.GetTexture()))
     actor.ForceOpaqueOn()
@@ -236,61 +237,61 @@ def _unlit(part, mesh):
 
 
 def dilated(picture):
-    """Return straight RGBA whose transparent texels take the nearest colours.
+    """Return premultiplied as straight RGBA uint8, with colours dilated into transparent texels.
 
-    Premultiplied averages are pulled up a pyramid, holes take the finest that has any: Gortler et
-    al., "The Lumigraph", SIGGRAPH 1996, section 3.4.
+    Pull-push interpolation: Gortler et al., "The Lumigraph", SIGGRAPH 1996, section 3.4.
     """
-    levels = [picture]
-    while max(levels[-1].shape[:2]) > 1:
-        a = levels[-1]
+    mip_levels = [picture]
+    while max(mip_levels[-1].shape[:2]) > 1:
+        a = mip_levels[-1]
         a = np.pad(a, ((0, a.shape[0] % 2), (0, a.shape[1] % 2), (0, 0)))
-        levels.append(0.25 * (a[::2, ::2] + a[1::2, ::2] + a[::2, 1::2] + a[1::2, 1::2]))
-    filled = np.zeros((1, 1, 3), np.float32)
-    for a in reversed(levels):
-        if filled.shape[:2] != a.shape[:2]:
-            filled = filled.repeat(2, 0).repeat(2, 1)[: a.shape[0], : a.shape[1]]
+        mip_levels.append(0.25 * (a[::2, ::2] + a[1::2, ::2] + a[::2, 1::2] + a[1::2, 1::2]))
+    filled_colors = np.zeros((1, 1, 3), np.float32)
+    for a in reversed(mip_levels):
+        if filled_colors.shape[:2] != a.shape[:2]:
+            filled_colors = filled_colors.repeat(2, 0).repeat(2, 1)[: a.shape[0], : a.shape[1]]
         alpha = a[..., 3:]
-        filled = np.where(alpha > 0, a[..., :3] / np.maximum(alpha, 1e-6), filled)
-    rgba = np.concatenate([filled, picture[..., 3:]], 2)
+        filled_colors = np.where(alpha > 0, a[..., :3] / np.maximum(alpha, 1e-6), filled_colors)
+    rgba = np.concatenate([filled_colors, picture[..., 3:]], 2)
     return np.rint(255 * rgba.clip(0, 1)).astype(np.uint8)
 
 
 def _mean_normals(mesh, groups):
     """Return the mean normal of each group, None without normals."""
-    given = mesh.point_data.active_normals
-    if given is None:
+    point_normals = mesh.point_data.active_normals
+    if point_normals is None:
         return None
-    rows = []
+    normals = []
     for g in groups:
-        each = np.asarray(given, float)[g.source]
-        sums = np.stack([np.bincount(g.group, c) for c in each.T], 1)
+        vertex_normals = np.asarray(point_normals, float)[g.source]
+        sums = np.stack([np.bincount(g.group, c) for c in vertex_normals.T], 1)
         lengths = np.linalg.norm(sums, axis=1, keepdims=True)
-        rows.append(np.where(lengths > 1e-9, sums / np.maximum(lengths, 1e-9), g.axes[:, 2]))
-    return np.concatenate(rows)
+        normals.append(np.where(lengths > 1e-9, sums / np.maximum(lengths, 1e-9), g.axes[:, 2]))
+    return np.concatenate(normals)
 
 
 def _quads(groups, layout, low, normals):
     """Return the quads as triangles, with texture coordinates."""
     axes = np.concatenate([g.axes for g in groups])
-    wide = np.concatenate([(g.high - g.low)[:, :2] for g in groups]) * layout.scale
-    middle = np.concatenate([(g.high + g.low)[:, 2] / 2 for g in groups])
-    # Half a texel more than the group on each side, where it fades out.
-    corner = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], float)
-    spare = layout.sizes - 2 * _EDGE - wide
-    texel = 0.5 + corner * (layout.sizes[:, None] - 1)
-    off = (texel - (_EDGE + spare / 2)[:, None]) / layout.scale + low[:, None]
-    local = np.concatenate([off, np.broadcast_to(middle[:, None, None], (*off.shape[:2], 1))], 2)
+    widths = np.concatenate([(g.high - g.low)[:, :2] for g in groups]) * layout.scale
+    offsets = np.concatenate([(g.high + g.low)[:, 2] / 2 for g in groups])
+    # Half a texel larger than the group on each side, where it fades out.
+    unit_corners = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], float)
+    margins = layout.sizes - 2 * _EDGE - widths
+    texel_positions = 0.5 + unit_corners * (layout.sizes[:, None] - 1)
+    in_plane = (texel_positions - (_EDGE + margins / 2)[:, None]) / layout.scale + low[:, None]
+    out_of_plane = np.broadcast_to(offsets[:, None, None], (*in_plane.shape[:2], 1))
+    local = np.concatenate([in_plane, out_of_plane], 2)
     points = np.einsum('gki,gij->gkj', local, axes).reshape(-1, 3)
-    first = 4 * np.arange(len(axes))[:, None]
-    faces = (first + np.array([0, 1, 2, 0, 2, 3])).reshape(-1, 2, 3)
+    first_points = 4 * np.arange(len(axes))[:, None]
+    faces = (first_points + np.array([0, 1, 2, 0, 2, 3])).reshape(-1, 2, 3)
     if normals is not None:
-        # VTK turns normals of what is seen from behind.
-        behind = (axes[:, 2] * normals).sum(1) < 0
-        faces[behind] = faces[behind][:, :, ::-1]
+        # VTK flips the normals of faces seen from behind.
+        faces_back = (axes[:, 2] * normals).sum(1) < 0
+        faces[faces_back] = faces[faces_back][:, :, ::-1]
     mesh = pv.PolyData.from_regular_faces(points, faces.reshape(-1, 3))
     if normals is not None:
         mesh.point_data.active_normals = normals.repeat(4, 0).astype(np.float32)
-    uv = (layout.corners[:, None] + texel) / layout.size
-    mesh.active_texture_coordinates = uv.reshape(-1, 2).astype(np.float32)
+    texture_coordinates = (layout.corners[:, None] + texel_positions) / layout.size
+    mesh.active_texture_coordinates = texture_coordinates.reshape(-1, 2).astype(np.float32)
     return mesh

@@ -1,4 +1,4 @@
-"""Levels of detail of one mesh, and the sizes at which they change."""
+"""Levels of detail of one mesh: lighter meshes and an atlas, baked, measured and cached."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from pvibr.core.progress import baking
 from pvibr.instances.atlas import Atlas, bounding_sphere
 from pvibr.instances.bake import bake_parts, check_grid
 from pvibr.instances.cache import AtlasCache, key_of
-from pvibr.instances.limits import SIDES, Limits, by_cost, cast, limits_of
+from pvibr.instances.cost_model import why_not_baked
+from pvibr.instances.limits import SIDE_SHADERS, Limits, by_cost, depth_limits, limits_of
 from pvibr.instances.measure import Reference, measure, mesh_needs, worst
 from pvibr.instances.memory import bytes_of, tiles
 from pvibr.instances.mesh_pool import MeshLevel
 from pvibr.instances.stored_levels import from_arrays, to_arrays
-from pvibr.instances.worth import why_not
 from pvibr.maths.hulls import hull_corners
 from pvibr.meshes.decimate import displacement, is_surface, lighter
 from pvibr.meshes.maps import emission_of
@@ -29,87 +29,89 @@ from pvibr.meshes.parts import as_parts, check_triangles
 from pvibr.meshes.smoothed import interpolated, smoothed
 from pvibr.scene.content_key import textures_of
 
-VERSION = 53  # of what is kept in the cache: a change of bake, measure or decimation raises it
-SHARE = 0.25  # of a level's triangles, in the next lighter
-#: The same of levels of so many triangles, which are most of what frames draw.
+VERSION = 53  # of the cache: raise it with any change of bake, measurement or decimation
+SHARE = 0.25  # triangles of a level relative to the next heavier one
+#: The same for levels within these triangle counts, which are most of what frames draw.
 _HALF, _HALVED = 0.5, (2_500, 40_000)
-_ALIKE = 0.5  # of what is allowed of lighter meshes: views are taken of what has no more
-_LIGHTEST = 150  # triangles of the lightest level, at least
-_WORTH_A_LEVEL = 0.8  # of a mesh's triangles: what has more saves hardly anything
-#: Views along a side of the grid, and texels along that of one: what is magnified is blurred, and
-#: fewer views serve to smaller sizes; cut-outs are of details that neighbouring views mix up.
+_ALIKE = 0.5  # px of `max_error`: views are taken of the lightest level that needs no more
+_LIGHTEST = 150  # minimum triangles of the lightest level
+_WORTH_A_LEVEL = 0.8  # of the mesh's triangles: a level with more saves hardly anything
+#: Views along a side of the grid, texels along a side of a view. Magnified views blur, and fewer
+#: views serve up to smaller sizes only; neighbouring views of cut-outs do not blend well.
 _GRID, _CUT_GRID = (24, 128), (16, 128)
-_ROUNDING = 1e-9  # of a mesh's size, by which the bounds of its hull may differ from its own
-# Those in use, by their content: sets of the same mesh share one, and its textures.
+_ROUNDING = 1e-9  # tolerance of the bounds of a mesh's hull, relative to its size
+# Atlases in use, by content: sets of the same mesh share one and its textures.
 _atlases: weakref.WeakValueDictionary[str, Atlas] = weakref.WeakValueDictionary()
 
 
 @dataclass
 class LodModel:
-    """A mesh, its lighter levels (the mesh first), and the atlas of its pictures."""
+    """The levels of a mesh, heaviest first, and the atlas of its images."""
 
     levels: list
     atlas: Atlas
-    #: Why it has no pictures, empty if it has.
-    unbaked: str = ''
-    #: Bytes of room on the GPU with which it may have some.
-    needs: float = 0.0
-    #: What is to be said of its tiles.
+    #: Why it has no images, empty if it has.
+    why_unbaked: str = ''
+    #: Free GPU memory, in bytes, from which it can have images.
+    required_bytes: float = 0.0
+    #: What the report adds about its tiles.
     note: str = ''
-    #: Colour shown in place of that in the pictures, and 1; or zeros.
+    #: Colour that replaces that of the images, and 1; or zeros.
     paint: tuple = (0.0, 0.0, 0.0, 0.0)
     _limits: dict = field(default_factory=dict)
 
     @cached_property
     def corners(self) -> np.ndarray:
-        """Points on the convex hull of the mesh, model coordinates."""
+        """Points on the convex hull of the mesh, model space."""
         return hull_corners(_drawn_points(self.levels[0].parts))
 
     def limits(self, max_error) -> Limits:
-        """Return the sizes at which levels change, for a greatest error in pixels."""
+        """Return the sizes at which levels change for a `max_error` in pixels."""
         if max_error not in self._limits:
             accurate = limits_of(self.atlas.errors, len(self.levels), max_error)
             self._limits[max_error] = by_cost(accurate, [level.triangles for level in self.levels])
         return self._limits[max_error]
 
-    def cast_limits(self, max_error, aspect) -> Limits:
-        """Return the same for depth maps, by the long side of their texels."""
-        found, triangles = self.limits(max_error), [level.triangles for level in self.levels]
+    def depth_limits(self, max_error, aspect) -> Limits:
+        """Return the same for depth maps, whose texels are `aspect` times as long as wide."""
+        limits, triangles = self.limits(max_error), [level.triangles for level in self.levels]
         errors = self.atlas.errors
-        return cast(found, errors, triangles, max_error, aspect) if errors else found
+        return depth_limits(limits, errors, triangles, max_error, aspect) if errors else limits
 
     def describe(self, limits) -> str:
-        """Return views, bake time and the sizes at which levels change, in one line."""
-        a = self.atlas
-        if self.unbaked:
-            return f'{self.levels[0].triangles} triangles at any size, not baked: {self.unbaked}'
-        sides = {f'{n} from the side': span for n, span in limits.level.items() if n in SIDES}
-        cards = [
+        """Return views, bake time and the sizes at which levels change, as one line."""
+        atlas = self.atlas
+        if self.why_unbaked:
+            triangles = self.levels[0].triangles
+            return f'{triangles} triangles at any size, not baked: {self.why_unbaked}'
+        names = SIDE_SHADERS & limits.side_cards.keys()
+        side_spans = {f'{n} from the side': limits.side_cards[n] for n in sorted(names)}
+        card_texts = [
             f'{name} to {_between(high)} px'
-            for name, (low, high) in (sides | limits.cards).items()
+            for name, (low, high) in (side_spans | limits.cards).items()
             if (high > low).any()
         ]
-        meshes = [
+        mesh_texts = [
             f'{level.triangles} triangles '
             + (f'to {_between(sizes)} px' if sizes.max() < 1e5 else 'at any size')
-            for level, sizes in zip(self.levels[::-1], limits.meshes[::-1], strict=True)
-            if (sizes > limits.mesh).any()
+            for level, sizes in zip(self.levels[::-1], limits.mesh_to[::-1], strict=True)
+            if (sizes > limits.mesh_from).any()
         ]
-        head = f'{a.views} x {a.views} views of {a.tile} texels{self.note}'
-        head += f', baked in {a.seconds:.1f} s'
-        if a.animated:
-            head = f'{a.n_poses} poses of {head}'
-        return '; '.join([head, *cards, *meshes])
+        summary = f'{atlas.views} x {atlas.views} views of {atlas.tile} texels{self.note}'
+        summary += f', baked in {atlas.seconds:.1f} s'
+        if atlas.animated:
+            summary = f'{atlas.n_poses} poses of {summary}'
+        return '; '.join([summary, *card_texts, *mesh_texts])
 
 
 def _between(sizes) -> str:
-    """Return the least and the greatest of the sizes, or both as one."""
+    """Return the range of sizes as text."""
     ends = f'{sizes.min():.0f}', f'{sizes.max():.0f}'
     return ends[0] if ends[0] == ends[1] else ' to '.join(ends)
 
 
 def bake(mesh, *, views=None, tile=None, half=False, cache=True, progress=None, **looks) -> Atlas:
-    """Return the atlas of a mesh, with its error measured."""
+    """Return the atlas of a mesh, with measured errors."""
     parts = as_parts(mesh, **looks)
     check_triangles(parts)
     grid = {'views': views, 'tile': tile, 'half': half}
@@ -117,83 +119,95 @@ def bake(mesh, *, views=None, tile=None, half=False, cache=True, progress=None, 
 
 
 def make_model(
-    parts, *, count=None, room=None, half=False, cache=True, progress=None, views=None, tile=None
+    parts,
+    *,
+    count=None,
+    max_bytes=None,
+    half=False,
+    cache=True,
+    progress=None,
+    views=None,
+    tile=None,
 ) -> LodModel:
     """Return the levels of a mesh, baked and measured, or cached."""
-    # With a count of instances it is baked only if that pays; with room, bytes on the GPU, its
-    # tiles shrink until they fit.
-    if why := no_images(parts, count):
-        return unbaked(parts, why)
-    own = _grid(parts)
-    views, tile = own[0] if views is None else views, own[1] if tile is None else tile
+    # With a count of instances the mesh is baked only if that pays; with max_bytes of GPU memory
+    # its tiles shrink until they fit.
+    if reason := no_images(parts, count):
+        return unbaked(parts, reason)
+    default_views, default_tile = _grid(parts)
+    views = default_views if views is None else views
+    tile = default_tile if tile is None else tile
     check_grid(views, tile)
-    store = None if cache is False else AtlasCache(None if cache is True else cache)
-    content = None if store is None else content_key(parts)
-    size = tile if room is None else _fitting(content, views, tile, half, room)
-    if not size:
-        why = 'GPU memory for images is at its limit'
-        return unbaked(parts, why, needs=bytes_of(views, min(tiles(tile))))
-    key = '' if store is None else atlas_key(content, views, size, half)
-    found = store.load(key, lambda arrays: _read(parts, arrays)) if store is not None else None
-    if found is not None:
-        found.atlas = _atlases.setdefault(key, found.atlas)
+    atlas_cache = None if cache is False else AtlasCache(None if cache is True else cache)
+    content_hash = None if atlas_cache is None else content_key(parts)
+    tile_size = tile if max_bytes is None else _fitting(content_hash, views, tile, half, max_bytes)
+    if not tile_size:
+        reason = 'GPU memory for images is at its limit'
+        return unbaked(parts, reason, required_bytes=bytes_of(views, min(tiles(tile))))
+    cache_key = '' if atlas_cache is None else atlas_key(content_hash, views, tile_size, half)
+    model = atlas_cache and atlas_cache.load(cache_key, lambda arrays: _from_cache(parts, arrays))
+    if model:
+        model.atlas = _atlases.setdefault(cache_key, model.atlas)
     else:
-        found = _new_model(parts, store, key, progress, views=views, tile=size, half=half)
-    if size < tile:
-        found.note = f', not {tile}, as GPU memory is limited'
-    return found
+        grid = {'views': views, 'tile': tile_size, 'half': half}
+        model = _new_model(parts, atlas_cache, cache_key, progress, **grid)
+    if tile_size < tile:
+        model.note = f', not {tile}, as GPU memory is limited'
+    return model
 
 
 def _grid(parts) -> tuple[int, int]:
-    """Return the views along a side of the grid and the texels along that of one."""
-    cut = any(p.alpha_cutoff is not None or p.stand_ins for p in parts)
-    return _CUT_GRID if cut or _turns(parts) is not None else _GRID
+    """Return views along a side of the grid and texels along a side of a view."""
+    is_cut_out = any(p.alpha_cutoff is not None or p.supplied_levels for p in parts)
+    return _CUT_GRID if is_cut_out or _turntable_of(parts) is not None else _GRID
 
 
-def _fitting(content, views, tile, half, room) -> int:
-    """Return the largest size of tiles for which there is room, 0 if none is large enough."""
+def _fitting(content, views, tile, half, max_bytes) -> int:
+    """Return the largest size of tiles that fits max_bytes, 0 if none does."""
 
     def fits(size):
-        held = content is not None and atlas_key(content, views, size, half) in _atlases
-        return held or bytes_of(views, size) <= room
+        is_shared = content is not None and atlas_key(content, views, size, half) in _atlases
+        return is_shared or bytes_of(views, size) <= max_bytes
 
     return next(filter(fits, tiles(tile)), 0)
 
 
-def _new_model(parts, store, key, progress, **grid) -> LodModel:
-    """Bake and measure; meshes alone are left where the driver fails."""
+def _new_model(parts, atlas_cache, cache_key, progress, **grid) -> LodModel:
+    """Bake and measure; without images if the driver fails."""
     try:
         model = _baked(_levels(parts), progress, **grid)
     except RuntimeError as error:
         warn(
-            f'cards are off, meshes are drawn instead: {error}. Look at `pvibr doctor`, or update '
-            'the graphics driver.'
+            f'image cards are disabled, meshes are drawn instead: {error}. Run `pvibr doctor`, or '
+            'update the graphics driver.'
         )
-        return unbaked(parts, str(error) or 'the bake failed', needs=np.inf)
-    if store is not None:
-        kept = {} if given(parts) else to_arrays(model.levels)
-        store.put(key, model.atlas.to_arrays() | kept | {'corners': model.corners})
-        _atlases[key] = model.atlas
+        return unbaked(parts, str(error) or 'the bake failed', required_bytes=np.inf)
+    if atlas_cache is not None:
+        arrays = model.atlas.to_arrays() | {'corners': model.corners}
+        arrays |= {} if supplied_level_count(parts) else to_arrays(model.levels)
+        atlas_cache.put(cache_key, arrays)
+        _atlases[cache_key] = model.atlas
     return model
 
 
-def _read(parts, arrays) -> LodModel:
+def _from_cache(parts, arrays) -> LodModel:
     """Return a model from arrays of the cache, checked."""
-    levels = _levels(parts) if given(parts) else from_arrays(parts, arrays)
+    levels = _levels(parts) if supplied_level_count(parts) else from_arrays(parts, arrays)
     model = LodModel(levels, Atlas.from_arrays(arrays))
     if not model.atlas.errors:
-        raise ValueError('it has no errors of levels')
+        raise ValueError('it has no error table')
     model.limits(1.0)
     model.corners = _checked_corners(parts, np.asarray(arrays['corners'], float))
     return model
 
 
 def _checked_corners(parts, corners) -> np.ndarray:
-    """Return points that are to be those on the convex hull of a mesh."""
+    """Return points, checked to be on the convex hull of a mesh."""
     points = _drawn_points(parts)
-    # A hull leaves out points that lie beyond its faces by rounding errors.
-    room = _ROUNDING * np.ptp(points, axis=0).max()
-    if corners.ndim != 2 or not np.allclose(_ends(corners), _ends(points), rtol=0, atol=room):
+    # A hull may leave out points beyond its faces by rounding errors.
+    tolerance = _ROUNDING * np.ptp(points, axis=0).max()
+    extent, mesh_extent = (np.stack([p.min(0), p.max(0)]) for p in (corners, points))
+    if corners.ndim != 2 or not np.allclose(extent, mesh_extent, rtol=0, atol=tolerance):
         raise ValueError('its corners are not those of the mesh')
     return corners
 
@@ -202,69 +216,68 @@ def _drawn_points(parts) -> np.ndarray:
     return np.concatenate([np.asarray(part.drawn_points(), float) for part in parts])
 
 
-def _ends(points):
-    return np.stack([points.min(0), points.max(0)])
-
-
 def no_images(parts, count=None) -> str:
-    """Return why parts have no images, or need none for a `count` of instances; else nothing."""
-    why = next((part.ineligibility for part in parts if part.ineligibility), '')
-    if not why and count is not None and _turns(parts) is None:
-        why = why_not(MeshLevel(parts).triangles, count)
-    return why
+    """Return why parts cannot have images, or need none for `count` instances; else empty."""
+    reason = next((part.ineligibility for part in parts if part.ineligibility), '')
+    if not reason and count is not None and _turntable_of(parts) is None:
+        reason = why_not_baked(MeshLevel(parts).triangles, count)
+    return reason
 
 
-def unbaked(parts, why, needs=0.0) -> LodModel:
-    """Return a mesh without pictures, drawn as it is at every size."""
+def unbaked(parts, why, required_bytes=0.0) -> LodModel:
+    """Return a model without images, drawn as the mesh at every size."""
     blank = Atlas.blank(_points(parts))
-    return LodModel([MeshLevel(list(parts))], blank, why, needs)
+    return LodModel([MeshLevel(list(parts))], blank, why, required_bytes)
 
 
 def _baked(levels, progress, **grid):
     start = time.perf_counter()
-    turns = _turns(levels[0].parts)
+    turns = _turntable_of(levels[0].parts)
     model = LodModel(levels, Atlas.blank(_points(levels[0].parts), half=grid['half']))
-    sphere = model.atlas.center, model.atlas.radius
+    bounding = model.atlas.center, model.atlas.radius
     with baking(progress) as advance:
         reference = Reference(model, progress=lambda d: advance(d / 3))
-        shown = _bake_parts(levels[: _bake_level(levels, reference, grid['tile']) + 1])
+        baked_parts = _lightest_parts(levels[: _bake_level(levels, reference, grid['tile']) + 1])
         model.atlas = atlas = bake_parts(
-            shown, sphere=sphere, turns=turns, progress=lambda d: advance((1 + d) / 3), **grid
+            baked_parts,
+            sphere=bounding,
+            turns=turns,
+            progress=lambda d: advance((1 + d) / 3),
+            **grid,
         )
         atlas.errors = measure(model, lambda d: advance((2 + d) / 3), reference)
     atlas.seconds = time.perf_counter() - start
     return model
 
 
-def _turns(parts):
-    """Return the turntable views asked for, or None."""
+def _turntable_of(parts):
+    """Return the turntable views that parts ask for, or None."""
     return next((p.turns for p in parts if p.turns is not None), None)
 
 
-def given(parts) -> int:
-    """Return the number of lighter levels that come with the parts."""
-    return max(len(p.stand_ins) for p in parts)
+def supplied_level_count(parts) -> int:
+    """Return the number of lighter levels supplied with the parts."""
+    return max(len(p.supplied_levels) for p in parts)
 
 
 def _levels(parts):
-    levels = [MeshLevel(list(parts))]
-    if count := given(parts):
-        coarser = [
-            [q for p in parts for q in (p.stand_ins or ((p,),) * count)[k]] for k in range(count)
-        ]
-        return levels + [MeshLevel(level) for level in coarser]
-    return levels + _lighter_levels(parts)
+    count = supplied_level_count(parts)
+    lighter_levels = [
+        MeshLevel([q for p in parts for q in (p.supplied_levels or ((p,),) * count)[k]])
+        for k in range(count)
+    ]
+    return [MeshLevel(list(parts)), *(lighter_levels or _lighter_levels(parts))]
 
 
 def _lighter_levels(parts) -> list:
-    radius, surfaces = bounding_sphere(_points(parts))[1], [is_surface(part) for part in parts]
-    levels = [MeshLevel(list(parts)), *_with_whole_leaves(parts, surfaces)]
+    radius, are_surfaces = bounding_sphere(_points(parts))[1], [is_surface(part) for part in parts]
+    levels = [MeshLevel(list(parts)), *_with_whole_leaves(parts, are_surfaces)]
     while (share := _share(levels[-1].triangles)) * levels[-1].triangles > _LIGHTEST:
         level = MeshLevel([lighter(p, share) or p for p in levels[-1].parts])
         if level.triangles > share**0.5 * levels[-1].triangles:
             break
         levels.append(level)
-    if all(surfaces):  # else pictures tell: twigs that vanish within leaves are not missed
+    if all(are_surfaces):  # else images tell: twigs vanishing among leaves do not matter
         for level in levels[1:]:
             pairs = zip(parts, level.parts, strict=True)
             level.error = max(displacement(*pair) for pair in pairs) / radius
@@ -272,17 +285,17 @@ def _lighter_levels(parts) -> list:
 
 
 def _with_whole_leaves(parts, surfaces) -> list:
-    """Return the level of parts of which bark is simplified and leaves are not, if they differ."""
+    """Return a level whose surfaces are simplified and foliage is not, if there are both."""
     if all(surfaces) or not any(surfaces):
         return []
     pairs = zip(parts, surfaces, strict=True)
-    level = MeshLevel([lighter(part, SHARE) or part if bark else part for part, bark in pairs])
-    total = sum(part.mesh.n_cells for part in parts)
-    return [level] if level.triangles < _WORTH_A_LEVEL * total else []
+    level = MeshLevel([(is_bark and lighter(part, SHARE)) or part for part, is_bark in pairs])
+    triangle_count = sum(part.mesh.n_cells for part in parts)
+    return [level] if level.triangles < _WORTH_A_LEVEL * triangle_count else []
 
 
 def _share(triangles) -> float:
-    """Return the share of a level's triangles that the next lighter one has."""
+    """Return the triangles of the next lighter level relative to this one."""
     return _HALF if _HALVED[0] < triangles <= _HALVED[1] else SHARE
 
 
@@ -297,37 +310,37 @@ def _fitted(parts, level) -> MeshLevel:
 
 
 def _bake_level(levels, reference, tile) -> int:
-    """Return the index of the lightest level that tiles of some texels show as the mesh."""
-    if any(p.stand_ins for p in levels[0].parts):
-        return 0  # quads with pictures are no place to take pictures from
-    shown = reference.sizes <= max(tile, reference.sizes[0])
-    rows = (reference.meshes[f'mesh{i}'][shown] for i in range(1, len(levels)))
-    alike = [worst(mesh_needs(row)).mean(1).max() <= _ALIKE for row in rows]
-    return int(np.argmin([*alike, False]))
+    """Return the index of the lightest level that looks like the mesh at a tile's texels."""
+    if any(p.supplied_levels for p in levels[0].parts):
+        return 0  # supplied levels may be textured quads
+    is_within_tile = reference.sizes <= max(tile, reference.sizes[0])
+    level_rows = (reference.meshes[f'mesh{i}'][is_within_tile] for i in range(1, len(levels)))
+    looks_alike = [worst(mesh_needs(row)).mean(1).max() <= _ALIKE for row in level_rows]
+    return int(np.argmin([*looks_alike, False]))
 
 
-def _bake_parts(levels):
-    """Return the lightest parts to bake: surfaces may be simplified, foliage not."""
-    out = list(levels[0].parts)
+def _lightest_parts(levels):
+    """Return the lightest parts to bake: surfaces may be simplified, foliage may not."""
+    parts = list(levels[0].parts)
     for level in levels[1:]:
         for i, part in enumerate(level.parts):
             if part.alpha_cutoff is None and part.mesh.active_texture_coordinates is None:
-                out[i] = part
-    return out
+                parts[i] = part
+    return parts
 
 
 def atlas_key(content, views, tile, half) -> str:
-    """Return a hash of everything that the atlas of a mesh depends on."""
+    """Return a hash of everything that an atlas depends on."""
     return key_of(content, views, tile, half)
 
 
 def content_key(parts) -> str:
-    """Return a hash of what images of a mesh show."""
-    values = [VERSION, _turns(parts)]
-    stand_ins = [q for p in parts for level in p.stand_ins for q in level]
-    for part in [*parts, *stand_ins]:
-        values += [part.alpha_cutoff, *_mesh_values(part.mesh), *look_values(part.actor)]
-    return key_of(*values)
+    """Return a hash of everything that images of a mesh show."""
+    content_values = [VERSION, _turntable_of(parts)]
+    supplied_parts = [q for p in parts for level in p.supplied_levels for q in level]
+    for part in [*parts, *supplied_parts]:
+        content_values += [part.alpha_cutoff, *_mesh_values(part.mesh), *look_values(part.actor)]
+    return key_of(*content_values)
 
 
 def _mesh_values(mesh):
@@ -340,27 +353,27 @@ def _mesh_values(mesh):
 
 
 def look_values(actor) -> list:
-    """Return the values of an actor's look that its atlas depends on."""
+    """Return the values of an actor's look that images show."""
     prop, mapper = actor.GetProperty(), actor.GetMapper()
-    back = actor.GetBackfaceProperty()
-    values = [list(prop.GetDiffuseColor()), prop.GetInterpolation(), prop.GetRepresentation()]
-    values += [None if back is None else list(back.GetDiffuseColor())]
-    values += [prop.GetShowTexturesOnBackface(), prop.GetBackfaceCulling()]
-    values += [prop.GetFrontfaceCulling(), prop.GetOpacity()]
-    values += [mapper.GetScalarVisibility(), mapper.GetScalarMode(), mapper.GetColorMode()]
+    back_property = actor.GetBackfaceProperty()
+    look_state = [list(prop.GetDiffuseColor()), prop.GetInterpolation(), prop.GetRepresentation()]
+    look_state += [None if back_property is None else list(back_property.GetDiffuseColor())]
+    look_state += [prop.GetShowTexturesOnBackface(), prop.GetBackfaceCulling()]
+    look_state += [prop.GetFrontfaceCulling(), prop.GetOpacity()]
+    look_state += [mapper.GetScalarVisibility(), mapper.GetScalarMode(), mapper.GetColorMode()]
     if mapper.GetScalarVisibility():
-        values += [list(mapper.GetScalarRange()), mapper.GetInterpolateScalarsBeforeMapping()]
-        values += [mapper.GetArrayName() or '', *_table_values(mapper.GetLookupTable())]
-    values += [emission_of(actor)]
+        look_state += [list(mapper.GetScalarRange()), mapper.GetInterpolateScalarsBeforeMapping()]
+        look_state += [mapper.GetArrayName() or '', *_table_values(mapper.GetLookupTable())]
+    look_state += [emission_of(actor)]
     for texture in textures_of(actor):
         image = texture.GetInput()
         if image is None:
             continue
         scalars = image.GetPointData().GetScalars()
-        values += [list(image.GetDimensions()), _vtk.vtk_to_numpy(scalars)]
-        values += [getattr(texture, f'Get{name}')() for name in TEXTURE_MODES]
-        values += [list(texture.GetBorderColor()), *_table_values(texture.GetLookupTable())]
-    return values
+        look_state += [list(image.GetDimensions()), _vtk.vtk_to_numpy(scalars)]
+        look_state += [getattr(texture, f'Get{name}')() for name in TEXTURE_MODES]
+        look_state += [list(texture.GetBorderColor()), *_table_values(texture.GetLookupTable())]
+    return look_state
 
 
 def _table_values(table):
@@ -370,5 +383,5 @@ def _table_values(table):
         list(c)
         for c in (table.GetNanColor(), table.GetBelowRangeColor(), table.GetAboveRangeColor())
     ]
-    flags = [table.GetUseBelowRangeColor(), table.GetUseAboveRangeColor(), table.GetScale()]
-    return [_vtk.vtk_to_numpy(table.GetTable()), list(table.GetRange()), colors, flags]
+    range_flags = [table.GetUseBelowRangeColor(), table.GetUseAboveRangeColor(), table.GetScale()]
+    return [_vtk.vtk_to_numpy(table.GetTable()), list(table.GetRange()), colors, range_flags]

@@ -1,4 +1,4 @@
-"""The sizes at which levels of detail change, from their measured errors."""
+"""On-screen sizes at which levels of detail change, from their measured errors."""
 
 from __future__ import annotations
 
@@ -11,66 +11,66 @@ import numpy as np
 
 from pvibr.instances.card_layers import PATCHES
 from pvibr.instances.cards import ALL_CARD_SHADERS, CARD_SHADERS, SPLAT
+from pvibr.instances.cost_model import negligible_from, saved_by_meshes
 from pvibr.instances.measure import card_needs, mesh_needs, worst
-from pvibr.instances.worth import hardly_costs_from, saved_by_meshes
 
-SIDES = {p.name for p in ALL_CARD_SHADERS if p.sides}
+#: Names of the shaders that show a turntable's side views.
+SIDE_SHADERS = {shader.name for shader in ALL_CARD_SHADERS if shader.sides}
 _LARGEST = 1e9  # px: no instance is larger
-_STEPS = 100  # of sizes at which costs are compared
-_OCTAVES = 2  # beyond the largest size measured, to which errors of meshes are extrapolated
+_COST_STEPS = 100  # sizes at which costs are compared
+_OCTAVES = 2  # beyond the largest measured size, to which mesh errors are extrapolated
 
 
 @dataclass(frozen=True, eq=False)
 class Limits:
-    """On-screen diameters, in pixels, at which levels change, for each patch of directions."""
+    """On-screen diameters, in pixels, at which levels change, per patch of view directions."""
 
-    #: By shader, from the cheapest: from and to, shape (2, PATCHES).
+    #: From and to by shader, cheapest first, shape (2, PATCHES).
     cards: dict[str, np.ndarray]
-    #: From where on it is drawn as a mesh, shape (PATCHES,).
-    mesh: np.ndarray
-    #: Largest of each mesh level, shape (levels, PATCHES).
-    meshes: np.ndarray
-    #: As `cards`, where the eye is level with a turntable.
-    level: dict[str, np.ndarray] = field(default_factory=dict)
+    #: Size from which the mesh is drawn, shape (PATCHES,).
+    mesh_from: np.ndarray
+    #: Largest size of each mesh level, shape (levels, PATCHES).
+    mesh_to: np.ndarray
+    #: As `cards`, where the eye is near the horizon of a turntable; empty without one.
+    side_cards: dict[str, np.ndarray] = field(default_factory=dict)
 
     def coarser(self, quality) -> Limits:
-        """Return limits for an image drawn at a quality, 0 to 1, of its size."""
-        cards, level = _grown(self.cards, quality), _grown(self.level, quality)
-        return Limits(cards, self.mesh / quality, self.meshes / quality, level)
+        """Return limits for an image drawn at a fraction `quality`, 0 to 1, of its size."""
+        cards, side_cards = (_scaled(c, quality) for c in (self.cards, self.side_cards))
+        return Limits(cards, self.mesh_from / quality, self.mesh_to / quality, side_cards)
 
     def spans(self, name) -> list[np.ndarray]:
-        """Return the spans of a shader from elsewhere, and from level with a turntable."""
-        none = np.zeros((2, PATCHES))
-        return [spans.get(name, none) for spans in (self.cards, self.level or self.cards)]
+        """Return a shader's spans of sizes, from above or below and from the side."""
+        unused = np.zeros((2, PATCHES))
+        return [spans.get(name, unused) for spans in (self.cards, self.side_cards or self.cards)]
 
     def varying(self) -> tuple[float, float]:
-        """Return between which sizes the level depends on the direction."""
-        spans = [*self.cards.values(), *self.level.values()]
-        ends = np.stack([self.mesh, *self.meshes, *(high for _, high in spans)])
+        """Return the sizes between which the level depends on the view direction."""
+        spans = [*self.cards.values(), *self.side_cards.values()]
+        ends = np.stack([self.mesh_from, *self.mesh_to, *(high for _, high in spans)])
         ends = ends[ends.min(1) < ends.max(1)]
         return (float(ends.min()), float(ends.max())) if ends.size else (np.inf, 0.0)
 
 
-def _grown(spans, quality) -> dict:
-    """Return contiguous spans of sizes that end at larger ones."""
-    grown, reached = {}, np.zeros(PATCHES)
-    for name, (_, high) in spans.items():
-        # A splat replaces what is a few pixels large, and nothing else.
-        high = high if name == SPLAT.name else high / quality
-        grown[name] = np.stack([reached, high])
-        reached = high
-    return grown
+def _contiguous(highs) -> dict[str, np.ndarray]:
+    """Return the span of each shader, (2, PATCHES), from where the cheaper one ends."""
+    low, spans = np.zeros(PATCHES), {}
+    for name, high in highs.items():
+        spans[name] = np.stack([low, high])
+        low = high
+    return spans
 
 
-def limits_of(errors, mesh_levels, max_error) -> Limits:
-    """Return the sizes up to which each level keeps an error."""
-    if not errors:
-        never = {p.name: np.zeros((2, PATCHES)) for p in CARD_SHADERS}
-        return Limits(never, np.zeros(PATCHES), _everywhere([np.inf, *[0.0] * (mesh_levels - 1)]))
-    cards = _spans(card_ends(errors, max_error))
-    reached = list(cards.values())[-1][1]
-    meshes = np.array([sizes for sizes, _ in mesh_ends(errors, mesh_levels, max_error)])
-    return Limits(cards, reached, meshes, _spans(level_ends(errors, max_error)))
+def _scaled(spans, quality) -> dict:
+    # A splat replaces what covers a few pixels, at any quality.
+    scales = {name: 1.0 if name == SPLAT.name else quality for name in spans}
+    return _contiguous({name: high / scales[name] for name, (_, high) in spans.items()})
+
+
+def _cut_off(spans, ends, without='') -> dict:
+    """Return spans that end at some sizes at the latest, one shader left out."""
+    highs = {name: np.minimum(high, ends) for name, (_, high) in spans.items()}
+    return _contiguous(highs | ({without: np.zeros(PATCHES)} if without in highs else {}))
 
 
 def _everywhere(sizes) -> np.ndarray:
@@ -78,52 +78,59 @@ def _everywhere(sizes) -> np.ndarray:
     return np.tile(np.reshape(sizes, (-1, 1)), PATCHES)
 
 
+def _spans(ends) -> dict:
+    """Return the sizes at which each shader is the cheapest of those that are accurate."""
+    highs = np.maximum.accumulate([sizes for sizes, _ in ends.values()])
+    return _contiguous(dict(zip(ends, highs, strict=True)))
+
+
+def limits_of(errors, mesh_levels, max_error) -> Limits:
+    """Return the largest sizes at which each level meets `max_error`."""
+    if not errors:
+        unused = {shader.name: np.zeros((2, PATCHES)) for shader in CARD_SHADERS}
+        mesh_to = _everywhere([np.inf, *[0.0] * (mesh_levels - 1)])
+        return Limits(unused, np.zeros(PATCHES), mesh_to)
+    cards, side_cards = (_spans(ends(errors, max_error)) for ends in (card_ends, side_ends))
+    mesh_to = np.array([sizes for sizes, _ in mesh_ends(errors, mesh_levels, max_error)])
+    return Limits(cards, list(cards.values())[-1][1], mesh_to, side_cards)
+
+
 def by_cost(limits, triangles) -> Limits:
-    """Return limits by which meshes take over from cards where that saves most."""
-    if limits.level or not limits.mesh.any():
+    """Return limits at which meshes take over from cards where that saves most."""
+    if limits.side_cards or not limits.mesh_from.any():
         return limits
-    # A lighter one that would save little is not worth its error.
-    heavier = _everywhere([np.inf, *hardly_costs_from(triangles[:-1])])
-    limits = replace(limits, meshes=np.minimum(limits.meshes, heavier))
-    sizes = np.geomspace(limits.mesh.max(), 1.0, _STEPS)
-    lightest = (limits.meshes >= sizes[:, None, None]).cumsum(1).argmax(1)
-    saved = np.zeros((_STEPS, PATCHES))
+    # A lighter mesh that would save little is not worth its error.
+    mesh_to = np.minimum(limits.mesh_to, _everywhere([np.inf, *negligible_from(triangles[:-1])]))
+    sizes = np.geomspace(limits.mesh_from.max(), 1.0, _COST_STEPS)
+    lightest = (mesh_to >= sizes[:, None, None]).cumsum(1).argmax(1)
+    savings = np.zeros((_COST_STEPS, PATCHES))
     for name, (low, high) in limits.cards.items():
-        shown = (sizes[:, None] >= low) & (sizes[:, None] < high)
-        saved += shown * saved_by_meshes(np.array(triangles)[lightest], name, sizes[:, None])
-    # From the largest size down; of what is far there is more.
-    total = (saved / sizes[:, None] ** 2).cumsum(0)
-    ends = np.where(total.max(0) > 0, sizes[total.argmax(0)], limits.mesh)
-    return Limits(_ended(limits.cards, ends), ends, limits.meshes, limits.level)
+        in_span = (sizes[:, None] >= low) & (sizes[:, None] < high)
+        savings += in_span * saved_by_meshes(np.array(triangles)[lightest], name, sizes[:, None])
+    # From the largest size down, weighted by how many instances a view has at each.
+    total = (savings / sizes[:, None] ** 2).cumsum(0)
+    ends = np.where(total.max(0) > 0, sizes[total.argmax(0)], limits.mesh_from)
+    return replace(limits, cards=_cut_off(limits.cards, ends), mesh_from=ends, mesh_to=mesh_to)
 
 
-def cast(limits, errors, triangles, max_error, aspect) -> Limits:
-    """Return limits in depth maps, sizes by the short side of their texels."""
-    # Maps show a mesh's surface alone, no better than the long side of a texel.
+def depth_limits(limits, errors, triangles, max_error, aspect) -> Limits:
+    """Return limits in depth maps, for sizes in the short side of their texels."""
+    # A depth map shows only the surface, no better than the long side of a texel.
     radii = [float(errors[f'mesh{k}.radii']) for k in range(1, len(triangles))]
-    good = [2 * max_error * aspect / max(r, 1e-9) for r in radii]
-    meshes = np.minimum.accumulate([np.inf, *good])
-    # A mesh of fewer triangles than pixels costs less than a card.
-    ends = 0.0
-    for count, low, high in zip(triangles, (*meshes[1:], 0.0), meshes, strict=True):
-        pays = (count * aspect) ** 0.5
-        ends = max(ends, min(pays, high)) if pays > low else ends
-    mesh = np.minimum(limits.mesh, ends)
-    # Splats are square in oblong texels.
-    cards, level = (
-        _ended(spans, mesh, without=SPLAT.name) for spans in (limits.cards, limits.level)
+    accurate_to = [2 * max_error * aspect / max(r, 1e-9) for r in radii]
+    mesh_to = np.minimum.accumulate([np.inf, *accurate_to])
+    # A mesh with fewer triangles than pixels costs less than a card.
+    card_end = 0.0
+    for count, low, high in zip(triangles, (*mesh_to[1:], 0.0), mesh_to, strict=True):
+        pays_from = (count * aspect) ** 0.5
+        card_end = max(card_end, min(pays_from, high)) if pays_from > low else card_end
+    mesh_from = np.minimum(limits.mesh_from, card_end)
+    # Splats would be square in oblong texels.
+    cards, side_cards = (
+        _cut_off(spans, mesh_from, without=SPLAT.name)
+        for spans in (limits.cards, limits.side_cards)
     )
-    return Limits(cards, mesh, _everywhere(meshes), level)
-
-
-def _ended(spans, ends, without='') -> dict:
-    """Return contiguous spans up to a size."""
-    kept, reached = {}, np.zeros(PATCHES)
-    for name, (_, high) in spans.items():
-        high = reached if name == without else np.maximum(np.minimum(high, ends), reached)
-        kept[name] = np.stack([reached, high])
-        reached = high
-    return kept
+    return Limits(cards, mesh_from, _everywhere(mesh_to), side_cards)
 
 
 def checked_force(level) -> dict[str, tuple]:
@@ -132,55 +139,57 @@ def checked_force(level) -> dict[str, tuple]:
         return {}
     if not isinstance(level, (str, dict)) or not level:
         raise TypeError(
-            f'force_level = {level!r:.80}: must be None, the name of a level, or sizes by name'
+            f'force_level must be None, the name of a level, or sizes by name, got {level!r:.80}'
         )
     ranges = level if isinstance(level, dict) else {level: (0.0, _LARGEST)}
-    known = [*(p.name for p in ALL_CARD_SHADERS), 'mesh']
+    level_names = [*(shader.name for shader in ALL_CARD_SHADERS), 'mesh']
     for name, sizes in ranges.items():
-        if name not in known and not re.fullmatch('mesh[1-9]', name):
-            names = ', '.join([*known, 'mesh1 to mesh9'])
-            raise ValueError(f'force_level has {name!r}; it must be None, or levels of {names}')
+        if name not in level_names and not re.fullmatch('mesh[1-9]', name):
+            choices = ', '.join([*level_names, 'mesh1 to mesh9'])
+            raise ValueError(f'force_level must be None or one of {choices}, got {name!r}')
         if np.shape(sizes) != (2,) or not 0 <= sizes[0] <= sizes[1]:
             raise ValueError(
-                f'force_level[{name!r}] is {sizes!r}; it must be two rising sizes in pixels'
+                f'force_level[{name!r}] must be two rising sizes in pixels, got {sizes!r}'
             )
     return {name: tuple(map(float, sizes)) for name, sizes in ranges.items()}
 
 
 def needs_images(ranges) -> bool:
-    """Return True if forced levels are other than the mesh itself."""
+    """Return True if levels other than the mesh itself are forced."""
     return bool(set(ranges) - {'mesh'})
 
 
 def forced_limits(ranges, mesh_levels) -> Limits:
-    """Return limits by which each level is drawn between its own sizes."""
-    everywhere = {k: np.tile(np.reshape(v, (2, 1)), PATCHES) for k, v in ranges.items()}
-    cards = {p.name: everywhere.get(p.name, np.zeros((2, PATCHES))) for p in CARD_SHADERS}
-    level = {name: span for name, span in everywhere.items() if name in SIDES}
+    """Return limits at which each level is drawn between its forced sizes."""
+    spans = {name: _everywhere(sizes) for name, sizes in ranges.items()}
+    cards = {s.name: spans.get(s.name, np.zeros((2, PATCHES))) for s in CARD_SHADERS}
+    side_cards = {name: span for name, span in spans.items() if name in SIDE_SHADERS}
     lighter = [ranges.get(f'mesh{k}', (0.0, 0.0))[1] for k in range(1, mesh_levels)]
-    # The lightest that serves is drawn: those before it must serve as far.
-    meshes = np.maximum.accumulate([0.0, *lighter[::-1], np.inf])[:0:-1]
-    least = min((low for n, (low, _) in ranges.items() if n.startswith('mesh')), default=_LARGEST)
-    return Limits(cards, np.full(PATCHES, least), _everywhere(meshes), level)
+    # The lightest that serves is drawn: heavier ones must serve at least as far.
+    mesh_to = np.maximum.accumulate([0.0, *lighter[::-1], np.inf])[:0:-1]
+    mesh_from = min(
+        (low for name, (low, _) in ranges.items() if name.startswith('mesh')), default=_LARGEST
+    )
+    return Limits(cards, np.full(PATCHES, mesh_from), _everywhere(mesh_to), side_cards)
 
 
 class Ends(NamedTuple):
-    """Up to which sizes a level is accurate in each patch, and the rules that end it there."""
+    """Largest size at which a level is accurate, and the rule that ends it, in each patch."""
 
     sizes: np.ndarray  # px, shape (PATCHES,)
     rules: np.ndarray  # 'outline', 'colour', 'blur' or 'size', shape (PATCHES,)
 
 
 def card_ends(errors, max_error) -> dict[str, Ends]:
-    """Return up to which sizes the cards of each shader keep an error, from the cheapest."""
+    """Return the largest sizes at which cards meet `max_error` by shader, cheapest first."""
     return {shader.name: _card_ends(errors, shader, max_error) for shader in CARD_SHADERS}
 
 
-def level_ends(errors, max_error) -> dict[str, Ends]:
-    """Return the same where the eye is level with a turntable, of nothing else."""
-    if not set(errors) >= SIDES:
+def side_ends(errors, max_error) -> dict[str, Ends]:
+    """Return the same near the horizon of a turntable; empty without one."""
+    if not set(errors) >= SIDE_SHADERS:
         return {}
-    # What is seen from the side was measured in patches of its own.
+    # Side views were measured in patches of their own.
     last = reduce(_wider, card_ends(errors, max_error).values())
     return {
         shader.name: _narrower(_card_ends(errors, shader, max_error), last)
@@ -188,77 +197,67 @@ def level_ends(errors, max_error) -> dict[str, Ends]:
     }
 
 
-def mesh_ends(errors, count, max_error) -> list[Ends]:
-    """Return the same of so many meshes, from the heaviest."""
+def mesh_ends(errors, mesh_levels, max_error) -> list[Ends]:
+    """Return the same for each mesh level, heaviest first."""
     ends = [Ends(np.full(PATCHES, np.inf), np.full(PATCHES, ''))]
-    for i in range(1, count):
+    for i in range(1, mesh_levels):
         ends.append(_narrower(_mesh_ends(errors, f'mesh{i}', max_error), ends[-1]))
     return ends
 
 
-def _narrower(one, other) -> Ends:
-    """Return of two ends those at smaller sizes."""
-    return _chosen(one.sizes <= other.sizes, one, other)
+def _narrower(first, second) -> Ends:
+    """Return the end at the smaller size in each patch."""
+    return _chosen(first.sizes <= second.sizes, first, second)
 
 
-def _wider(one, other) -> Ends:
-    """Return of two ends those at larger sizes."""
-    return _chosen(one.sizes >= other.sizes, one, other)
+def _wider(first, second) -> Ends:
+    """Return the end at the larger size in each patch."""
+    return _chosen(first.sizes >= second.sizes, first, second)
 
 
-def _chosen(first, one, other) -> Ends:
-    """Return in each patch the first of two ends or the other."""
-    return Ends(*(np.where(first, *pair) for pair in zip(one, other, strict=True)))
+def _chosen(is_first, first, second) -> Ends:
+    return Ends(*(np.where(is_first, *pair) for pair in zip(first, second, strict=True)))
 
 
 def _card_ends(errors, shader, max_error) -> Ends:
-    sizes, rules = _within(errors['sizes'], card_needs(errors[shader.name]), max_error)
+    sizes, rules = _accurate_to(errors['sizes'], card_needs(errors[shader.name]), max_error)
     if shader.sides:  # it serves all sides or none
         narrowest = np.full(PATCHES, sizes.argmin())
         sizes, rules = sizes[narrowest], rules[narrowest]
-    allowed = np.clip(sizes, shader.least, shader.largest)
-    return Ends(allowed, np.where(allowed == sizes, rules, 'size'))
+    clamped = np.clip(sizes, shader.least, shader.largest)
+    return Ends(clamped, np.where(clamped == sizes, rules, 'size'))
 
 
 def _mesh_ends(errors, name, max_error) -> Ends:
-    # Beyond what was measured as well.
+    """Return the ends of a lighter mesh, extrapolated beyond the measured sizes."""
     largest, needs = errors['sizes'][-1], mesh_needs(errors[name])
-    sizes, rules = _within(errors['sizes'], needs, max_error)
+    measured = _accurate_to(errors['sizes'], needs, max_error)
     last = {cause: need[-1] for cause, need in needs.items()}
-    # Facets that grow visible: an error of colour doubles with the size, or nearly.
+    # As facets become visible, the colour error about doubles with the size.
     octaves = np.log2(max_error / np.maximum(worst(last), 1e-9))
-    far = largest * 2 ** np.clip(octaves, 0, _OCTAVES)
     cause = np.array([*last])[np.argmax([*last.values()], axis=0)]
-    cause = np.where(octaves < _OCTAVES, cause, 'size')
-    moved = max(2 * max_error / max(float(errors[f'{name}.radii']), 1e-9), largest)
-    outline = Ends(np.full(PATCHES, moved), np.full(PATCHES, 'outline'))
-    return _chosen(sizes < largest, Ends(sizes, rules), _narrower(Ends(far, cause), outline))
+    beyond = Ends(
+        largest * 2 ** np.clip(octaves, 0, _OCTAVES), np.where(octaves < _OCTAVES, cause, 'size')
+    )
+    outline_end = max(2 * max_error / max(float(errors[f'{name}.radii']), 1e-9), largest)
+    outline = Ends(np.full(PATCHES, outline_end), np.full(PATCHES, 'outline'))
+    return _chosen(measured.sizes < largest, measured, _narrower(beyond, outline))
 
 
-def _within(sizes, needs, max_error) -> Ends:
-    """Return up to which of the measured sizes all causes allow an error, and the first to end."""
-    by_cause = np.array([_good_up_to(sizes, need, max_error) for need in needs.values()])
+def _accurate_to(sizes, needs, max_error) -> Ends:
+    """Return the largest measured sizes that meet every need, and the first cause to fail."""
+    by_cause = np.array([_met_up_to(sizes, need, max_error) for need in needs.values()])
     ends = by_cause.min(0)
     rules = np.array([*needs])[by_cause.argmin(0)]
     return Ends(ends, np.where(ends < sizes[-1], rules, 'size'))
 
 
-def _good_up_to(sizes, need, max_error):
+def _met_up_to(sizes, need, max_error):
     """Return the largest size at which a need, (sizes, patches), is met in each patch."""
-    over = need > max_error
-    k = over.argmax(0)
+    exceeds = need > max_error
+    k = exceeds.argmax(0)
     patch = np.arange(len(k))
-    # Below the smallest size that was measured, errors shrink with the size.
-    low, before = np.where(k > 0, (sizes[k - 1], need[k - 1, patch]), 0.0)
-    part = (max_error - before) / np.maximum(need[k, patch] - before, 1e-9)
-    return np.where(over.any(0), low + part * (sizes[k] - low), sizes[-1])
-
-
-def _spans(ends) -> dict:
-    """Return the contiguous sizes at which each shader is used, in the order of cost."""
-    reached, spans = np.zeros(PATCHES), {}
-    for name, (good, _) in ends.items():
-        good = np.maximum(good, reached)
-        spans[name] = np.stack([reached, good])
-        reached = good
-    return spans
+    # Below the smallest measured size, errors shrink with the size.
+    low, need_below = np.where(k > 0, (sizes[k - 1], need[k - 1, patch]), 0.0)
+    fraction = (max_error - need_below) / np.maximum(need[k, patch] - need_below, 1e-9)
+    return np.where(exceeds.any(0), low + fraction * (sizes[k] - low), sizes[-1])

@@ -6,19 +6,19 @@ import os
 import weakref
 
 LIMIT_MIB = 2048
-_SMALLEST_TILE = 16  # texels, of which images serve at all
+_SMALLEST_TILE = 16  # texels of the smallest useful images
 _held: weakref.WeakValueDictionary = weakref.WeakValueDictionary()
 
 
-def limit() -> float:
-    """Return the limit in bytes for all sets: ``PVIBR_GPU_MEMORY`` in MiB, or the default."""
-    given = os.environ.get('PVIBR_GPU_MEMORY') or LIMIT_MIB
+def limit_bytes() -> float:
+    """Return the limit for all sets in bytes: ``PVIBR_GPU_MEMORY`` in MiB, or the default."""
+    setting = os.environ.get('PVIBR_GPU_MEMORY') or LIMIT_MIB
     try:
-        mib = float(given)
+        mib = float(setting)
     except ValueError:
         mib = -1.0
     if not mib >= 0:
-        raise ValueError(f'PVIBR_GPU_MEMORY is {given!r}; it must be a number of MiB, at least 0')
+        raise ValueError(f'PVIBR_GPU_MEMORY must be a number of MiB, at least 0, got {setting!r}')
     return mib * 2**20
 
 
@@ -27,28 +27,28 @@ def hold(atlas):
     _held[id(atlas)] = atlas
 
 
-def room(share=None) -> float:
-    """Return the bytes left for one more atlas, of a share of a set at most."""
-    left = limit() - sum(atlas.nbytes for atlas in _held.values())
-    return max(left if share is None else min(left, share), 0.0)
+def available_bytes(share=None) -> float:
+    """Return the bytes available for one more atlas, at most `share`."""
+    free_bytes = limit_bytes() - sum(atlas.nbytes for atlas in _held.values())
+    return max(free_bytes if share is None else min(free_bytes, share), 0.0)
 
 
 def checked_share(mib, meshes) -> float | None:
-    """Return the bytes of each mesh of a set that has a limit of its own in MiB."""
+    """Return the bytes for each mesh of a set with its own limit in MiB."""
     if mib is None:
         return None
     if not isinstance(mib, int | float) or not mib >= 0:
-        raise ValueError(f'gpu_memory is {mib!r}; it must be None or a number of MiB, at least 0')
+        raise ValueError(f'gpu_memory must be None or a number of MiB, at least 0, got {mib!r}')
     return mib * 2**20 / max(meshes, 1)
 
 
 def tiles(largest):
-    """Yield the largest size of tiles and its halves, as long as images of them serve."""
+    """Yield the largest size of tiles and its halves down to the smallest useful one."""
     while largest >= _SMALLEST_TILE:
         yield largest
         largest //= 2
 
 
 def bytes_of(views, tile) -> int:
-    """Return the bytes of an atlas on the GPU: two images with mip levels."""
+    """Return the GPU memory of an atlas in bytes: two images with mip levels."""
     return (views * tile) ** 2 * 12

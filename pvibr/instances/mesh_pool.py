@@ -1,4 +1,4 @@
-"""Instances as the mesh itself, an actor each."""
+"""Actors that draw instances as the mesh itself, one each."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from pvibr.gl.feature import DITHER, Feature
 from pvibr.instances.one_sided import OneSided
 from pvibr.scene.shader_draws import DULL, PBR
 
-# The colour of an instance replaces what scalars and texture give, or multiplies it; a cut-out
-# keeps its holes. Lit colour is what VTK has before it multiplies by the texture.
+# An instance's colour replaces that of scalars and texture or multiplies it; cut-outs keep their
+# holes. The lit colour is VTK's before it multiplies by the texture.
 _LOOK = """  vec4 ibr_lit = gl_FragData[0];
 //VTK::TCoord::Impl
   if (IBR_DITHER(ibr_dither) >= ibr_share) discard;
@@ -33,23 +33,23 @@ _COLOR = """//VTK::Color::Impl
     ambientColor = ambientIntensity * base;
   }
 """
-# VTK turns normals by the winding that it sees, which a mirrored pose turns around.
+# VTK orients normals by the winding on the screen, which a mirrored pose reverses.
 _TURNED = """#define normalMatrix (ibr_turn * normalMatrix)
 //VTK::Normal::Impl
 #undef normalMatrix
 """
 _MIRROR = Feature('mirrored', {'VTK::Normal::Impl': _TURNED}, {'VTK::Normal::Impl': _TURNED})
 _PLAIN = (0.0, 0.0, 0.0, 0.5)
-#: How well a place on a card is known, in radii: lights may see a mesh as a card.
+#: Error of a position on a card, in radii: lights may see a mesh as a card.
 BLUR = 0.02
 
 
 @dataclass
 class MeshLevel:
-    """The mesh, or a lighter stand-in."""
+    """The mesh or a lighter version of it."""
 
     parts: list
-    error: float | None = None  # how far its surface is from the mesh's, in radii, if known
+    error: float | None = None  # distance of its surface from the mesh's in radii, if known
 
     @property
     def triangles(self) -> int:
@@ -58,15 +58,15 @@ class MeshLevel:
 
     @cached_property
     def materials(self) -> list[OneSided]:
-        """Materials of the parts, with both sides or one."""
+        """Materials of the parts, which may cull hidden sides."""
         return [OneSided(part) for part in self.parts]
 
 
 class MeshPool:
-    """Actors of one level, lent to instances, with the looks of these."""
+    """Actors of one level, lent to instances."""
 
-    #: Whether normals turn where a pose mirrors.
-    turns = True
+    #: Whether normals are flipped where a pose mirrors.
+    turns_normals = True
 
     def __init__(self, level):
         self.level = level
@@ -79,37 +79,37 @@ class MeshPool:
         self._faded: set[int] = set()
 
     def lend(self, ids, matrix_of) -> list:
-        """Show the mesh at some instances and nowhere else; return new actors."""
-        wanted = set(ids)
-        for i in [i for i in self.lent if i not in wanted]:
+        """Place actors at instances and hide all others; return new actors."""
+        requested = set(ids)
+        for i in [i for i in self.lent if i not in requested]:
             actors = self.lent.pop(i)
             for actor in actors:
                 actor.VisibilityOff()
             self.free.append(actors)
-        new = []
-        for i in wanted - self.lent.keys():
+        new_actors = []
+        for i in requested - self.lent.keys():
             if not self.free:
-                self.free.append(self._made())
-                new += self.free[-1]
+                self.free.append(self._new_actors())
+                new_actors += self.free[-1]
             self.lent[i] = self.free.pop()
-            self._put(self.lent[i], np.asarray(matrix_of(i), float))
-        return new
+            self._place(self.lent[i], np.asarray(matrix_of(i), float))
+        return new_actors
 
     def show(self, ids, matrix_of, look_of) -> list:
-        """Show the mesh at some instances and nowhere else; return new actors."""
-        before = set(self.lent)
-        new = self.lend(ids, matrix_of)
-        for i in self.lent.keys() - before:
+        """Place actors with looks at instances and hide all others; return new actors."""
+        lent_before = set(self.lent)
+        new_actors = self.lend(ids, matrix_of)
+        for i in self.lent.keys() - lent_before:
             for actor in self.lent[i]:
                 self._set_look(actor, look_of(i))
-        return new
+        return new_actors
 
     def actors(self) -> list:
-        """Return every actor made so far, those that are lent by instance."""
+        """Return all actors so far, lent ones first in the order of instances."""
         lent = [self.lent[i] for i in sorted(self.lent)]
         return [a for group in [*lent, *self.free] for a in group]
 
-    def _made(self) -> list:
+    def _new_actors(self) -> list:
         actors = [lendable(p, self._mapper(p)) for p in self.level.parts]
         for actor in actors if self.translucent else ():
             actor.ForceTranslucentOn()
@@ -125,7 +125,7 @@ class MeshPool:
         return clipped
 
     def fade(self, shares, dither):
-        """Draw a share of the pixels of some instances; cards draw the others."""
+        """Draw a share of the pixels of fading instances; cards draw the rest."""
         for i in self._faded | shares.keys():
             for actor in self.lent.get(i, ()):
                 uniforms = actor.GetShaderProperty().GetFragmentCustomUniforms()
@@ -134,38 +134,42 @@ class MeshPool:
         self._faded = set(shares)
 
     def show_sides(self, outside):
-        """Leave out the hidden side of instances that the eye is outside of."""
+        """Cull the hidden sides of instances that the eye is outside of."""
         if not self.lent:
-            return  # whether a surface is closed takes a while to find
-        kinds = [[m.material(seen) for m in self.level.materials] for seen in (False, True)]
+            return  # it takes a while to find whether a surface is closed
+        materials = [
+            [m.material(culled) for m in self.level.materials] for culled in (False, True)
+        ]
         for i, actors in self.lent.items():
-            for actor, prop in zip(actors, kinds[i in outside], strict=True):
+            for actor, prop in zip(actors, materials[i in outside], strict=True):
                 if actor.GetProperty() is not prop:
                     actor.SetProperty(prop)
 
     def tint(self, color, look_of):
-        """Set one colour for all instances, over their looks."""
+        """Paint all instances in one colour, or none."""
         self._tint = color
         self.recolor(look_of)
 
     def recolor(self, look_of):
-        """Update the looks of the shown instances."""
+        """Update the looks of the lent actors."""
         for i, actors in self.lent.items():
             for actor in actors:
                 self._set_look(actor, look_of(i))
 
-    def _put(self, actors, matrix):
+    def _place(self, actors, matrix):
         values = matrix.ravel().tolist()
-        volume = float(np.linalg.det(matrix[:3, :3]))
+        determinant = float(np.linalg.det(matrix[:3, :3]))
         for actor in actors:
             actor.GetUserMatrix().DeepCopy(values)
             actor.VisibilityOn()
             shader = actor.GetShaderProperty()
             uniforms = shader.GetFragmentCustomUniforms()
             uniforms.SetUniformf('ibr_share', 1.0)
-            uniforms.SetUniformf('ibr_blur', BLUR * self.radius * abs(volume) ** (1 / 3))
+            uniforms.SetUniformf('ibr_blur', BLUR * self.radius * abs(determinant) ** (1 / 3))
             for stage in (shader.GetVertexCustomUniforms(), uniforms):
-                stage.SetUniformf('ibr_turn', -1.0 if self.turns and volume < 0 else 1.0)
+                stage.SetUniformf(
+                    'ibr_turn', -1.0 if self.turns_normals and determinant < 0 else 1.0
+                )
 
     def _set_look(self, actor, look):
         uniforms = actor.GetShaderProperty().GetFragmentCustomUniforms()
@@ -174,15 +178,15 @@ class MeshPool:
 
 
 def lendable(part, mapper):
-    """Return a new actor that draws a part at instances, with per-instance looks."""
+    """Return a new actor that draws a part at instances, with looks of their own."""
     actor = with_looks(part, mapper)
     actor.SetUserMatrix(_vtk.vtkMatrix4x4())
-    actor.PickableOff()  # what stands for the instance is picked
+    actor.PickableOff()  # the set's item meshes are picked
     actor.UseBoundsOff()
     _MIRROR.attach(actor)
-    shader = actor.GetShaderProperty()
-    shader.GetVertexCustomUniforms().SetUniformf('ibr_turn', 1.0)
-    uniforms = shader.GetFragmentCustomUniforms()
+    shader_property = actor.GetShaderProperty()
+    shader_property.GetVertexCustomUniforms().SetUniformf('ibr_turn', 1.0)
+    uniforms = shader_property.GetFragmentCustomUniforms()
     uniforms.SetUniformf('ibr_turn', 1.0)
     uniforms.SetUniformf('ibr_cutoff', cutoff(part))
     uniforms.SetUniform4f('ibr_look', _PLAIN)
@@ -194,19 +198,19 @@ def lendable(part, mapper):
 
 
 def with_looks(part, mapper):
-    """Return a new actor that draws a part, with shader text for looks of instances."""
+    """Return a new actor of a part, with shader code for looks of instances."""
     actor = part.new_actor(mapper)
     shader = actor.GetShaderProperty()
-    texts = {'//VTK::TCoord::Impl': DITHER + _LOOK, '//VTK::Color::Impl': _COLOR}
+    shader_text = {'//VTK::TCoord::Impl': DITHER + _LOOK, '//VTK::Color::Impl': _COLOR}
     prop = actor.GetProperty()
     if prop.GetSpecular() == 0 and prop.GetInterpolation() != PBR:
-        texts['//VTK::Light::Impl'] = '//VTK::Light::Impl\n'.join(DULL)
-    for tag, text in texts.items():
+        shader_text['//VTK::Light::Impl'] = '//VTK::Light::Impl\n'.join(DULL)
+    for tag, text in shader_text.items():
         shader.ClearFragmentShaderReplacement(tag, True)
         shader.AddFragmentShaderReplacement(tag, True, text, False)
     return actor
 
 
 def cutoff(part) -> float:
-    """Return the alpha below which a part is cut out, its opacity included."""
+    """Return the alpha below which a part is cut out, scaled by its opacity."""
     return (part.alpha_cutoff or 0.0) * part.actor.GetProperty().GetOpacity()

@@ -1,4 +1,4 @@
-"""Materials of closed surfaces without the side that is seen only from inside."""
+"""Materials of closed surfaces that cull the inner side."""
 
 from __future__ import annotations
 
@@ -12,35 +12,35 @@ from pvibr.maths.surfaces import winding
 from pvibr.meshes.decimate import Welded
 from pvibr.meshes.materials import copied_property, culled_faces
 
-_HEAVY = 300_000  # triangles from which it takes too long to see whether a surface is closed
+_HEAVY = 300_000  # triangles from which it takes too long to test whether a surface is closed
 
 
 class OneSided:
-    """The material of a part, and a copy that culls the side that other triangles hide."""
+    """The material of a part, and a copy that culls the hidden side."""
 
     def __init__(self, part):
         self._part = part
         self._copy, self._known = None, None
 
     def material(self, outside):
-        """Return the material, which may cull a side if the eye is outside of what it draws."""
+        """Return the material; it culls the inner side, if hidden, when the eye is outside."""
         prop = self._part.actor.GetProperty()
         if not outside or any(culled_faces(prop)) or self._is_open() or not self._winding:
             return prop
-        known = address(prop), prop.GetMTime()
-        if known != self._known:
-            self._copy, self._known = copied_property(prop), known
+        version = address(prop), prop.GetMTime()
+        if version != self._known:
+            self._copy, self._known = copied_property(prop), version
             self._copy.SetBackfaceCulling(self._winding > 0)
             self._copy.SetFrontfaceCulling(self._winding < 0)
         return self._copy
 
     def _is_open(self) -> bool:
-        """Return True if its inside can be seen."""
+        """Return True if the inside can be seen."""
         actor = self._part.actor
         planes = actor.GetMapper().GetClippingPlanes()
-        cut = planes is not None and planes.GetNumberOfItems() > 0
-        faint = actor.GetProperty().GetOpacity() < 1  # blended, where it is forced opaque, too
-        return cut or faint or bool(actor.HasTranslucentPolygonalGeometry())
+        is_clipped = planes is not None and planes.GetNumberOfItems() > 0
+        is_translucent = actor.GetProperty().GetOpacity() < 1  # blended even if forced opaque
+        return is_clipped or is_translucent or bool(actor.HasTranslucentPolygonalGeometry())
 
     @cached_property
     def _winding(self) -> int:
@@ -53,6 +53,6 @@ class OneSided:
 
 
 def faces_outward(frame) -> bool:
-    """Return True if a frame shows no mirror image, which turns triangles around."""
+    """Return True unless a frame is mirrored, which reverses the winding."""
     clip = frame.clip_from_view
     return bool(np.linalg.det(frame.view_from_world[:3, :3]) * clip[0, 0] * clip[1, 1] > 0)

@@ -1,4 +1,4 @@
-"""Where the instances of a mesh are: spheres, blocks, and poses as the GPU has them."""
+"""Bounding spheres and blocks of instances, and their poses as a texture."""
 
 from __future__ import annotations
 
@@ -7,29 +7,29 @@ import numpy as np
 from pvibr.maths.blocks import Blocks, members
 from pvibr.maths.transforms import signs_of
 
-#: Texels of a row of the poses; a multiple of 3, so that a matrix stays in one row.
+#: Texels per row of the pose texture; a multiple of 3, so that a matrix stays in one row.
 WIDTH = 3072
-_AT_ONCE = 4096  # instances whose numbers stay in the processor's cache
+_CHUNK = 4096  # instances that fit the processor's cache
 
 
 def spheres(poses, ids, center, radius):
-    """Return centres (3, n) and radii (n,) of the bounding spheres of some instances."""
+    """Return centres (3, n) and radii (n,) of the bounding spheres of instances."""
     return _spheres(_columns(poses, ids), center, radius)
 
 
 def centers_of(poses, ids, atlas):
-    """Return the centres of the bounding spheres of some instances, shape (n, 3)."""
+    """Return the centres of the bounding spheres of instances, shape (n, 3)."""
     if poses.ndim == 2:
         return poses[ids] + atlas.center
-    out = np.empty((len(ids), 3))
-    for start in range(0, len(ids), _AT_ONCE):
-        part = slice(start, start + _AT_ONCE)
-        out[part] = spheres(poses, ids[part], atlas.center, atlas.radius)[0].T
-    return out
+    centers = np.empty((len(ids), 3))
+    for start in range(0, len(ids), _CHUNK):
+        chunk = slice(start, start + _CHUNK)
+        centers[chunk] = spheres(poses, ids[chunk], atlas.center, atlas.radius)[0].T
+    return centers
 
 
 def _columns(poses, ids):
-    """Return each number of some poses in one piece of memory, shape (3, n) or (12, n)."""
+    """Return poses with contiguous components, shape (3, n) or (12, n)."""
     width = 3 if poses.ndim == 2 else 12
     return np.ascontiguousarray(poses.reshape(len(poses), -1).take(ids, 0)[:, :width].T)
 
@@ -37,21 +37,21 @@ def _columns(poses, ids):
 def _spheres(columns, center, radius):
     if len(columns) == 3:
         return columns + center[:, None], np.full(columns.shape[1], radius)
-    rows = columns.reshape(3, 4, -1)
+    matrices = columns.reshape(3, 4, -1)
     x, y, z = center
-    centers = rows[:, 0] * x + rows[:, 1] * y + rows[:, 2] * z + rows[:, 3]
-    return centers, stretches(rows[:, :3]) * radius
+    centers = matrices[:, 0] * x + matrices[:, 1] * y + matrices[:, 2] * z + matrices[:, 3]
+    return centers, stretches(matrices[:, :3]) * radius
 
 
 @np.errstate(over='ignore')
 def stretches(axes):
-    """Return bounds on the stretch of matrices (3, 3, n), exact if columns are orthogonal."""
-    sums = (axes * axes).sum(0)
+    """Return upper bounds of the stretch of matrices (3, 3, n), exact for orthogonal columns."""
+    squares = (axes * axes).sum(0)
     for j in range(3):
-        across = np.abs((axes[:, j] * axes[:, j - 1]).sum(0))
-        sums[j] += across
-        sums[j - 1] += across
-    return np.sqrt(sums.max(0))
+        skew = np.abs((axes[:, j] * axes[:, j - 1]).sum(0))
+        squares[j] += skew
+        squares[j - 1] += skew
+    return np.sqrt(squares.max(0))
 
 
 class Placement:
@@ -59,112 +59,113 @@ class Placement:
 
     def __init__(self, atlas, unit):
         self._sphere, self.unit = (atlas.center, atlas.radius), unit
-        self.rows = np.zeros((0, WIDTH, 4), np.float32)
+        self.pose_texture = np.zeros((0, WIDTH, 4), np.float32)
         self.put(np.zeros((0, 3)), np.zeros(0, np.int32))
 
     @property
     def nbytes(self) -> int:
         """Bytes of main memory."""
         blocks = self.blocks
-        arrays = self.rows, self._radii, self.ids, blocks.centers, blocks.half_sides, blocks.reach
-        return sum(a.nbytes for a in (*arrays, blocks.largest, blocks.smallest))
+        arrays = blocks.centers, blocks.half_sides, blocks.reach, blocks.largest, blocks.smallest
+        return sum(a.nbytes for a in (self.pose_texture, self._radii, self.ids, *arrays))
 
     def put(self, poses, ids):
-        """Place instances, given in an order that keeps neighbours together."""
-        count = -(-len(ids) // self.unit)
-        self.ids, self.texels = ids, 1 if poses.ndim == 2 else 3
-        height = max(1, -(-count * self.unit * self.texels // WIDTH))
-        if len(self.rows) != height:  # fresh memory takes longer than all that is computed
-            self.rows = np.zeros((height, WIDTH, 4), np.float32)
-            self._radii = np.zeros(height * WIDTH, np.float32)
+        """Place instances, ordered so that neighbours are together."""
+        block_count = -(-len(ids) // self.unit)
+        self.ids, self.texels_per_pose = ids, 1 if poses.ndim == 2 else 3
+        row_count = max(1, -(-block_count * self.unit * self.texels_per_pose // WIDTH))
+        if len(self.pose_texture) != row_count:  # allocating takes longer than computing
+            self.pose_texture = np.zeros((row_count, WIDTH, 4), np.float32)
+            self._radii = np.zeros(row_count * WIDTH, np.float32)
         self.radii = self._radii[: len(ids)]
-        self.blocks = Blocks.empty(count)
-        self.move(poses, np.arange(count))
+        self.blocks = Blocks.empty(block_count)
+        self.move(poses, np.arange(block_count))
 
     def move(self, poses, blocks):
-        """Place the instances of rising blocks again."""
-        unit, step = self.unit, max(1, _AT_ONCE // self.unit)
-        rows = self.rows.reshape(-1, 4 * self.texels)
-        for start in range(0, len(blocks), step):
-            some = blocks[start : start + step]
-            slots = members(some, unit, len(self.ids))
+        """Update the instances of blocks, in ascending order."""
+        unit, chunk = self.unit, max(1, _CHUNK // self.unit)
+        pose_rows = self.pose_texture.reshape(-1, 4 * self.texels_per_pose)
+        for start in range(0, len(blocks), chunk):
+            chunk_blocks = blocks[start : start + chunk]
+            slots = members(chunk_blocks, unit, len(self.ids))
             columns = _columns(poses, self.ids[slots.ravel()])
             centers, radii = _spheres(columns, *self._sphere)
             centers, radii = centers.reshape(3, *slots.shape), radii.reshape(slots.shape)
-            local = self.blocks.fill(_run(some, 1), centers, radii).reshape(3, -1)
-            run = _run(some, unit)
-            self._radii[run] = radii.ravel()
-            if self.texels == 1:
-                rows[run, :3] = local.T
+            local = self.blocks.fill(_members_at(chunk_blocks, 1), centers, radii).reshape(3, -1)
+            members_at = _members_at(chunk_blocks, unit)
+            self._radii[members_at] = radii.ravel()
+            if self.texels_per_pose == 1:
+                pose_rows[members_at, :3] = local.T
             else:
                 columns[3::4] = local
-                rows[run] = columns.T
+                pose_rows[members_at] = columns.T
 
-    def rows_of(self, blocks) -> np.ndarray:
-        """Return the rows of the texture that hold some blocks."""
-        texels = self.unit * self.texels
+    def texture_rows(self, blocks) -> np.ndarray:
+        """Return the rows of the texture that hold blocks."""
+        texels = self.unit * self.texels_per_pose
         return np.unique(np.stack([blocks * texels, (blocks + 1) * texels - 1]) // WIDTH)
 
     def outermost(self) -> np.ndarray:
-        """Return slots that hold all that bounds are made of."""
+        """Return slots that may touch the bounds of the set."""
         blocks, count = self.blocks, len(self.ids)
         centers = np.ascontiguousarray(blocks.centers.T)
         half_sides = np.ascontiguousarray(blocks.half_sides.T)
-        turned = float(self.texels > 1)  # what is not reaches as far from its centre as all others
-        # On each side of the box of a block lies the centre of one.
-        largest = turned * blocks.largest
-        some = _may_be_outermost(centers - half_sides, centers + half_sides, largest)
-        slots = (some[:, None] * self.unit + np.arange(self.unit)).ravel()
+        has_matrices = float(self.texels_per_pose > 1)  # points all have one radius
+        # Each side of a block's box holds the centre of an instance.
+        largest = has_matrices * blocks.largest
+        outer_blocks = _may_be_outermost(centers - half_sides, centers + half_sides, largest)
+        slots = (outer_blocks[:, None] * self.unit + np.arange(self.unit)).ravel()
         slots = slots[slots < count]
-        of = slots // self.unit
-        places = centers[:, of] + self.local(slots)
-        radii = turned * self.radii[slots] + 1e-5 * (blocks.reach + blocks.largest)[of]
-        return slots[_may_be_outermost(places, places, radii)]
+        blocks_of_slots = slots // self.unit
+        slot_centers = centers[:, blocks_of_slots] + self.local(slots)
+        tolerance = 1e-5 * (blocks.reach + blocks.largest)[blocks_of_slots]
+        radii = has_matrices * self.radii[slots] + tolerance
+        return slots[_may_be_outermost(slot_centers, slot_centers, radii)]
 
     def directions(self, slots, toward) -> np.ndarray:
-        """Turn directions, (3, n) or (3, 1), to model axes: of any length, (n, 3)."""
-        if self.texels == 1:
+        """Return directions, (3, n) or (3, 1), in model axes, of any length, (n, 3)."""
+        if self.texels_per_pose == 1:
             return np.broadcast_to(toward.T, (len(slots), 3))
-        rows = self.rows.reshape(-1, 12).take(slots, 0).T
-        (a, b, c), (d, e, f), (g, h, i) = rows[:3], rows[4:7], rows[8:11]
+        matrices = self.pose_texture.reshape(-1, 12).take(slots, 0).T
+        (a, b, c), (d, e, f), (g, h, i) = matrices[:3], matrices[4:7], matrices[8:11]
         x, y, z = toward
-        # The adjugate, which is the inverse but for the sign and size of the determinant.
-        minors = (e * i - f * h, f * g - d * i, d * h - e * g)
-        out = np.stack(
+        # The adjugate: the inverse but for the factor of the determinant.
+        cofactors = (e * i - f * h, f * g - d * i, d * h - e * g)
+        directions = np.stack(
             [
-                minors[0] * x + (c * h - b * i) * y + (b * f - c * e) * z,
-                minors[1] * x + (a * i - c * g) * y + (c * d - a * f) * z,
-                minors[2] * x + (b * g - a * h) * y + (a * e - b * d) * z,
+                cofactors[0] * x + (c * h - b * i) * y + (b * f - c * e) * z,
+                cofactors[1] * x + (a * i - c * g) * y + (c * d - a * f) * z,
+                cofactors[2] * x + (b * g - a * h) * y + (a * e - b * d) * z,
             ],
             1,
         )
-        mirrored = a * minors[0] + b * minors[1] + c * minors[2] < 0
-        return np.where(mirrored[:, None], -out, out)
+        is_mirrored = a * cofactors[0] + b * cofactors[1] + c * cofactors[2] < 0
+        return np.where(is_mirrored[:, None], -directions, directions)
 
     def mirrored(self, slots) -> np.ndarray:
-        """Return which poses of some slots mirror."""
-        if self.texels == 1:
+        """Return which slots have poses that mirror."""
+        if self.texels_per_pose == 1:
             return np.zeros(len(slots), bool)
-        return signs_of(self.rows.reshape(-1, 3, 4).take(slots, 0)) < 0
+        return signs_of(self.pose_texture.reshape(-1, 3, 4).take(slots, 0)) < 0
 
     def local(self, slots) -> np.ndarray:
-        """Return centres of some slots relative to those of their blocks, shape (3, n)."""
-        rows = self.rows.reshape(-1, 4 * self.texels).take(slots, 0)
-        return rows.T[:3] if self.texels == 1 else rows.T[3::4]
+        """Return centres of slots relative to those of their blocks, shape (3, n)."""
+        pose_rows = self.pose_texture.reshape(-1, 4 * self.texels_per_pose).take(slots, 0)
+        return pose_rows.T[:3] if self.texels_per_pose == 1 else pose_rows.T[3::4]
 
 
 def _may_be_outermost(lowest, highest, radii) -> np.ndarray:
-    """Return which may hold the lowest or highest coordinates of something in each.
+    """Return which boxes (3, n) of sphere centres may hold the extreme coordinates of all.
 
-    Of boxes (3, n) around centres of spheres of such radii, with a centre on each side.
+    Each side of a box holds the centre of a sphere of its radius.
     """
-    high = (highest - radii).max(1, keepdims=True)
-    low = (lowest + radii).min(1, keepdims=True)
-    return np.flatnonzero(((highest + radii >= high) | (lowest - radii <= low)).any(0))
+    upper = (highest - radii).max(1, keepdims=True)
+    lower = (lowest + radii).min(1, keepdims=True)
+    return np.flatnonzero(((highest + radii >= upper) | (lowest - radii <= lower)).any(0))
 
 
-def _run(blocks, unit):
-    """Return the places of the members of rising blocks, as a slice if there is no gap."""
+def _members_at(blocks, unit):
+    """Return the slots of ascending blocks, as a slice if there is no gap."""
     first, last = int(blocks[0]), int(blocks[-1])
     if last - first == len(blocks) - 1:
         return slice(first * unit, (last + 1) * unit)

@@ -1,4 +1,4 @@
-"""Items at poses, each showing one of several meshes: any of it changes without baking."""
+"""Items at poses, each showing one of several meshes; updates need no bake."""
 
 from __future__ import annotations
 
@@ -28,13 +28,13 @@ from pvibr.scene.item_set import ItemSet
 from pvibr.scene.scalar_bars import name_of
 from pvibr.scene.thing import joined_bounds
 
-_SPREAD = 2.0  # growth of most blocks at which their instances are no neighbours any more
-# What an update replaces; it comes back if a check or a bake fails.
+_SPREAD = 2.0  # growth of most blocks at which instances are sorted into new ones
+# What an update replaces, restored if a check or a bake fails.
 _REPLACED = (
-    *('_poses', '_given', '_owned', '_index', '_order', '_wanted', '_models'),
-    *('_scalars', '_colors', '_visible', 'covered', '_applied'),
+    *('_poses', '_local_poses', '_owns_poses', '_index', '_order', '_required_meshes', '_models'),
+    *('_scalars', '_colors', '_visible', 'covered', '_applied_cover'),
 )
-_SAMPLE = 64  # blocks that are asked
+_SAMPLED_BLOCKS = 64
 
 
 class PosedSet(ItemSet):
@@ -44,34 +44,34 @@ class PosedSet(ItemSet):
     """
 
     FOR_USERS: tuple[str, ...] = ('n_instances', 'poses', 'index', 'phase', 'update')
-    #: Indices of instances that another thing draws in frames of the scene's own camera.
+    #: Indices of instances that another thing draws for the scene's own camera.
     covered: np.ndarray | None = None
-    #: What draws the instances of each mesh: its cards, its meshes, what is seen of them.
+    #: What draws the instances of each mesh, as cards or meshes.
     groups: list
-    #: Slot of each instance in its group, once asked for.
+    #: Slot of each instance in its group, made on demand.
     _slots: np.ndarray | None = None
-    _applied: np.ndarray | None = None
+    _applied_cover: np.ndarray | None = None
     _blend = 'replace'
-    #: Meshes to be baked whether or not an instance shows them.
-    _wanted: frozenset = frozenset()
+    #: Meshes that are baked even if no instance shows them.
+    _required_meshes: frozenset = frozenset()
     _capacity = 0
-    #: Poses in the space of the set, as users give them; `_poses` are those in the world.
-    _given: np.ndarray
-    #: Whether bounds stay, as nothing but the place of the whole changes.
+    #: Poses in the space of the set, as users pass them; `_poses` are in world space.
+    _local_poses: np.ndarray
+    #: Whether bounds stay because only the set's transform changes.
     _keeps_bounds = False
-    #: How poses were asked to be turned and scaled.
+    #: The arguments by which poses are turned and scaled.
     _placing: dict = {}
 
     def _begin(self, poses, index, models, pickable, meshes=(), baking=None):
-        """Take over checked arguments; models that lack are baked of the meshes."""
+        """Take checked arguments; bake the models that are missing."""
         self._models, self._meshes, self._baking = models, meshes, baking or {}
         self._binder = Binder()
         self._failure: str | None = None
         self.pickable = pickable
         self._scalars = self._colors = self._visible = self.table = None
-        self._poses = self._given = poses
+        self._poses = self._local_poses = poses
         self._index, self._order = index, np.zeros(0, np.int32)
-        self._owned = False  # whether the poses are no array of the user's
+        self._owns_poses = False  # whether the array of poses is not the user's
         self._ready_models()
         self._make_groups()
 
@@ -90,8 +90,8 @@ class PosedSet(ItemSet):
 
     @property
     def poses(self) -> np.ndarray:
-        """Points (n, 3) or matrices (n, 4, 4) in its own space, read-only; see :meth:`update`."""
-        return look.read_only(self._given)
+        """Points (n, 3) or matrices (n, 4, 4) in set space, read-only; see :meth:`update`."""
+        return look.read_only(self._local_poses)
 
     @poses.setter
     def poses(self, poses):
@@ -108,7 +108,7 @@ class PosedSet(ItemSet):
 
     @property
     def phase(self) -> np.ndarray:
-        """Mesh of each instance as a fraction of all meshes, 0 to 1; setting it repeats them."""
+        """Mesh of each instance as a fraction of all meshes, 0 to 1; set modulo 1."""
         return look.read_only(self._index / max(len(self._meshes), 1))
 
     @phase.setter
@@ -127,21 +127,21 @@ class PosedSet(ItemSet):
         colors=None,
         visible=None,
     ):
-        """Change all instances, or some; what is baked is kept.
+        """Change all instances, or the given ones; baked images are reused.
 
         Parameters
         ----------
         ids : array_like of int or bool, or slice, optional
-            Instances to change; without, all are replaced, by any number of them.
+            Instances to change; by default all are replaced, by any number of new ones.
         poses : array_like, shape (k, 3) or (k, 4, 4), optional
             New points or matrices, or one for all `ids`.
         index : array_like of int, shape (k,), or int, optional
-            Meshes to show. A mesh is baked when an instance first shows it. For another number
-            of instances it is required, unless there is one mesh.
+            Meshes to show, each baked when first shown. Required with several meshes if the
+            number of instances changes.
         phase : array_like of float, shape (k,), or float, optional
-            The same as a fraction of all meshes, modulo 1.
+            Meshes to show as a fraction of all meshes, modulo 1.
         scalars, colors, visible : optional
-            New values. If the number of instances changes, those that are not given are reset.
+            New values. If the number of instances changes, omitted ones are reset.
 
         Raises
         ------
@@ -150,11 +150,11 @@ class PosedSet(ItemSet):
         ValueError
             If the number of values is wrong.
         """
-        before = {name: getattr(self, name) for name in _REPLACED}
+        previous = {name: getattr(self, name) for name in _REPLACED}
         try:
             if phase is not None:
                 index = index_of_phase(phase, max(len(self._meshes), 1))
-                self._wanted = frozenset(range(len(self._meshes)))
+                self._required_meshes = frozenset(range(len(self._meshes)))
             if ids is None:
                 looks = self._update_all(poses, index, scalars, colors, visible)
             else:
@@ -162,45 +162,45 @@ class PosedSet(ItemSet):
                 looks = self._with_looks(ids, scalars, colors, visible)
                 self._update_some(ids, poses, index)
         except BaseException:  # a bake may be interrupted
-            self._take_back(before)
+            self._restore(previous)
             raise
-        named = name_of(scalars) if ids is None else self._scalar_name
+        bar_title = name_of(scalars) if ids is None else self._scalar_name
         for name, values in looks.items():
             if name == 'scalars':
-                self._set_scalars(values, named)
+                self._set_scalars(values, bar_title)
             else:
                 setattr(self, name, values)
-        self._show_bar()  # also where another number of instances has no scalars
+        self._show_bar()  # also if a new number of instances has dropped the scalars
 
-    def _posed(self, poses):
-        """Return checked poses; those of datasets and tables turned and scaled as the first."""
-        alike = {k: v for k, v in self._placing.items() if np.ndim(v) == 0}
-        given = source_of(poses, *(v for v in alike.values() if isinstance(v, str)))
-        return posed_source(given, **({} if given.arrays is None else alike))
+    def _checked_poses(self, poses):
+        """Return checked poses; those of datasets and tables are turned and scaled as at first."""
+        shared_placing = {k: v for k, v in self._placing.items() if np.ndim(v) == 0}
+        source = source_of(poses, *(v for v in shared_placing.values() if isinstance(v, str)))
+        return posed_source(source, **({} if source.arrays is None else shared_placing))
 
-    def _take_back(self, before):
-        """Have what there was before an update that failed."""
+    def _restore(self, before):
+        """Restore the state before an update that failed."""
         self.__dict__.update(before)
 
     def _update_all(self, poses, index, scalars, colors, visible) -> dict:
-        """Have other poses and meshes; return the looks to be set."""
-        moved = poses is not None or index is not None
-        poses = self._given if poses is None else self._posed(poses)
-        count, meshes = len(poses), max(len(self._meshes), 1)
+        """Replace poses and meshes; return the looks to set."""
+        is_posed = poses is not None or index is not None
+        poses = self._local_poses if poses is None else self._checked_poses(poses)
+        n_instances, n_meshes = len(poses), max(len(self._meshes), 1)
         if index is not None:
-            index = checked_index(repeated('index', index, count), count, meshes)
+            index = checked_index(repeated('index', index, n_instances), n_instances, n_meshes)
         else:
-            index = index_for(count, self._index, meshes)
+            index = index_for(n_instances, self._index, n_meshes)
         looks: dict = {}
         if scalars is not None:
-            looks['scalars'] = look.as_scalars(scalars, count)
+            looks['scalars'] = look.as_scalars(scalars, n_instances)
         if colors is not None:
-            looks['colors'] = self._as_colors(colors, count)
+            looks['colors'] = self._as_colors(colors, n_instances)
         if visible is not None:
-            look.as_mask(visible, count)
+            look.as_mask(visible, n_instances)
             looks['visible'] = visible
-        if moved:  # also by the same array: it may hold other numbers now
-            self._owned = self._owned and poses is self._given
+        if is_posed:  # even if it is the same array: its values may have changed
+            self._owns_poses = self._owns_poses and poses is self._local_poses
             self._replace(poses, index)
         return looks
 
@@ -209,35 +209,35 @@ class PosedSet(ItemSet):
             index = repeated('index', index, len(ids))
             checked_index(index, len(ids), max(len(self._meshes), 1))
         if poses is not None:
-            poses = repeated('poses', self._posed(poses), len(ids))
-            kept, poses = same_kind(self._given, poses)
-            moved = index is None and self._may_move(kept, poses)
-            if kept is not self._given or not self._owned or not moved:
-                kept, self._owned = np.array(kept), True
-            kept[ids] = poses
+            poses = repeated('poses', self._checked_poses(poses), len(ids))
+            all_poses, poses = same_kind(self._local_poses, poses)
+            in_place = index is None and self._can_move(all_poses, poses)
+            if all_poses is not self._local_poses or not self._owns_poses or not in_place:
+                all_poses, self._owns_poses = np.array(all_poses), True
+            all_poses[ids] = poses
         else:
-            kept = self._given
+            all_poses = self._local_poses
         if index is not None:
-            index, new = self._index.copy(), index
-            index[ids] = new
-            self._replace(kept, index)
-        elif poses is not None and moved:
-            self._given = kept
+            index, new_index = self._index.copy(), index
+            index[ids] = new_index
+            self._replace(all_poses, index)
+        elif poses is not None and in_place:
+            self._local_poses = all_poses
             if self._world is None:
-                self._poses = kept
+                self._poses = all_poses
             else:
                 self._poses[ids] = placed_by(self._world, poses)
             self._move(ids)
         elif poses is not None:
-            self._replace(kept, self._index)
+            self._replace(all_poses, self._index)
 
-    def _may_move(self, kept, poses) -> bool:
-        """Return True if new poses among those kept are shown by the groups as they are."""
-        return kept.ndim == self._given.ndim
+    def _can_move(self, all_poses, poses) -> bool:
+        """Return True if the groups can take new poses in place."""
+        return all_poses.ndim == self._local_poses.ndim
 
     def _replace(self, poses, index):
-        """Have other poses, any number of them, and meshes."""
-        self._take_over(poses, index)
+        """Replace poses, any number of them, and meshes."""
+        self._set_poses(poses, index)
         if not self._fits():
             self._ready_models()
             self._rebuild()
@@ -245,28 +245,28 @@ class PosedSet(ItemSet):
         if self._are_scattered():
             self._sort()
         else:
-            self._put_groups()
+            self._fill_groups()
         self._repaint()
 
     def _put(self):
         self._keeps_bounds = True
         try:
-            self._replace(self._given, self._index)
+            self._replace(self._local_poses, self._index)
         finally:
             self._keeps_bounds = False
 
-    def _take_over(self, poses, index):
-        count, before = len(poses), len(self._poses)
-        self._given, self._index = poses, index
+    def _set_poses(self, poses, index):
+        n_instances, previous_count = len(poses), len(self._poses)
+        self._local_poses, self._index = poses, index
         self._poses = poses if self._world is None else placed_by(self._world, poses)
-        if count != before:
-            new = np.arange(before, count, dtype=np.int32)
-            self._order = np.concatenate([self._order[self._order < count], new])
+        if n_instances != previous_count:
+            new_ids = np.arange(previous_count, n_instances, dtype=np.int32)
+            self._order = np.concatenate([self._order[self._order < n_instances], new_ids])
             self._scalars = self._colors = self._visible = None
-            self.covered = self._applied = None
+            self.covered = self._applied_cover = None
 
     def _move(self, ids):
-        """Take over changed poses of some instances."""
+        """Update the groups after a change of the poses of `ids`."""
         slots = self._slots
         if slots is None:
             slots = self._slots = np.empty(len(self), np.int32)
@@ -274,31 +274,31 @@ class PosedSet(ItemSet):
                 slots[group.ids] = np.arange(len(group), dtype=np.int32)
         meshes = self._index[ids]
         for k, group in zip(self._models, self.groups, strict=True):
-            if len(some := ids[meshes == k]):
-                group.move(self._poses, slots[some])
+            if len(mesh_ids := ids[meshes == k]):
+                group.move(self._poses, slots[mesh_ids])
         if self._are_scattered():
             self._sort()
             self._repaint()
         else:
-            self._moved_groups()
+            self._groups_changed()
 
     # -- groups of one mesh --------------------------------------------------------------------
 
     def _fits(self) -> bool:
-        """Return True if the groups can show the instances as they are."""
+        """Return True if the existing groups can show the instances."""
         count = len(self._poses)
         same_unit = all(group.unit == unit_of(count) for group in self.groups)
-        return same_unit and count <= self._capacity and not self._lacking()
+        return same_unit and count <= self._capacity and not self._missing_models()
 
-    def _used(self) -> set:
-        return {*self._wanted, *np.flatnonzero(np.bincount(self._index)).tolist()}
+    def _used_meshes(self) -> set:
+        return {*self._required_meshes, *np.flatnonzero(np.bincount(self._index)).tolist()}
 
-    def _lacking(self) -> set:
-        """Return the meshes whose levels are to be made."""
-        return self._used() - self._models.keys()
+    def _missing_models(self) -> set:
+        """Return the indices of meshes whose levels are missing."""
+        return self._used_meshes() - self._models.keys()
 
     def _rebuild(self):
-        """Build the groups again."""
+        """Rebuild the groups."""
         pipeline = self.pipeline
         if pipeline is not None:
             pipeline.make_current()
@@ -312,18 +312,18 @@ class PosedSet(ItemSet):
             self._put_in(pipeline.renderer)
 
     def _ready_models(self):
-        """Have the levels of each mesh that is used."""
-        new = {k: self._model(k) for k in self._lacking()}
-        self._models = dict(sorted({**self._models, **new}.items()))
+        """Make the missing levels of meshes in use."""
+        new_models = {k: self._model(k) for k in self._missing_models()}
+        self._models = dict(sorted({**self._models, **new_models}.items()))
 
     def _make_groups(self):
-        count = len(self._poses)
-        if count > self._capacity:
-            self._capacity = max(count, 2 * self._capacity)
-        turned = any(model.atlas.turntable is not None for model in self._models.values())
-        draws = slab_counts(self._capacity, len(self._models), turned)
-        how = self._binder, unit_of(count), self._capacity, draws
-        self.groups = [self._group(model, *how) for model in self._models.values()]
+        n_instances = len(self._poses)
+        if n_instances > self._capacity:
+            self._capacity = max(n_instances, 2 * self._capacity)
+        has_turntable = any(model.atlas.turntable is not None for model in self._models.values())
+        draw_counts = slab_counts(self._capacity, len(self._models), has_turntable)
+        arguments = self._binder, unit_of(n_instances), self._capacity, draw_counts
+        self.groups = [self._group(model, *arguments) for model in self._models.values()]
         self._sort()
 
     def _model(self, k):
@@ -333,87 +333,88 @@ class PosedSet(ItemSet):
         return InstanceGroup(*args, translucent=self.is_translucent)
 
     def _sort(self):
-        """Place the instances in an order that keeps neighbours together."""
+        """Sort the instances so that neighbours are together."""
         centers = self._centers(np.arange(len(self._poses)))
         self._order = morton_order(centers).astype(np.int32)
-        self._spread = self._spread_now()
-        self._put_groups()
+        self._spread = self._block_spread()
+        self._fill_groups()
         self._sorted = True
 
     def _centers(self, ids):
-        """Return the centres of the spheres of some instances, shape (n, 3)."""
+        """Return the centres of the bounding spheres of instances, shape (n, 3)."""
         if len(self._models) == 1:
             (model,) = self._models.values()
             return centers_of(self._poses, ids, model.atlas)
         centers, meshes = np.empty((len(ids), 3)), self._index[ids]
         for k, model in self._models.items():
-            these = meshes == k
-            centers[these] = centers_of(self._poses, ids[these], model.atlas)
+            of_mesh = meshes == k
+            centers[of_mesh] = centers_of(self._poses, ids[of_mesh], model.atlas)
         return centers
 
     def _are_scattered(self) -> bool:
-        """Return True if instances have gone far from those that were their neighbours."""
-        several = unit_of(len(self)) > 1  # else each one is culled and sorted by itself
-        return several and self._spread_now() > _SPREAD * self._spread
+        """Return True if instances have moved far from their former neighbours."""
+        are_blocks = unit_of(len(self)) > 1  # else each is culled and sorted on its own
+        return are_blocks and self._block_spread() > _SPREAD * self._spread
 
-    def _spread_now(self) -> float:
-        """Return the length of most blocks of neighbours, by some of them."""
+    def _block_spread(self) -> float:
+        """Return the 90th percentile of the extent of blocks, from a sample."""
         count = len(self)
-        some = np.linspace(0, -(-count // BLOCK) - 1, min(_SAMPLE, count)).astype(int)
-        if not len(some):
+        last_block, samples = -(-count // BLOCK) - 1, min(_SAMPLED_BLOCKS, count)
+        sampled_blocks = np.linspace(0, last_block, samples).astype(int)
+        if not len(sampled_blocks):
             return 0.0
-        centers = self._centers(self._order[members(some, BLOCK, count).ravel()])
+        centers = self._centers(self._order[members(sampled_blocks, BLOCK, count).ravel()])
         return float(np.quantile(np.ptp(centers.reshape(-1, BLOCK, 3), 1).sum(1), 0.9))
 
-    def _put_groups(self):
+    def _fill_groups(self):
         self._slots = None
         index = self._index[self._order] if len(self.groups) > 1 else None
         for k, group in zip(self._models, self.groups, strict=True):
             group.put(self._poses, self._order if index is None else self._order[index == k])
-        self._moved_groups()
+        self._groups_changed()
 
-    def _moved_groups(self):
+    def _groups_changed(self):
         self._sorted = self._uploaded = False
         self._touch()
         if not self._keeps_bounds:
-            own = None if self._world is None else self._given
-            self._set_bounds(joined_bounds([g.tight_bounds(own) for g in self.groups]))
+            local_poses = None if self._world is None else self._local_poses
+            self._set_bounds(joined_bounds([g.tight_bounds(local_poses) for g in self.groups]))
 
     # -- looks of single instances -------------------------------------------------------------
 
     @property
     def multiplies(self) -> bool:
-        """Whether colours of instances multiply those of the mesh."""
+        """Whether instance colours multiply those of the mesh."""
         return self._blend == 'multiply'
 
     def _with_looks(self, ids, scalars, colors, visible) -> dict:
-        """Return all looks with those of some instances changed."""
+        """Return all looks with those of `ids` changed."""
         changed = {}
         if scalars is not None:
             changed['scalars'] = self._with_scalars(ids, as_array('scalars', scalars))
         if colors is not None:
-            rows = np.atleast_2d(np.asarray(color_rows('colors', colors)))
-            new = self._as_colors(rows, len(rows))
-            kept: np.ndarray = self._base_colors(new.shape[1])
-            kept[ids] = look.with_alpha(new, kept.shape[1])
-            changed['colors'] = kept
+            color_values = np.atleast_2d(np.asarray(color_rows('colors', colors)))
+            new_colors = self._as_colors(color_values, len(color_values))
+            all_colors: np.ndarray = self._base_colors(new_colors.shape[1])
+            all_colors[ids] = look.with_alpha(new_colors, all_colors.shape[1])
+            changed['colors'] = all_colors
         if visible is not None:
             mask = look.as_mask(visible, len(ids))
             changed['visible'] = self.visible.copy()
             changed['visible'][ids] = True if mask is None else mask
         return changed
 
-    def _with_scalars(self, ids, new):
-        """Return all scalars with those of some instances changed, to words if these are words."""
-        words, before = new.dtype.kind in 'UO', self._scalars
-        if before is None:
-            before = np.full(len(self), '' if words else np.nan)
-        elif words != (before.dtype.kind == 'U'):
+    def _with_scalars(self, ids, new_scalars):
+        """Return all scalars with those of `ids` changed, numbers or words."""
+        are_words, previous = new_scalars.dtype.kind in 'UO', self._scalars
+        if previous is None:
+            previous = np.full(len(self), '' if are_words else np.nan)
+        elif are_words != (previous.dtype.kind == 'U'):
             raise ValueError(
-                f'scalars has dtype {new.dtype}; those of the others are of {before.dtype}'
+                f'scalars must be of dtype {previous.dtype} as the others, got {new_scalars.dtype}'
             )
-        changed = before.astype(np.result_type(before, new))
-        changed[ids] = new
+        changed = previous.astype(np.result_type(previous, new_scalars))
+        changed[ids] = new_scalars
         return changed
 
     def _as_colors(self, colors, count=None) -> np.ndarray:
@@ -421,40 +422,40 @@ class PosedSet(ItemSet):
 
     @property
     def is_translucent(self) -> bool:
-        """Whether colours of instances are translucent."""
+        """Whether instance colours have alpha."""
         return self._colors is not None and self._colors.shape[1] == 4
 
     def _base_colors(self, width):
-        """Return a copy of the colours, with alpha for a width of 4 or if they have it."""
+        """Return a copy of the colours, with alpha if they have it or `width` is 4."""
         if self._colors is not None:
             return look.with_alpha(self._colors, max(width, self._colors.shape[1]))
-        colors = np.full((len(self), 3), 255, np.uint8)
+        base_colors = np.full((len(self), 3), 255, np.uint8)
         for k, model in self._models.items() if not self.multiplies else ():
             prop = model.levels[0].parts[0].actor.GetProperty()
-            colors[self._index == k] = np.rint(np.array(prop.GetColor()) * 255)
-        return look.with_alpha(colors, width)
+            base_colors[self._index == k] = np.rint(np.array(prop.GetColor()) * 255)
+        return look.with_alpha(base_colors, width)
 
     def _repaint(self):
         if any(group.near.translucent != self.is_translucent for group in self.groups):
             self._rebuild()
             return
-        self._apply_looks(self._applied)
+        self._apply_looks(self._applied_cover)
         self._touch()
 
     def _apply_looks(self, covered):
-        """Take over the looks, without what others draw."""
-        self._applied = covered
-        shown = self._visible
+        """Apply the looks, hiding instances that another thing draws."""
+        self._applied_cover = covered
+        visible = self._visible
         if covered is not None:
-            shown = self.visible.copy()
-            shown[covered] = False
-        merged = look.merge(len(self), self._colors, shown)
+            visible = self.visible.copy()
+            visible[covered] = False
+        looks = look.merge(len(self), self._colors, visible)
         for group in self.groups:
-            group.set_looks(merged, self.multiplies)
+            group.set_looks(looks, self.multiplies)
         self._uploaded = False
 
     def _upload(self, window):
-        """Upload what changed; the context is current."""
+        """Upload what has changed; the context is current."""
         if is_deterministic() and not self._sorted:
             self._sort()
             self._repaint()

@@ -1,4 +1,4 @@
-"""The meshes that instances were made of, and whether they have changed since."""
+"""The user's meshes of instances, and whether they have changed since."""
 
 from __future__ import annotations
 
@@ -9,43 +9,43 @@ import pyvista as pv
 from pvibr.core import _vtk
 from pvibr.instances.levels import content_key
 
-#: Why a mesh is drawn as it is once it has changed.
-MESH_CHANGED = 'its mesh was changed since; bake() shows images again'
+#: Why a mesh has no images once it has changed.
+MESH_CHANGED = 'its mesh has changed since the bake; bake() makes images again'
 
 
 class Sources:
-    """Meshes as they were given, and how their parts are made."""
+    """Meshes as passed by the user, and how to make their parts."""
 
     def __init__(self, meshes, parts_of, parts):
         self._meshes, self._parts_of = meshes, parts_of
         self._times = [_times_of(mesh) for mesh in meshes]
-        # Of now: parts share arrays with what they are made of.
+        # Computed now: parts share arrays with their meshes.
         pairs = zip(parts, self._times, strict=True)
-        self._keys = [content_key(found) if times else '' for found, times in pairs]
+        self._keys = [content_key(mesh_parts) if times else '' for mesh_parts, times in pairs]
 
-    def ask(self, **look):
-        """Ask for another look of the meshes when they change."""
+    def set_look(self, **look):
+        """Set keywords of the look that changed meshes get."""
         self._parts_of = partial(self._parts_of, **look)
 
     def changed(self) -> dict[int, list]:
         """Return the new parts of meshes whose points, cells or shown arrays have changed."""
-        found: dict[int, list] = {}
+        changed_parts: dict[int, list] = {}
         times = [_times_of(mesh) for mesh in self._meshes]
         if times == self._times:
-            return found
+            return changed_parts
         keys = list(self._keys)
         for k, mesh in enumerate(self._meshes):
             if times[k] != self._times[k]:
                 parts = self._parts_of(mesh)
                 keys[k] = content_key(parts)
                 if keys[k] != self._keys[k]:
-                    found[k] = parts
+                    changed_parts[k] = parts
         self._times, self._keys = times, keys
-        return found
+        return changed_parts
 
 
 def _times_of(mesh) -> tuple:
-    """Return VTK's times of the last changes of all in a dataset, none for what tells none."""
+    """Return VTK's modification times of a dataset, none if it has none."""
     if isinstance(mesh, _vtk.vtkActor):
         mapper = mesh.GetMapper()
         return mapper.GetMTime(), *_times_of(mapper.GetInputDataObject(0, 0))

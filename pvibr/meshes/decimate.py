@@ -14,19 +14,19 @@ from pvibr.core import _vtk
 from pvibr.meshes.parts import Part
 from pvibr.meshes.surface_distance import Surface, hausdorff
 
-_SMALL_PIECE = 20  # mean triangles per component below which a mesh may be aggregate detail
+_SMALL_PIECE = 20  # mean triangles per component up to which a mesh may be aggregate detail
 _SMALL_SIZE = 0.1  # largest component of aggregate detail, relative to the mesh
-_MISSED = 1.2  # times the triangles wanted: with more left, simplification has failed
-_WRECKED = 0.02  # displacement, of the mesh's size, from which another way is tried
-_SAME = 1e-3  # of a normal
-_JUMP = 0.1  # of an array's range: corners of a point that differ by more stay apart
-_TURN = 0.2  # the same of normals
-_ROUGHLY = 1000  # places that tell whether a surface was wrecked
-#: Of the mesh's size: what is looked up is the near side of a plate.
+_MISSED = 1.2  # triangles left, relative to the target, from which simplification has failed
+_WRECKED = 0.02  # displacement, relative to the mesh, from which another algorithm is tried
+_SAME_NORMAL = 1e-3
+_JUMP = 0.1  # relative to an array's range: corners that differ by more stay apart
+_TURN = 0.2  # the same for normals
+_ROUGH_SAMPLES = 1000  # enough to tell whether a surface is wrecked
+#: Relative to the mesh: offset of look-ups, so that they find the near side of a plate.
 OUTWARD = 1e-5
-#: PyVista's names of what arrays are to VTK.
+#: PyVista's attributes that name the active arrays.
 ACTIVE = 'active_scalars_name', 'active_normals_name', 'active_texture_coordinates_name'
-_INWARD = 0.02  # of the way to a triangle's centre, where its side of a seam is looked up
+_INWARD = 0.02  # fraction of the way to a triangle's centre at which its side of a seam is read
 
 
 def lighter(part, share) -> Part | None:
@@ -37,59 +37,59 @@ def lighter(part, share) -> Part | None:
     "Simplifying Surfaces with Color and Texture Using Quadric Error Metrics", 1998, by VTK.
     """
     welded = Welded.of(part.mesh)
-    pieces, labels = connected(welded.faces, len(welded.points))
-    if is_scattered(welded, labels, pieces):
-        mesh = _thinned(part.mesh, welded, labels, pieces, share)
+    n_pieces, piece_labels = connected(welded.faces, len(welded.points))
+    if is_scattered(welded, piece_labels, n_pieces):
+        mesh = _thinned(part.mesh, welded, piece_labels, n_pieces, share)
     else:
-        flat = part.actor.GetProperty().GetInterpolation() == 0
-        mesh = _simplified(part.mesh, welded, share, flat=flat)
+        is_flat = part.actor.GetProperty().GetInterpolation() == 0
+        mesh = _simplified(part.mesh, welded, share, flat=is_flat)
     return part.with_mesh(mesh) if mesh.n_cells else None
 
 
 def displacement(part, light) -> float:
-    """Return how far a simplified surface is from the part's."""
+    """Return the distance of a simplified surface from the part's."""
     if light.mesh is part.mesh:
         return 0.0
-    one, other = Welded.of(part.mesh), Welded.of(light.mesh)
-    places = [w.points * w.size + w.low - one.low for w in (one, other)]
-    return hausdorff(*(Surface(p, w.faces) for p, w in zip(places, (one, other), strict=True)))
+    mesh, lighter_mesh = Welded.of(part.mesh), Welded.of(light.mesh)
+    pair = (Surface(w.points * w.size + w.low - mesh.low, w.faces) for w in (mesh, lighter_mesh))
+    return hausdorff(*pair)
 
 
 def connected(faces, n_points):
     """Return the number of connected components, and the component of each triangle."""
-    rows, columns = faces[:, [0, 1]].T
-    more, others = faces[:, [1, 2]].T
-    i, j = np.concatenate([rows, more]), np.concatenate([columns, others])
+    starts, ends = faces[:, [0, 1]].T
+    second_starts, second_ends = faces[:, [1, 2]].T
+    i, j = np.concatenate([starts, second_starts]), np.concatenate([ends, second_ends])
     graph = coo_array((np.ones(len(i), np.int8), (i, j)), shape=(n_points, n_points))
     _, labels = connected_components(graph, directed=False)
-    used, labels = np.unique(labels[faces[:, 0]], return_inverse=True)
-    return len(used), labels
+    components, labels = np.unique(labels[faces[:, 0]], return_inverse=True)
+    return len(components), labels
 
 
 @dataclass
 class Welded:
-    """The triangles of a mesh, whose points of one place are one, in units of the mesh's size."""
+    """The triangles of a mesh with coincident points merged, in units of the mesh's size."""
 
     points: np.ndarray  # float64, 0 to 1
-    faces: np.ndarray  # without those that have two corners in one place
-    corners: np.ndarray  # the mesh's own points at their corners
-    cells: np.ndarray  # the mesh's own triangles
+    faces: np.ndarray  # without degenerate ones
+    corners: np.ndarray  # the mesh's points at their corners
+    cells: np.ndarray  # the mesh's triangles
     low: np.ndarray
     size: float
 
     @classmethod
     def of(cls, mesh) -> Welded:
-        """Return those of a mesh."""
+        """Weld a mesh."""
         points, corners = np.asarray(mesh.points, float), np.asarray(mesh.regular_faces)
         low, size = points.min(0), float(np.ptp(points, axis=0).max()) or 1.0
-        # In float32: what two programs wrote of one place may differ in its last digits.
-        local, same = np.unique(
+        # In float32: copies of a point may differ in their last digits.
+        local, local_ids = np.unique(
             ((points - low) / size).astype(np.float32), axis=0, return_inverse=True
         )
-        faces = same.reshape(-1)[corners]
+        faces = local_ids.reshape(-1)[corners]
         cells = np.flatnonzero((faces != np.roll(faces, 1, axis=1)).all(1))
-        used, faces = np.unique(faces[cells], return_inverse=True)
-        points = local[used].astype(float)
+        used_points, faces = np.unique(faces[cells], return_inverse=True)
+        points = local[used_points].astype(float)
         return cls(points, faces.reshape(-1, 3), corners[cells], cells, low, size)
 
     @property
@@ -99,71 +99,71 @@ class Welded:
 
     @property
     def surface(self) -> Surface:
-        """What finds the nearest triangle."""
+        """The surface, for distances."""
         return Surface(self.points, self.faces)
 
 
 def is_surface(part) -> bool:
-    """Return True for a part that is neither cut out nor aggregate detail."""
+    """Return True for a part that is neither cut out nor foliage."""
     return part.alpha_cutoff is None and not is_foliage(Welded.of(part.mesh))
 
 
 def is_foliage(welded) -> bool:
-    """Return True for welded triangles that are aggregate detail, such as leaves."""
-    pieces, labels = connected(welded.faces, len(welded.points))
-    return is_scattered(welded, labels, pieces)
-
-
-def is_scattered(welded, labels, pieces) -> bool:
     """Return True for aggregate detail, such as leaves."""
-    if not pieces > _SMALL_PIECE or len(welded.faces) > _SMALL_PIECE * pieces:
+    n_pieces, piece_labels = connected(welded.faces, len(welded.points))
+    return is_scattered(welded, piece_labels, n_pieces)
+
+
+def is_scattered(welded, labels, n_pieces) -> bool:
+    """Return True for many small components, as leaves are."""
+    if not n_pieces > _SMALL_PIECE or len(welded.faces) > _SMALL_PIECE * n_pieces:
         return False
-    order = np.argsort(labels, kind='stable')
-    starts = np.searchsorted(labels[order], np.arange(pieces))
-    corners = welded.points[welded.faces[order]]
-    low = np.minimum.reduceat(corners.min(1), starts)
-    high = np.maximum.reduceat(corners.max(1), starts)
+    piece_order = np.argsort(labels, kind='stable')
+    starts = np.searchsorted(labels[piece_order], np.arange(n_pieces))
+    sorted_corners = welded.points[welded.faces[piece_order]]
+    low = np.minimum.reduceat(sorted_corners.min(1), starts)
+    high = np.maximum.reduceat(sorted_corners.max(1), starts)
     return bool((high - low).max() < _SMALL_SIZE)
 
 
-def _thinned(mesh, welded, labels, pieces, share):
-    keep = np.random.default_rng(0).permutation(pieces) < max(1, round(share * pieces))
-    kept = keep[labels]
-    faces, cells = welded.corners[kept], welded.cells[kept]
+def _thinned(mesh, welded, piece_labels, count, share):
+    keep_piece = np.random.default_rng(0).permutation(count) < max(1, round(share * count))
+    kept_faces = keep_piece[piece_labels]
+    faces, cells = welded.corners[kept_faces], welded.cells[kept_faces]
     of_point = np.zeros(mesh.n_points, np.intp)
-    of_point[faces.ravel()] = np.repeat(labels[kept], 3)
-    ids = np.unique(faces)
-    points = np.asarray(mesh.points, float)[ids]
-    piece = of_point[ids]
-    count = np.maximum(np.bincount(piece, minlength=pieces), 1)[:, None]
-    sums = np.stack([np.bincount(piece, points[:, k], pieces) for k in range(3)], 1)
-    middle = (sums / count)[piece]
-    points = middle + (points - middle) / np.sqrt(keep.mean())
-    new = pv.PolyData()
-    new.points = points.astype(mesh.points.dtype)
-    new.regular_faces = np.searchsorted(ids, faces).astype(np.int64)
-    return take_arrays(mesh, new, ids, cells)
+    of_point[faces.ravel()] = np.repeat(piece_labels[kept_faces], 3)
+    point_ids = np.unique(faces)
+    points = np.asarray(mesh.points, float)[point_ids]
+    piece_of_point = of_point[point_ids]
+    piece_sizes = np.maximum(np.bincount(piece_of_point, minlength=count), 1)[:, None]
+    sums = np.stack([np.bincount(piece_of_point, points[:, k], count) for k in range(3)], 1)
+    centers = (sums / piece_sizes)[piece_of_point]
+    points = centers + (points - centers) / np.sqrt(keep_piece.mean())
+    thinned = pv.PolyData()
+    thinned.points = points.astype(mesh.points.dtype)
+    thinned.regular_faces = np.searchsorted(point_ids, faces).astype(np.int64)
+    return take_arrays(mesh, thinned, point_ids, cells)
 
 
 def _simplified(mesh, welded, share, *, flat):
     columns = _Columns.of(mesh, welded, flat=flat)
     points, faces = _collapsed(welded, columns, share)
     if not 0 < len(faces) < max(_MISSED * share * mesh.n_cells, 1):
-        return pv.PolyData()  # simplification got stuck, with a bad result
-    return _dressed(mesh, welded, columns, points, faces)
+        return pv.PolyData()  # simplification got stuck
+    return _with_arrays(mesh, welded, columns, points, faces)
 
 
 def _collapsed(welded, columns, share):
-    """Return points and faces, by the way that moves the surface least."""
+    """Return simplified points and faces, by the algorithm that displaces the surface less."""
     points, faces = _by_vtk(welded, columns.metric(), share)
     if len(faces) and np.isfinite(points).all():
-        truth = welded.surface
-        moved = hausdorff(truth, Surface(points, faces), _ROUGHLY)
-        enough = len(faces) < _MISSED * share * len(welded.faces)
-        if enough and moved < _WRECKED:
+        surface = welded.surface
+        distance = hausdorff(surface, Surface(points, faces), _ROUGH_SAMPLES)
+        is_reduced = len(faces) < _MISSED * share * len(welded.faces)
+        if is_reduced and distance < _WRECKED:
             return points, faces
         other = _by_fast_simplification(welded, share)
-        if len(other[1]) and hausdorff(truth, Surface(*other), _ROUGHLY) < moved:
+        if len(other[1]) and hausdorff(surface, Surface(*other), _ROUGH_SAMPLES) < distance:
             return other
         return points, faces
     return _by_fast_simplification(welded, share)
@@ -178,10 +178,10 @@ def _by_vtk(welded, metric, share):
     decimate.SetInputData(mesh)
     decimate.SetTargetReduction(1 - share)
     decimate.SetAttributeErrorMetric(bool(metric))
-    with _silent():  # flat parts have matrices that cannot be factored; the result is checked
+    with _silent():  # VTK complains about singular matrices of flat parts; the result is checked
         decimate.Update()
-    out = pv.wrap(decimate.GetOutput())
-    return np.asarray(out.points, float), _proper(np.asarray(out.regular_faces))
+    decimated = pv.wrap(decimate.GetOutput())
+    return np.asarray(decimated.points, float), _proper(np.asarray(decimated.regular_faces))
 
 
 def _by_fast_simplification(welded, share):
@@ -196,18 +196,18 @@ def _by_fast_simplification(welded, share):
 
 
 def _proper(faces):
-    faces = faces.reshape(-1, 3)  # of none PyVista gives one axis
+    faces = faces.reshape(-1, 3)  # PyVista returns an empty array with one axis
     return faces[(faces != np.roll(faces, 1, axis=1)).all(1)]
 
 
 @contextmanager
 def _silent():
-    shown = _vtk.vtkObject.GetGlobalWarningDisplay()
+    warnings_on = _vtk.vtkObject.GetGlobalWarningDisplay()
     _vtk.vtkObject.SetGlobalWarningDisplay(False)
     try:
         yield
     finally:
-        _vtk.vtkObject.SetGlobalWarningDisplay(shown)
+        _vtk.vtkObject.SetGlobalWarningDisplay(warnings_on)
 
 
 @dataclass
@@ -222,29 +222,29 @@ class _Columns:
 
     @classmethod
     def of(cls, mesh, welded, *, flat) -> _Columns:
-        """Return those of a mesh."""
+        """Gather the arrays of a mesh."""
         data = mesh.point_data
         arrays = {
             name: np.asarray(data[name], float).reshape(mesh.n_points, -1)[welded.corners]
             for name in data
         }
         normals = data.active_normals_name
-        if flat or _is_faceted(arrays.get(normals)):  # facets have their own, however large
+        if flat or _is_faceted(arrays.get(normals)):  # facets get their own
             arrays.pop(normals, None)
             normals = None
         coordinates = data.active_texture_coordinates_name
         scalars = data.active_scalars_name
         if scalars not in arrays or scalars in (normals, coordinates):
-            rest = [n for n in arrays if n not in (normals, coordinates)]
-            scalars = rest[0] if rest else None
+            other_names = [n for n in arrays if n not in (normals, coordinates)]
+            scalars = other_names[0] if other_names else None
         return cls(arrays, normals, coordinates, scalars, welded.faces)
 
     def metric(self) -> dict:
-        """Return what the simplification keeps, by the name of VTK's attributes."""
+        """Return the values that simplification preserves, by the name of VTK's attributes."""
         names = {'Normals': self.normals, 'TCoords': self.coordinates, 'Scalars': self.scalars}
-        out = {}
+        metric = {}
         for kind, name in names.items():
-            # Normals that differ in one place are of creases, which place alone keeps.
+            # Normals with seams are those of creases, which the geometry preserves.
             if name is None or (kind == 'Normals' and self.has_seams([name])):
                 continue
             values = self.arrays[name]
@@ -254,28 +254,28 @@ class _Columns:
                 points /= np.maximum(np.linalg.norm(points, axis=1, keepdims=True), 1e-30)
             else:
                 points[self.faces] = values
-            out[kind] = np.nan_to_num(points)
-        return out
+            metric[kind] = np.nan_to_num(points)
+        return metric
 
     def has_seams(self, names=None) -> bool:
-        """Return True if triangles that meet in a place have different values there."""
+        """Return True if triangles that share a point have different values there."""
         for name in names or self.arrays:
             values = self.arrays[name]
-            one = np.zeros((self.faces.max() + 1, values.shape[2]))
-            one[self.faces] = values
-            if not np.array_equal(one[self.faces], values, equal_nan=True):
+            at_points = np.zeros((self.faces.max() + 1, values.shape[2]))
+            at_points[self.faces] = values
+            if not np.array_equal(at_points[self.faces], values, equal_nan=True):
                 return True
         return False
 
     def jumps(self, values, means):
         """Return the corners whose values are far from the mean of their point."""
-        over = np.zeros(len(values[next(iter(values))]), bool)
-        for name, at in values.items():
-            over |= (np.abs(at - means[name]) > self.step(name)).any(1)
-        return over
+        is_far = np.zeros(len(values[next(iter(values))]), bool)
+        for name, corner_values in values.items():
+            is_far |= (np.abs(corner_values - means[name]) > self.step(name)).any(1)
+        return is_far
 
     def step(self, name) -> float:
-        """Return how far values of one array may be apart at one point."""
+        """Return how far values of an array may be apart at one point."""
         if name == self.normals:
             return _TURN
         values = self.arrays[name]
@@ -283,31 +283,32 @@ class _Columns:
 
 
 def _is_faceted(normals):
-    return normals is not None and bool(np.ptp(normals, axis=1).max() < _SAME)
+    return normals is not None and bool(np.ptp(normals, axis=1).max() < _SAME_NORMAL)
 
 
-def _dressed(mesh, welded, columns, points, faces):
-    """Return a mesh of simplified triangles, with the arrays that the surface has there."""
+def _with_arrays(mesh, welded, columns, points, faces):
+    """Return a mesh of simplified triangles, with arrays looked up on the surface."""
     surface = welded.surface
     facets = _facets(points, faces)
-    used, faces = np.unique(faces, return_inverse=True)
-    points, faces = points[used], faces.reshape(-1, 3)
-    sums = np.zeros_like(points)
-    np.add.at(sums, faces, facets[:, None])
-    sums /= np.maximum(np.linalg.norm(sums, axis=1, keepdims=True), 1e-300)
-    values = _looked_up(columns.arrays, surface, points, sums)
+    used_ids, faces = np.unique(faces, return_inverse=True)
+    points, faces = points[used_ids], faces.reshape(-1, 3)
+    point_normals = np.zeros_like(points)
+    np.add.at(point_normals, faces, facets[:, None])
+    point_normals /= np.maximum(np.linalg.norm(point_normals, axis=1, keepdims=True), 1e-300)
+    values = _looked_up(columns.arrays, surface, points, point_normals)
     place, faces, values = _split(columns, surface, points, faces, facets, values)
-    new = pv.PolyData()
-    new.points = (points[place] * welded.size + welded.low).astype(mesh.points.dtype)
-    new.regular_faces = faces
-    for name, at in values.items():
-        kind = mesh.point_data[name].dtype if name in mesh.point_data else np.dtype('f4')
-        new.point_data[name] = _as_kind(at, kind)
-    cells = None
+    simplified = pv.PolyData()
+    simplified.points = (points[place] * welded.size + welded.low).astype(mesh.points.dtype)
+    simplified.regular_faces = faces
+    for name, point_values in values.items():
+        dtype = mesh.point_data[name].dtype if name in mesh.point_data else np.dtype('f4')
+        simplified.point_data[name] = _as_kind(point_values, dtype)
+    source_cells = None
     if mesh.cell_data.keys():
-        cells = welded.cells[surface.nearest(points[place[faces]].mean(1) + OUTWARD * facets)[0]]
-    take_arrays(mesh, new, None, cells)
-    return new if columns.normals is None else _upright(new, mesh)
+        outside = points[place[faces]].mean(1) + OUTWARD * facets
+        source_cells = welded.cells[surface.nearest(outside)[0]]
+    take_arrays(mesh, simplified, None, source_cells)
+    return simplified if columns.normals is None else _unflipped(simplified, mesh)
 
 
 def _facets(points, faces):
@@ -315,79 +316,78 @@ def _facets(points, faces):
     return normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
 
 
-def _looked_up(arrays, surface, places, normals):
-    """Return the values of arrays at the nearest places of the outer side of a surface."""
-    triangles, weights, _ = surface.nearest(places + OUTWARD * normals)
+def _looked_up(arrays, surface, positions, normals):
+    """Return the values of arrays at the nearest points of a surface's outer side."""
+    triangles, weights, _ = surface.nearest(positions + OUTWARD * normals)
     return {n: np.einsum('ij,ijk->ik', weights, a[triangles]) for n, a in arrays.items()}
 
 
 def _split(columns, surface, points, faces, facets, values):
-    """Return the place of each point, faces and values: along a seam a place has several."""
+    """Return the place of each point, faces and values, with points duplicated along seams."""
     place = np.arange(len(points))
     if not columns.has_seams():
         return place, faces, values
     inward = points[faces] + _INWARD * (points[faces].mean(1, keepdims=True) - points[faces])
-    corners = _looked_up(
-        columns.arrays, surface, inward.reshape(-1, 3), np.repeat(facets, 3, axis=0)
-    )
+    normals = np.repeat(facets, 3, axis=0)
+    at_corners = _looked_up(columns.arrays, surface, inward.reshape(-1, 3), normals)
     flat = faces.ravel()
-    count = np.bincount(flat, minlength=len(points))[:, None]
+    counts = np.bincount(flat, minlength=len(points))[:, None]
     means = {
-        n: np.stack([np.bincount(flat, v, len(points)) for v in at.T], 1) / count
-        for n, at in corners.items()
+        n: np.stack([np.bincount(flat, v, len(points)) for v in array.T], 1) / counts
+        for n, array in at_corners.items()
     }
-    torn = np.zeros(len(points), bool)
-    torn[flat[columns.jumps(corners, {n: m[flat] for n, m in means.items()})]] = True
-    own = np.flatnonzero(torn[flat])
-    steps = [np.rint(at[own] / columns.step(n)) for n, at in corners.items()]
-    key, first, which = np.unique(
-        np.column_stack([flat[own], *steps]), axis=0, return_index=True, return_inverse=True
-    )
-    new = flat.copy()
-    new[own] = len(points) + which.reshape(-1)
-    place = np.concatenate([place, key[:, 0].astype(int)])
-    values = {n: np.concatenate([v, corners[n][own[first]]]) for n, v in values.items()}
-    used, new = np.unique(new, return_inverse=True)
-    return place[used], new.reshape(-1, 3), {n: v[used] for n, v in values.items()}
+    is_torn = np.zeros(len(points), bool)
+    is_torn[flat[columns.jumps(at_corners, {n: m[flat] for n, m in means.items()})]] = True
+    torn = np.flatnonzero(is_torn[flat])
+    quantized = [np.rint(array[torn] / columns.step(n)) for n, array in at_corners.items()]
+    keys = np.column_stack([flat[torn], *quantized])
+    keys, first_ids, copy_ids = np.unique(keys, axis=0, return_index=True, return_inverse=True)
+    corner_ids = flat.copy()
+    corner_ids[torn] = len(points) + copy_ids.reshape(-1)
+    place = np.concatenate([place, keys[:, 0].astype(int)])
+    values = {n: np.concatenate([v, at_corners[n][torn[first_ids]]]) for n, v in values.items()}
+    used_points, corner_ids = np.unique(corner_ids, return_inverse=True)
+    values = {n: v[used_points] for n, v in values.items()}
+    return place[used_points], corner_ids.reshape(-1, 3), values
 
 
-def _as_kind(values, kind):
+def _as_kind(values, dtype):
     values = values[:, 0] if values.shape[1] == 1 else values
-    if kind.kind in 'iu':
-        info = np.iinfo(kind)
-        return np.clip(np.rint(values), info.min, info.max).astype(kind)
-    return values.astype(kind) if kind.kind == 'f' else values > 0.5
+    if dtype.kind in 'iu':
+        info = np.iinfo(dtype)
+        return np.clip(np.rint(values), info.min, info.max).astype(dtype)
+    return values.astype(dtype) if dtype.kind == 'f' else values > 0.5
 
 
-def _upright(mesh, old):
-    """Turn triangles that collapsing turned over: VTK would light their backs."""
+def _unflipped(mesh, source):
+    """Reverse triangles that collapsing flipped: VTK would light their backs."""
     faces = np.array(mesh.regular_faces)
-    over = _facing(mesh) * np.sign(_facing(old).sum()) < 0
-    faces[over] = faces[over, ::-1]
+    is_flipped = _signed_areas(mesh) * np.sign(_signed_areas(source).sum()) < 0
+    faces[is_flipped] = faces[is_flipped, ::-1]
     mesh.regular_faces = faces
     return mesh
 
 
-def _facing(mesh):
-    """Return the areas of triangles, negative where they face away from their normals."""
+def _signed_areas(mesh):
+    """Return the signed areas of triangles, negative if they face away from their normals."""
     faces = np.asarray(mesh.regular_faces)
     a, b, c = np.asarray(mesh.points, float)[faces.T]
-    normals = np.asarray(mesh.point_data.active_normals, float)[faces].sum(1)
-    return (np.cross(b - a, c - a) * normals).sum(1)
+    normal_sums = np.asarray(mesh.point_data.active_normals, float)[faces].sum(1)
+    return (np.cross(b - a, c - a) * normal_sums).sum(1)
 
 
-def take_arrays(old, new, points, cells):
-    """Copy the arrays of a mesh at some points and cells."""
-    for source, target, ids in (
-        (old.point_data, new.point_data, points),
-        (old.cell_data, new.cell_data, cells),
+def take_arrays(source, target, points, cells):
+    """Copy the arrays of a mesh at points and cells, None for none of these; return the target."""
+    for from_data, to_data, ids in (
+        (source.point_data, target.point_data, points),
+        (source.cell_data, target.cell_data, cells),
     ):
-        for name in source if ids is not None else ():
-            target[name] = np.asarray(source[name])[ids]
+        for name in from_data if ids is not None else ():
+            to_data[name] = np.asarray(from_data[name])[ids]
         for kind in ACTIVE:
-            if getattr(source, kind) in target:
-                setattr(target, kind, getattr(source, kind))
-        # PyVista makes scalars of what is added, which VTK then no longer takes for normals.
-        if source.active_scalars_name not in target:
-            target.active_scalars_name = None
-    return new
+            if getattr(from_data, kind) in to_data:
+                setattr(to_data, kind, getattr(from_data, kind))
+        # PyVista activates any array that is added, and VTK no longer uses it as normals.
+        if from_data.active_scalars_name not in to_data:
+            to_data.active_scalars_name = None
+    return target

@@ -1,4 +1,4 @@
-"""Files and scenes as meshes, and as meshes with the poses of their instances."""
+"""Files and scenes as meshes, or as meshes with poses of instances."""
 
 from __future__ import annotations
 
@@ -25,23 +25,23 @@ def read_mesh(path):
         return _city_blocks(path)
     reasons = []
     for reader in (_read_pyvista, read_trimesh):
-        # Any exception of a third-party reader only means: try the next one.
+        # After any exception of a third-party reader, try the next one.
         try:
             return reader(path)
         except Exception as error:
             reasons.append(f'{reader.__name__.lstrip("_").removeprefix("read_")}: {error}')
-    raise ValueError(f'{path} cannot be read as a mesh ({"; ".join(reasons)}).')
+    raise ValueError(f'{path}: not a readable mesh ({"; ".join(reasons)})')
 
 
 def scene_instances(scene, pbr=False):
-    """Return the meshes of a scene or file, and index and matrices of their instances."""
+    """Return the meshes of a scene or file, and mesh index and matrix of each instance."""
     if not isinstance(scene, str | Path):
         return trimesh_instances(scene)
     path = existing(scene, 'mesh file')
     if is_city(path):
         return read_city(path)
     if _is_gltf(path):
-        from pvibr.meshes.gltf_meshes import gltf_instances  # heavy, and few files are glTF
+        from pvibr.meshes.gltf_meshes import gltf_instances  # a heavy import that few files need
 
         return gltf_instances(path, pbr)
     return trimesh_instances(read_trimesh(path))
@@ -54,7 +54,7 @@ def _is_gltf(path):
 def _read_pyvista(path):
     mesh = pv.read(path)
     if not isinstance(mesh, pv.MultiBlock) and not mesh.n_points:
-        raise ValueError('no points in it')
+        raise ValueError('it has no points')
     return mesh
 
 

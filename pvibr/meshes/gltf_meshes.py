@@ -1,4 +1,4 @@
-"""Meshes of glTF files at rest, with the looks of their materials and their instances."""
+"""Meshes of glTF files at rest, with the looks of their materials, and their instances."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ _ONE = np.eye(4)[None]
 
 @dataclass(frozen=True)
 class GltfMesh:
-    """The primitives of a mesh of a glTF file, each with keywords of ``add_mesh``."""
+    """The primitives of a glTF mesh, each with keywords of ``add_mesh``."""
 
     surfaces: tuple[tuple[pv.PolyData, dict], ...]
 
 
 def gltf_instances(path, pbr=False):
-    """Return the meshes of a file, and index and matrices of their instances."""
+    """Return the meshes of a file, and mesh index and matrix of each instance."""
     figure, copies = read_scene(path, pbr)
     world = figure.world()
-    known: dict[tuple, int] = {}
+    mesh_numbers: dict[tuple, int] = {}
     meshes: list[GltfMesh] = []
     index, matrices = [], []
     for (node, skinned), group in groupby(figure.meshes, key=_place):
@@ -36,13 +36,13 @@ def gltf_instances(path, pbr=False):
             continue
         mesh = GltfMesh(tuple((_at_rest(m, figure.skeleton), m.look) for m in group))
         key = tuple(id(dataset) for dataset, _ in mesh.surfaces)
-        if key not in known:
-            known[key] = len(meshes)
+        if key not in mesh_numbers:
+            mesh_numbers[key] = len(meshes)
             meshes.append(mesh)
         matrices.append(poses)
-        index.append(np.full(len(poses), known[key]))
+        index.append(np.full(len(poses), mesh_numbers[key]))
     if not meshes:
-        raise GltfError(f'{path} has no triangle mesh in its scene.')
+        raise GltfError(f'{path}: no triangle mesh in its scene')
     return meshes, np.concatenate(index), np.concatenate(matrices)
 
 
@@ -51,14 +51,14 @@ def _place(mesh):
 
 
 def _visible(poses):
-    """Return the poses that do not scale a mesh to nothing."""
+    """Return the poses that do not collapse a mesh."""
     return poses[np.linalg.det(poses[:, :3, :3]) != 0]
 
 
 def _at_rest(mesh, skeleton):
-    """Return a mesh with its rest morph weights in its node's space, a skinned one in world space.
+    """Return a mesh morphed and skinned at rest, in node space, or world space if skinned.
 
-    Nodes with the same undeformed mesh share it.
+    Nodes share a mesh without deformation.
     """
     if mesh.skin is not None:
         return Figure([mesh], skeleton).mesh()

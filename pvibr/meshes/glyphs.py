@@ -1,4 +1,4 @@
-"""Glyphs: a mesh at every point of a dataset, turned, scaled and chosen by its arrays."""
+"""Glyphs: a mesh at every point of a dataset, turned, scaled and selected by its arrays."""
 
 from __future__ import annotations
 
@@ -16,20 +16,20 @@ from pvibr.core.spelling import nearest
 from pvibr.maths.arguments import check_one_of
 from pvibr.maths.transforms import trs
 from pvibr.meshes.parts import are_parts
-from pvibr.meshes.posed import checked_factor, kept_apart, named, toward
+from pvibr.meshes.posed import checked_factor, named, nonzero_scales, toward
 
 _MODES = 'scale', 'scalar', 'vector'
 
 
 @dataclass(frozen=True)
 class Glyphs:
-    """What ``add_instances`` draws of a dataset's glyphs."""
+    """The glyphs of a dataset, for ``add_instances``."""
 
     meshes: list
     poses: np.ndarray
     index: np.ndarray
     scalars: np.ndarray | None
-    #: Arrays of the dataset, a value for each glyph, by name.
+    #: Arrays of the dataset by name, one value per glyph.
     arrays: Mapping
 
     def __repr__(self) -> str:
@@ -50,48 +50,46 @@ def glyph(
     color_mode='scale',
     progress_bar=False,
 ) -> Glyphs:
-    """Return the glyphs that ``dataset.glyph`` would make triangles of."""
+    """Return the glyphs of ``dataset.glyph``, as instances rather than triangles."""
     if checked_flag('progress_bar', progress_bar):
-        raise ValueError(
-            'progress_bar is True: no filter runs that would have a progress; leave it out'
-        )
+        raise ValueError('progress_bar must be False, got True: no filter with a progress runs')
     check_one_of('color_mode', color_mode, _MODES)
-    factor, span = checked_factor(factor), _checked_range(rng)
+    factor, scale_range = checked_factor(factor), _checked_range(rng)
     clamping, absolute = checked_flag('clamping', clamping), checked_flag('absolute', absolute)
     meshes = _checked_meshes(geom, indices)
     dataset = dataset.copy(deep=False)
-    chooser = dataset.active_scalars  # before there are others, of the sizes
-    scaled, turned = _activate(dataset, 'scale', scale), _activate(dataset, 'orient', orient)
-    at = _Points(dataset, scaled, turned, tolerance, absolute)
-    sizes = at.sizes(scaled, span if clamping else None)
-    factors = kept_apart(sizes * factor) if scaled else np.full(len(sizes), factor)
-    poses = trs(at.points, scales=factors)
-    if turned:
-        poses[:, :3, :3] = toward(at.vectors) * factors[:, None, None]
+    index_array = dataset.active_scalars  # before `scale` activates others
+    is_scaled, is_turned = _activate(dataset, 'scale', scale), _activate(dataset, 'orient', orient)
+    points = _Points(dataset, is_scaled, is_turned, tolerance, absolute)
+    sizes = points.sizes(is_scaled, scale_range if clamping else None)
+    factors = nonzero_scales(sizes * factor) if is_scaled else np.full(len(sizes), factor)
+    poses = trs(points.points, scales=factors)
+    if is_turned:
+        poses[:, :3, :3] = toward(points.vectors) * factors[:, None, None]
     index = np.zeros(len(poses), int)
-    if len(meshes) > 1 and chooser is not None:
-        values = at.lengths if chooser.ndim > 1 else at.first
-        index = np.trunc((values - span[0]) * len(meshes) / _width(span)).astype(int)
+    if len(meshes) > 1 and index_array is not None:
+        values = points.lengths if index_array.ndim > 1 else points.first
+        index = np.trunc((values - scale_range[0]) * len(meshes) / _width(scale_range)).astype(int)
     index = index.clip(0, len(meshes) - 1)
-    return Glyphs(meshes, poses, index, at.colors(color_mode, scaled, sizes), at.arrays)
+    return Glyphs(meshes, poses, index, points.colors(color_mode, is_scaled, sizes), points.arrays)
 
 
 class _Points:
-    """Where glyphs are, and the arrays that are active there."""
+    """The positions of glyphs, and the active arrays there."""
 
-    def __init__(self, dataset, scaled, turned, tolerance, absolute):
-        names = dataset.active_scalars_name, dataset.active_vectors_name
+    def __init__(self, dataset, is_scaled, is_turned, tolerance, absolute):
+        active_names = dataset.active_scalars_name, dataset.active_vectors_name
         on_cells = [
             info.association == pv.FieldAssociation.CELL
-            for info, used in (
-                (dataset.active_scalars_info, scaled),
-                (dataset.active_vectors_info, turned),
+            for info, is_used in (
+                (dataset.active_scalars_info, is_scaled),
+                (dataset.active_vectors_info, is_turned),
             )
-            if used
+            if is_used
         ]
         if len(set(on_cells)) > 1:
             raise ValueError(
-                'scale and orient name data of points and of cells; both must be of the same'
+                'scale and orient must both be data of points or of cells, got one of each'
             )
         if any(on_cells):
             dataset = dataset.cell_centers()
@@ -99,48 +97,52 @@ class _Points:
             dataset = _merged(dataset, tolerance, absolute)
         self.points = np.asarray(dataset.points, float)
         self.arrays = dict(dataset.point_data)
-        count = dataset.n_points
-        found = [dataset.point_data.get(n) for n in names]
-        self.name, (self.scalars, self.vectors) = names[0], found
-        zeros = np.zeros(count)
-        many = self.scalars is not None and self.scalars.ndim > 1
-        self.by_length = many and scaled
-        self.first = zeros if self.scalars is None else self.scalars.reshape(count, -1)[:, 0]
-        spread = self.scalars if self.vectors is None and many else self.vectors
-        self.lengths = zeros if spread is None else np.linalg.norm(spread, axis=1)
+        n_points = dataset.n_points
+        active_arrays = [dataset.point_data.get(n) for n in active_names]
+        self.name, (self.scalars, self.vectors) = active_names[0], active_arrays
+        zeros = np.zeros(n_points)
+        is_vector = self.scalars is not None and self.scalars.ndim > 1
+        self.by_length = is_vector and is_scaled
+        self.first = zeros if self.scalars is None else self.scalars.reshape(n_points, -1)[:, 0]
+        length_source = self.scalars if self.vectors is None and is_vector else self.vectors
+        self.lengths = zeros if length_source is None else np.linalg.norm(length_source, axis=1)
 
-    def sizes(self, scaled, span) -> np.ndarray:
+    def sizes(self, is_scaled, size_range) -> np.ndarray:
         """Return the sizes before the factor, mapped to a range if there is one."""
         sizes = np.asarray(self.lengths if self.by_length else self.first, float)
         if self.scalars is None:
             sizes = np.ones(len(self.points))
-        bad = np.flatnonzero(~np.isfinite(sizes) & scaled)
-        if len(bad):
+        invalid = np.flatnonzero(~np.isfinite(sizes) & is_scaled)
+        if len(invalid):
             raise ValueError(
-                f'scale is {self.name!r}: [{bad[0]}] is {sizes[bad[0]]}; it must be finite'
+                f'scale must be finite, got {sizes[invalid[0]]} at {self.name!r}[{invalid[0]}]'
             )
-        return sizes if span is None else (sizes.clip(*span) - span[0]) / _width(span)
+        if size_range is None:
+            return sizes
+        return (sizes.clip(*size_range) - size_range[0]) / _width(size_range)
 
-    def colors(self, mode, scaled, sizes):
-        """Return the values that glyphs are coloured by, with their name."""
+    def colors(self, mode, is_scaled, sizes):
+        """Return the values that colour glyphs, with their name."""
         if mode == 'vector' and self.vectors is not None:
             return named(self.lengths, 'VectorMagnitude')
         if self.scalars is None:
             return None
         if mode == 'scale':
-            return named(sizes, self.name if scaled and not self.by_length else 'GlyphScale')
-        several = self.scalars.ndim > 1
-        return named(np.linalg.norm(self.scalars, axis=1) if several else self.first, self.name)
+            return named(sizes, self.name if is_scaled and not self.by_length else 'GlyphScale')
+        is_vector = self.scalars.ndim > 1
+        return named(np.linalg.norm(self.scalars, axis=1) if is_vector else self.first, self.name)
 
 
 def _merged(dataset, tolerance, absolute):
-    """Return a dataset of points, those that are close to each other merged."""
+    """Return the points of a dataset, with close ones merged."""
     if isinstance(tolerance, bool) or not np.isreal(tolerance) or not 0 <= tolerance < np.inf:
-        raise ValueError(f'tolerance is {tolerance!r}; it must be a number of at least 0, or None')
-    small = pv.PolyData(dataset.points)
-    small.point_data.update(dataset.point_data)
-    keep = {f'{name}_to_{to}': False for name, to in _CONVERSIONS}
-    return small.clean(point_merging=True, merge_tol=tolerance, absolute=absolute, **keep)
+        raise ValueError(f'tolerance must be None or a number, at least 0, got {tolerance!r}')
+    bare_points = pv.PolyData(dataset.points)
+    bare_points.point_data.update(dataset.point_data)
+    conversions = {f'{name}_to_{to}': False for name, to in _CONVERSIONS}
+    return bare_points.clean(
+        point_merging=True, merge_tol=tolerance, absolute=absolute, **conversions
+    )
 
 
 _CONVERSIONS = ('lines', 'points'), ('polys', 'lines'), ('strips', 'polys')
@@ -151,7 +153,7 @@ _DEFAULTS = {
 
 
 def _activate(dataset, argument, name) -> bool:
-    """Make the array active that an argument names, as ``glyph`` chooses it."""
+    """Activate the array that an argument selects, as ``glyph`` does; False without one."""
     by_default, kind, activate = _DEFAULTS[argument]
     if not isinstance(name, str):
         if not checked_flag(argument, name):
@@ -159,48 +161,48 @@ def _activate(dataset, argument, name) -> bool:
         try:
             by_default(dataset)
         except (pv.MissingDataError, pv.AmbiguousDataError) as error:
-            warn(f'{argument} is True: {error} It is set to False; name an array of {kind}.')
+            warn(f'{argument}=False is used in place of True: {error} Name an array of {kind}.')
             return False
         return True
     if name not in dataset.point_data and name not in dataset.cell_data:
-        known = [*dataset.point_data, *dataset.cell_data]
-        msg = f'{argument} is {name!r}; the arrays of the dataset are: {known}'
-        raise ValueError(msg + nearest(name, known))
+        array_names = [*dataset.point_data, *dataset.cell_data]
+        raise ValueError(
+            f'{argument} must name an array of the dataset, which are {array_names}, got {name!r}'
+            + nearest(name, array_names)
+        )
     prefer: Literal['cell', 'point'] = 'cell'
     if argument == 'orient':
-        of_cells = dataset.active_scalars_info.association == pv.FieldAssociation.CELL
-        prefer = 'cell' if of_cells else 'point'
+        on_cells = dataset.active_scalars_info.association == pv.FieldAssociation.CELL
+        prefer = 'cell' if on_cells else 'point'
         array = dataset.get_array(name, preference=prefer)
         if array.shape[1:] != (3,):
             raise ValueError(
-                f'orient is {name!r}, of shape {array.shape}; it must be vectors, (n, 3)'
+                f'orient must be vectors, (n, 3), got {name!r} of shape {array.shape}'
             )
     activate(dataset, name, preference=prefer)
     return True
 
 
 def _checked_meshes(geom, indices) -> list:
-    """Return the meshes in the order of their places in the table."""
+    """Return the meshes in the order of their indices."""
     if geom is None:
         arrow = _vtk.vtkArrowSource()
         arrow.Update()
         geom = pv.wrap(arrow.GetOutput())
-    several = isinstance(geom, list | tuple) and not are_parts(geom)
-    meshes = list(geom) if several else [geom]
+    is_list = isinstance(geom, list | tuple) and not are_parts(geom)
+    meshes = list(geom) if is_list else [geom]
     if not meshes:
-        raise ValueError('geom is empty; give at least one mesh')
+        raise ValueError('geom must hold at least one mesh, got none')
     places = np.arange(len(meshes)) if indices is None or len(meshes) == 1 else np.array(indices)
     if not np.array_equal(np.sort(places), np.arange(len(meshes))):
-        raise ValueError(
-            f'indices is {indices!r}; it must have each of 0 to {len(meshes) - 1} once'
-        )
+        raise ValueError(f'indices must hold each of 0 to {len(meshes) - 1} once, got {indices!r}')
     return [meshes[k] for k in np.argsort(places)]
 
 
 def _checked_range(rng) -> tuple[float, float]:
     span = np.asarray((0.0, 1.0) if rng is None else rng, float)
     if span.shape != (2,) or not np.isfinite(span).all() or span[0] > span[1]:
-        raise ValueError(f'rng is {rng!r}; it must be two finite numbers, the lower one first')
+        raise ValueError(f'rng must be two finite numbers, the lower one first, got {rng!r}')
     low, high = span.tolist()
     return low, high
 

@@ -1,4 +1,4 @@
-"""Normal and emission maps: drawn with any shading, without tangents."""
+"""Normal and emission maps with any shading, without tangents."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from pvibr.gl.feature import Feature, replacements, sections
 
 _LAST = 'VTK::DepthPeeling::Impl'
 
-#: Before this VTK has computed the normal of a smooth surface, on the side that is seen.
+#: VTK's code after which the normal of a smooth surface is final.
 _TURNED = 'if (gl_FrontFacing == false) { normalVCVSOutput = -normalVCVSOutput; }'
-#: What VTK declares, and what is defined there.
+#: VTK's declarations, and the macro defined after each.
 _DECLARED = {
     'sampler2D normalTex;': 'IBR_NORMAL_MAP',
     'sampler2D emissiveTex;': 'IBR_EMISSION_MAP',
@@ -18,25 +18,22 @@ _DECLARED = {
 
 
 def emission_of(actor):
-    """Return the light (r, g, b) that an actor emits by :func:`attach_maps`, or None."""
+    """Return the emission (r, g, b) that :func:`attach_maps` set, or None."""
     present = replacements(actor.GetShaderProperty()).get(('Fragment', f'//{_LAST}'), '')
     shines = Feature('emission').mark in present
     return actor.GetProperty().GetEmissiveFactor() if shines else None
 
 
 def attach_maps(actor, emission=None):
-    """Have an actor's shader show the maps of its property, and emission (r, g, b) as light.
-
-    The emission is the property's, too.
-    """
+    """Make an actor's shader show the maps of its property, and its emission (r, g, b)."""
     if emission is None and actor.GetProperty().GetTexture('normalTex') is None:
         return
-    text, shader = sections(shader_source(__file__)), actor.GetShaderProperty()
-    # After VTK's own: only where VTK has declared a map is it there to be sampled.
-    later = {found: f'{found}\n#define {name}\n' for found, name in _DECLARED.items()}
-    for found, instead in (later | {_TURNED: f'{_TURNED}\n{text["normal"]}'}).items():
-        shader.AddFragmentShaderReplacement(found, False, instead, True)
+    section, shader = sections(shader_source(__file__)), actor.GetShaderProperty()
+    # After VTK's declarations: a map that VTK does not declare cannot be sampled.
+    defines = {vtk_text: f'{vtk_text}\n#define {name}\n' for vtk_text, name in _DECLARED.items()}
+    for vtk_text, replacement in (defines | {_TURNED: f'{_TURNED}\n{section["normal"]}'}).items():
+        shader.AddFragmentShaderReplacement(vtk_text, False, replacement, True)
     if emission is not None:
         color = ', '.join(f'{float(x):.6f}' for x in emission)
-        body = text['emission'].replace('IBR_EMISSION;', f'vec3({color});')
+        body = section['emission'].replace('IBR_EMISSION;', f'vec3({color});')
         Feature('emission', fragment={_LAST: body}).attach(actor)

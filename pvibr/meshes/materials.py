@@ -1,4 +1,4 @@
-"""Materials: what those of files bring along as keywords of ``add_mesh``, copies of properties."""
+"""Materials: looks as keywords of ``add_mesh``, copies of properties and textures."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ import pyvista as pv
 from pvibr.core import _vtk
 from pvibr.maths.arguments import naming
 
-#: What a colour, scalars or a texture of the user replace in the look of a material.
+#: Keywords of a material that a colour, scalars or a texture of the user replace.
 _COLORING = (
     *('color', 'scalars', 'rgb', 'preference', 'texture', 'alpha_cutoff'),
     *('pbr_textures', 'emissive_factor'),
 )
 
-#: Names of VTK's textures of physically based shading; VTK has no call that lists them.
+#: Names of VTK's textures for physically based shading; VTK has no list of them.
 PROPERTY_TEXTURES = (
     'albedoTex',
     'materialTex',
@@ -23,9 +23,9 @@ PROPERTY_TEXTURES = (
     'anisotropyTex',
     'coatNormalTex',
 )
-#: Those of colours: VTK refuses them unless they are in sRGB, as pictures are.
+#: Textures of colours, which VTK requires in sRGB.
 _COLORS = ('albedoTex', 'emissiveTex')
-#: Settings of a VTK texture, by the names of their methods.
+#: Settings of a VTK texture, by the suffix of their methods.
 TEXTURE_MODES = (
     *('Interpolate', 'Mipmap', 'Wrap', 'ColorMode', 'BlendingMode', 'PremultipliedAlpha'),
     *('UseSRGBColorSpace', 'RestrictPowerOf2ImageSmaller'),
@@ -35,7 +35,7 @@ _CELL, _CELL_FIELD, _MAPPED = 2, 4, 1  # of scalars: VTK's modes, and colours by
 
 
 def cell_scalars(mapper, mesh) -> str:
-    """Return the name of the array of cells that a table colours, empty if it colours none."""
+    """Return the name of the cell array that a lookup table colours, empty without one."""
     data = mesh.cell_data
     names = {_CELL: data.active_scalars_name, _CELL_FIELD: mapper.GetArrayName()}
     name = names.get(mapper.GetScalarMode()) or ''
@@ -46,7 +46,7 @@ def cell_scalars(mapper, mesh) -> str:
 
 
 def follow_scalars(mapper, mesh):
-    """Have the mapper of a mesh colour another by its points, if these have the cells' scalars."""
+    """Colour `mesh` by points if these have the scalars of the mapper's cells."""
     name = cell_scalars(mapper, pv.wrap(mapper.GetInput()))
     if name and name not in mesh.cell_data:
         mapper.SetScalarModeToUsePointFieldData()
@@ -54,12 +54,16 @@ def follow_scalars(mapper, mesh):
         mapper.InterpolateScalarsBeforeMappingOn()
 
 
-def merged_look(own, look):
-    """Let the user's arguments override the material; any colouring replaces all of its own."""
+def merged_look(material_look, look):
+    """Return a material's look overridden by the user's; any colouring replaces all of it."""
     if any(look.get(name) is not None for name in ('color', 'scalars', 'texture')):
-        kept = {'alpha_cutoff'} if look.get('texture') is not None else set()
-        own = {key: own[key] for key in own if key in kept or key not in _COLORING}
-    return own | {name: value for name, value in look.items() if value is not None}
+        overriding = {'alpha_cutoff'} if look.get('texture') is not None else set()
+        material_look = {
+            key: material_look[key]
+            for key in material_look
+            if key in overriding or key not in _COLORING
+        }
+    return material_look | {name: value for name, value in look.items() if value is not None}
 
 
 def look_key(look):
@@ -80,7 +84,7 @@ def copy_property(copy, prop):
     for name in PROPERTY_TEXTURES:
         texture = copy.GetTexture(name)
         if texture is not None:
-            texture.Register(copy)  # VTK 9.7 forgets this, but unregisters with the copy
+            texture.Register(copy)  # VTK 9.7 forgets this, but unregisters it with the copy
 
 
 def copied_property(prop):
@@ -96,13 +100,13 @@ def culled_faces(prop) -> tuple:
 
 
 def lighting_of(prop):
-    """Return what a material has but its colours."""
+    """Return the settings of a material except its colours."""
     lights = prop.GetAmbient(), prop.GetDiffuse(), prop.GetSpecular(), prop.GetSpecularPower()
     return (*lights, prop.GetOpacity(), prop.GetInterpolation())
 
 
 def set_textures(prop, textures):
-    """Set textures of physically based shading by their names; colours are taken as sRGB."""
+    """Set textures of physically based shading by name; colour textures are sRGB."""
     for name, texture in textures.items():
         if name in _COLORS and not texture.GetUseSRGBColorSpace():
             texture = copy_texture(texture)
@@ -125,13 +129,13 @@ def copy_texture(texture):
 
 
 def checked_data(dataset, keyword, values):
-    """Return scalars or opacity of a mesh: values, or names of arrays or transfer functions."""
+    """Return checked scalars or opacity of a mesh: values, or the name of an array or function."""
     with naming(keyword, values):
         if isinstance(values, str) and values not in dataset.array_names:
             if keyword != 'opacity':
-                raise ValueError(f'the mesh has no array of this name, but {dataset.array_names}')
+                raise ValueError(f'must be an array of the mesh, one of {dataset.array_names}')
             pv.opacity_transfer_function(values, 2)
         lengths = dataset.n_points, dataset.n_cells
         if np.ndim(values) and np.size(values) < 2 and np.size(values) not in lengths:
-            raise ValueError(f'must have a value for each point or cell, not {np.size(values)}')
+            raise ValueError(f'must have one value per point or cell, got {np.size(values)}')
     return values

@@ -1,7 +1,8 @@
-"""Parts: meshes of any kind as triangles with the looks of ``add_mesh``."""
+"""Parts: meshes of any kind as triangles, with the looks of ``add_mesh``."""
 
 from __future__ import annotations
 
+from contextlib import closing
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -35,17 +36,17 @@ from pvibr.meshes.surfaces import (
 )
 from pvibr.meshes.turntable import Turns
 
-#: Names of arrays given by value, to pass through surface filters.
+#: Names under which arrays passed by value go through surface filters.
 SCALARS, OPACITY = 'pvibr_scalars', 'pvibr_opacity'
 
 _SURFACE = 2  # VTK_SURFACE
 
 #: Arguments of add_mesh that add more actors, which instances do not support.
 EXTRAS = ('silhouette', 'show_vertices', 'multi_colors')
-#: Arguments of add_mesh that have no meaning for what is made of parts.
+#: Arguments of add_mesh that have no effect on parts.
 USELESS = ('point_shape', 'emissive', 'static', 'copy_mesh', 'label', 'scalar_bar_args')
 
-#: Arguments of add_mesh that do not apply to the hidden plotter that makes parts.
+#: Arguments of add_mesh that are fixed for the hidden plotter that makes parts.
 FIXED = {
     'name': None,
     'reset_camera': False,
@@ -59,62 +60,64 @@ FIXED = {
 class Part:
     """A triangle mesh with one look.
 
-    The actor draws the same mesh, or all of the polygons, lines and vertices that it is made of.
+    The actor draws this mesh, or the polygons, lines and vertices that it was triangulated from.
     """
 
     actor: pv.Actor
     mesh: pv.PolyData
     alpha_cutoff: float | None = None
-    stand_ins: tuple = ()
+    #: Lighter levels supplied by the user, heaviest first, a sequence of parts each.
+    supplied_levels: tuple = ()
     turns: Turns | None = None
-    #: Made from an actor, which may have a scalar bar.
+    #: Whether it was made from an actor, which may have a scalar bar.
     of_actor: bool = False
-    #: Name of the array that it was asked to show, and whether its values are names.
+    #: Name of the array that colours it, and whether its values are words.
     scalars: tuple[str, bool] = ('', False)
 
     @property
     def ineligibility(self) -> str:
         """Why images cannot show it, empty if they can."""
-        prop, back = self.actor.GetProperty(), self.actor.GetBackfaceProperty()
-        drawn = self.actor.GetMapper().GetInput()
+        prop, back_prop = self.actor.GetProperty(), self.actor.GetBackfaceProperty()
+        dataset = self.actor.GetMapper().GetInput()
         if prop.GetRepresentation() != _SURFACE:
             return f"its style is '{prop.GetRepresentationAsString().lower()}'"
         if prop.GetEdgeVisibility():
             return 'its edges are shown'
-        if drawn is not None and drawn.GetNumberOfVerts() + drawn.GetNumberOfLines():
+        if dataset is not None and dataset.GetNumberOfVerts() + dataset.GetNumberOfLines():
             return 'it has vertices or lines'
-        if back is not None and lighting_of(back) != lighting_of(prop):
-            return 'its back faces have a material of their own'
+        if back_prop is not None and lighting_of(back_prop) != lighting_of(prop):
+            return 'its back faces have another material'
         return ''
 
     @cached_property
     def strokes(self):
-        """The ends of the pieces of its lines and of its vertices, shape (n, 2, 3)."""
-        drawn = pv.wrap(self.actor.GetMapper().GetInput())
-        lines, dots = drawn.GetLines(), drawn.GetVerts()
-        ids, dots = (_vtk.vtk_to_numpy(c.GetConnectivityArray()) for c in (lines, dots))
-        goes_on = np.ones(len(ids), bool)
-        goes_on[_vtk.vtk_to_numpy(lines.GetOffsetsArray())[1:] - 1] = False
-        pieces = np.stack([ids[goes_on], np.roll(ids, -1)[goes_on]], 1)
-        return np.asarray(drawn.points, float)[np.concatenate([pieces, np.stack([dots] * 2, 1)])]
+        """End points of line segments, and vertices twice, shape (n, 2, 3)."""
+        dataset = pv.wrap(self.actor.GetMapper().GetInput())
+        lines, cells = dataset.GetLines(), (dataset.GetLines(), dataset.GetVerts())
+        ids, vertices = (_vtk.vtk_to_numpy(c.GetConnectivityArray()) for c in cells)
+        is_start = np.ones(len(ids), bool)
+        is_start[_vtk.vtk_to_numpy(lines.GetOffsetsArray())[1:] - 1] = False
+        segments = np.stack([ids, np.roll(ids, -1)], 1)[is_start]
+        ends = np.concatenate([segments, np.stack([vertices] * 2, 1)])
+        return np.asarray(dataset.points, float)[ends]
 
     @cached_property
     def locator(self):
-        """What finds the cells of the mesh that a line meets."""
+        """Locator of the cells of the mesh."""
         locator = _vtk.vtkStaticCellLocator()
         locator.SetDataSet(self.mesh)
         locator.BuildLocator()
         return locator
 
     def drawn_points(self):
-        """Return the points of its cells."""
+        """Return the points that its cells use."""
         if self.actor.GetMapper().GetInput() is not self.mesh:
             return self.mesh.points  # lines and vertices have points, too
-        used = np.bincount(self.mesh.regular_faces.ravel(), minlength=self.mesh.n_points)
-        return self.mesh.points[used > 0]
+        is_used = np.bincount(self.mesh.regular_faces.ravel(), minlength=self.mesh.n_points)
+        return self.mesh.points[is_used > 0]
 
     def polydata_mapper(self):
-        """Return a new ``vtkPolyDataMapper`` with the look of the actor's own mapper."""
+        """Return a new ``vtkPolyDataMapper`` with the look of the actor's mapper."""
         mapper = _vtk.vtkPolyDataMapper()
         mapper.ShallowCopy(self.actor.mapper)
         mapper.SetInputDataObject(self.mesh)
@@ -126,11 +129,11 @@ class Part:
         actor.SetMapper(mapper)
         actor.SetProperty(self.actor.GetProperty())
         actor.SetBackfaceProperty(self.actor.GetBackfaceProperty())
-        _dress(actor, self.actor)
+        _copy_look(actor, self.actor)
         return actor
 
     def with_mesh(self, mesh, interpolation=None) -> Part:
-        """Return a part with this look and another mesh; with VTK's interpolation of light."""
+        """Return a part with this look and another mesh, optionally with VTK's shading mode."""
         mapper = self.polydata_mapper()
         follow_scalars(mapper, mesh)
         mapper.SetInputDataObject(mesh)
@@ -151,25 +154,25 @@ def as_parts(mesh, *, theme=None, alpha_cutoff=None, **add_mesh_kwargs):
     parts = getattr(mesh, 'parts', mesh)
     if are_parts(parts):
         return list(parts)
-    for name in EXTRAS:
-        if add_mesh_kwargs.pop(name, None):
-            raise ValueError(f'{name} is not drawn for instances; add it as an actor of its own.')
-    if add_mesh_kwargs.get('style') == 'points_gaussian':
-        raise ValueError(
-            "style is 'points_gaussian', which draws points, not triangles; use add_billboards."
-        )
-    given = [name for name in (*USELESS, *FIXED) if add_mesh_kwargs.get(name)]
-    if given:
-        raise ValueError(
-            f'{given[0]} has no meaning here, where a mesh is drawn by no actor of its own.'
-        )
+    _check_keywords(add_mesh_kwargs)
     if isinstance(mesh, list | tuple) and mesh and all(isinstance(m, pv.Actor) for m in mesh):
         return [part for actor in mesh for part in as_parts(actor, **add_mesh_kwargs)]
-    looks = add_mesh_kwargs | FIXED
+    look = add_mesh_kwargs | FIXED
     if alpha_cutoff is not None:
-        looks['alpha_cutoff'] = alpha_cutoff
-    with _Maker(theme) as maker:
-        return _parts_of(mesh, looks, maker)
+        look['alpha_cutoff'] = alpha_cutoff
+    with closing(_Maker(theme)) as maker:
+        return _parts_of(mesh, look, maker)
+
+
+def _check_keywords(add_mesh_kwargs):
+    for name in EXTRAS:
+        if add_mesh_kwargs.pop(name, None):
+            raise ValueError(f'{name} must be left out for instances; add it as a separate actor')
+    if add_mesh_kwargs.get('style') == 'points_gaussian':
+        raise ValueError("style must draw triangles, got 'points_gaussian'; use add_billboards")
+    for name in (*USELESS, *FIXED):
+        if add_mesh_kwargs.get(name):
+            raise ValueError(f'{name} must be left out: an actor for the mesh is not added')
 
 
 def as_meshes(meshes, **kwargs):
@@ -177,27 +180,24 @@ def as_meshes(meshes, **kwargs):
     if not isinstance(meshes, list | tuple) or are_parts(meshes):
         return [as_parts(meshes, **kwargs)]
     if not meshes:
-        raise ValueError('meshes is empty; give at least one mesh.')
-    return [_numbered(place, mesh, kwargs) for place, mesh in enumerate(meshes)]
-
-
-def _numbered(place, mesh, kwargs):
-    try:
-        return as_parts(mesh, **kwargs)
-    except ValueError as error:
-        raise ValueError(f'meshes[{place}]: {error}') from error
+        raise ValueError('meshes must hold at least one mesh, got none')
+    parts = []
+    for i, mesh in enumerate(meshes):
+        try:
+            parts.append(as_parts(mesh, **kwargs))
+        except ValueError as error:
+            raise ValueError(f'meshes[{i}]: {error}') from error
+    return parts
 
 
 def check_triangles(parts):
     """Raise if no part has triangles."""
     if not any(part.mesh.n_cells for part in parts):
-        raise ValueError(
-            'mesh has only points or lines: make a surface of it with .tube() or .glyph().'
-        )
+        raise ValueError('mesh must have triangles, got only points or lines; use tube or glyph')
 
 
 def with_own_culling(parts):
-    """Return parts whose culling may change: what culls has a property of its own."""
+    """Return parts with copied properties if they cull, so that culling can be switched."""
     return [_with_own_property(p) if any(culled_faces(p.actor.prop)) else p for p in parts]
 
 
@@ -208,36 +208,30 @@ def _with_own_property(part):
 
 
 def are_parts(mesh) -> bool:
-    """Return True for a list of parts, which is one mesh."""
+    """Return True for a list of parts, which form one mesh."""
     is_list = isinstance(mesh, list | tuple)
     return is_list and bool(mesh) and all(isinstance(part, Part) for part in mesh)
 
 
 class _Maker(pv.BasePlotter):
-    """A plotter without a window, whose add_mesh makes looks without OpenGL."""
+    """A plotter without a window, whose add_mesh makes actors without OpenGL."""
 
     def __init__(self, theme):
         with naming('theme', theme):
             super().__init__(theme=theme, lighting='none')
-
-    def __enter__(self):
-        return self
-
-    def __exit__(self, *_):
-        self.close()
 
     def make(self, dataset, look):
         """Return the part of one triangulated dataset."""
         look = dict(look)
         cutoff = look.pop('alpha_cutoff', None)
         textures = look.pop('pbr_textures', None) or {}
-        shining = look.pop('emissive_factor', None)
+        emissive_factor = look.pop('emissive_factor', None)
         actor = self.add_mesh(dataset, **look)
         if dataset.active_texture_coordinates is not None:
             set_textures(actor.prop, textures)
-        if shining is not None:
-            actor.prop.SetEmissiveFactor(shining)
-        attach_maps(actor, shining)
+        if emissive_factor is not None:
+            actor.prop.SetEmissiveFactor(emissive_factor)
+        attach_maps(actor, emissive_factor)
         return replace(_finished(actor, cutoff), scalars=_scalars_of(dataset, look))
 
 
@@ -253,7 +247,7 @@ def _parts_of(mesh, look, maker):
     if has_graph(mesh):
         return _from_scene(mesh, look, maker)
     if is_trimesh(mesh, 'Trimesh') or hasattr(mesh, 'surfaces'):
-        return [_from_surface(d, own, look, maker) for d, own in _surfaces(mesh, look)]
+        return [_from_surface(d, s, look, maker) for d, s in _surfaces(mesh, look)]
     if isinstance(mesh, _vtk.vtkActor):
         return _from_actor(mesh, look)
     if isinstance(mesh, _vtk.vtkDataObject):
@@ -262,8 +256,10 @@ def _parts_of(mesh, look, maker):
         return _from_blocks(mesh, look, maker)
     if isinstance(mesh, pv.DataSet):
         return [_from_dataset(mesh, look, maker)]
-    kinds = 'a PyVista dataset, an actor, a trimesh mesh or scene or a path'
-    raise TypeError(f'mesh must be {kinds}, not {type(mesh).__name__}.')
+    raise TypeError(
+        'mesh must be a PyVista dataset, an actor, a trimesh mesh or scene, or a path, got '
+        f'{type(mesh).__name__}'
+    )
 
 
 def _from_dataset(dataset, look, maker):
@@ -273,7 +269,7 @@ def _from_dataset(dataset, look, maker):
 
 
 def _with_arrays(dataset, look):
-    """Store arrays given by value on a shallow copy, so that filters pass them on."""
+    """Store arrays passed by value on a shallow copy, so that filters pass them on."""
     dataset, look = dataset.copy(deep=False), dict(look)
     for keyword, name in (('scalars', SCALARS), ('opacity', OPACITY)):
         values = checked_data(dataset, keyword, look.get(keyword))
@@ -291,19 +287,21 @@ def _with_arrays(dataset, look):
 
 
 def _from_blocks(blocks, look, maker):
-    found = [
+    datasets = [
         block
         for block in blocks.recursive_iterator(skip_none=True, skip_empty=True)
         if isinstance(block, pv.DataSet)
     ]
-    if not found:
-        raise ValueError('mesh is empty: no block has points.')
-    if look.get('scalars') is None and len({b.active_scalars_name for b in found}) > 1:
-        found = [_without_active(block) for block in found]  # add_mesh shows what all share
-    looks = [_for_block(block, look) for block in found]
+    if not datasets:
+        raise ValueError('mesh must have points, got no block with any')
+    if look.get('scalars') is None and len({b.active_scalars_name for b in datasets}) > 1:
+        # add_mesh colours only by an array that all share.
+        datasets = [_without_active(block) for block in datasets]
+    block_looks = [_for_block(block, look) for block in datasets]
     if look.get('clim') is None and not look.get('rgb'):
-        _share_range(found, looks)
-    return [_from_dataset(block, own, maker) for block, own in zip(found, looks, strict=True)]
+        _share_range(datasets, block_looks)
+    pairs = zip(datasets, block_looks, strict=True)
+    return [_from_dataset(block, block_look, maker) for block, block_look in pairs]
 
 
 def _without_active(block):
@@ -327,7 +325,7 @@ def _for_block(block, look):
 
 
 def _share_range(blocks, looks):
-    """Give blocks that show the same array the same colour range, as add_mesh does."""
+    """Give blocks coloured by the same array the same range, as add_mesh does."""
     ranges: dict = {}
     for block, look in zip(blocks, looks, strict=True):
         name = look.get('scalars') or block.active_scalars_name
@@ -336,8 +334,8 @@ def _share_range(blocks, looks):
             continue
         values = values[np.isfinite(values)]
         if values.size:
-            low, high = ranges.setdefault(name, (values.min(), values.max()))
-            ranges[name] = (min(low, values.min()), max(high, values.max()))
+            low_value, high_value = ranges.setdefault(name, (values.min(), values.max()))
+            ranges[name] = (min(low_value, values.min()), max(high_value, values.max()))
     for block, look in zip(blocks, looks, strict=True):
         name = look.get('scalars') or block.active_scalars_name
         if isinstance(name, str) and name in ranges:
@@ -347,53 +345,54 @@ def _share_range(blocks, looks):
 def _from_scene(scene, look, maker):
     meshes, index, matrices = scene_instances(scene, look.get('pbr'))
     textures: dict = {}
-    alike: dict = {}
-    known = [_surfaces(mesh, look, textures) for mesh in meshes]
-    for which, matrix in zip(index, matrices, strict=True):
-        for dataset, own in known[which]:
-            # Every part costs a draw call: equal looks are merged.
-            key = look_key(own) + tuple(dataset.array_names)
-            alike.setdefault(key, (own, []))[1].append(moved(dataset, matrix))
-    return [_from_surface(_joined(pieces), own, look, maker) for own, pieces in alike.values()]
+    by_look: dict = {}
+    surfaces = [_surfaces(mesh, look, textures) for mesh in meshes]
+    for mesh_index, matrix in zip(index, matrices, strict=True):
+        for dataset, surface_look in surfaces[mesh_index]:
+            # Each part costs a draw call: surfaces of equal looks are merged.
+            key = look_key(surface_look) + tuple(dataset.array_names)
+            by_look.setdefault(key, (surface_look, []))[1].append(moved(dataset, matrix))
+    return [
+        _from_surface(first.append_polydata(*rest) if rest else first, surface_look, look, maker)
+        for surface_look, (first, *rest) in by_look.values()
+    ]
 
 
 def _surfaces(mesh, look, textures=None):
-    """Return the datasets of a mesh of a file or of trimesh, each with its own look."""
+    """Return the datasets of a glTF or trimesh mesh, each with its look."""
     if hasattr(mesh, 'surfaces'):
         return mesh.surfaces
     return [as_dataset(mesh, look.get('pbr'), textures)]
 
 
-def _from_surface(dataset, own, look, maker):
+def _from_surface(dataset, own_look, look, maker):
     """Return the part of a surface with the look of its material."""
-    merged = merged_look(own, look)
-    # smooth_shading would replace the normals of a file.
-    phong = merged.get('smooth_shading') and own.get('smooth_shading')
-    phong = phong and not look.get('split_sharp_edges')
-    part = _from_dataset(dataset, merged | ({'smooth_shading': False} if phong else {}), maker)
-    if phong and not merged.get('pbr'):
+    merged = merged_look(own_look, look)
+    # smooth_shading would replace the file's normals.
+    keeps_normals = merged.get('smooth_shading') and own_look.get('smooth_shading')
+    keeps_normals = keeps_normals and not look.get('split_sharp_edges')
+    shading = {'smooth_shading': False} if keeps_normals else {}
+    part = _from_dataset(dataset, merged | shading, maker)
+    if keeps_normals and not merged.get('pbr'):
         part.actor.prop.interpolation = 'Phong'
     return part
 
 
-def _joined(pieces):
-    return pieces[0] if len(pieces) == 1 else pieces[0].append_polydata(*pieces[1:])
-
-
 def _from_actor(actor, look):
-    given = [key for key in look if key not in FIXED and look[key] is not None]
-    if set(given) - {'alpha_cutoff'}:
+    conflicting = [key for key in look if key not in FIXED and look[key] is not None]
+    if set(conflicting) - {'alpha_cutoff'}:
         raise ValueError(
-            f'mesh is an actor with its own look: set {given} on it, or give its mesh.'
+            f'{", ".join(conflicting)} must be left out for an actor: set its look, or pass its '
+            'mesh'
         )
     mapper = actor.GetMapper()
     if mapper is None or mapper.GetInputDataObject(0, 0) is None:
-        raise ValueError('mesh is an actor without a mesh: its mapper has no input.')
+        raise ValueError('mesh must be an actor with a mesh, got one whose mapper has no input')
     mapper.Update()
-    shown = pv.wrap(mapper.GetInputDataObject(0, 0))
-    if isinstance(shown, pv.MultiBlock):
-        return _from_composite(actor, mapper, shown)
-    return [_copied(actor, mapper, shown, look.get('alpha_cutoff'))]
+    dataset = pv.wrap(mapper.GetInputDataObject(0, 0))
+    if isinstance(dataset, pv.MultiBlock):
+        return _from_composite(actor, mapper, dataset)
+    return [_copied(actor, mapper, dataset, look.get('alpha_cutoff'))]
 
 
 def _from_composite(actor, mapper, blocks):
@@ -405,7 +404,9 @@ def _from_composite(actor, mapper, blocks):
             _set_block_look(part, attributes, block)
             parts.append(part)
     if not parts:
-        raise ValueError('mesh is an actor without a visible mesh: no visible block has points.')
+        raise ValueError(
+            'mesh must be an actor with visible points, got no visible block with any'
+        )
     return parts
 
 
@@ -420,23 +421,23 @@ def _set_block_look(part, attributes, block):
         part.actor.prop.opacity = attributes.GetBlockOpacity(block)
 
 
-def _copied(actor, mapper, shown, cutoff=None):
-    check_points(shown)
+def _copied(actor, mapper, dataset, cutoff=None):
+    check_points(dataset)
     copy = pv.Actor()
     copy.mapper = _copied_mapper(mapper)
-    copy.mapper.dataset = surface_of(shown.copy(deep=False))
+    copy.mapper.dataset = surface_of(dataset.copy(deep=False))
     copy.SetProperty(copied_property(actor.GetProperty()))
     if actor.GetBackfaceProperty() is not None:
         copy.SetBackfaceProperty(copied_property(actor.GetBackfaceProperty()))
-    _dress(copy, actor)
+    _copy_look(copy, actor)
     copy.user_matrix = pv.array_from_vtkmatrix(actor.GetMatrix())
     part = _finished(copy, cutoff)
     part.of_actor = True
     return part
 
 
-def _dress(copy, actor):
-    """Give an actor the texture, the opacity modes and the shader of another."""
+def _copy_look(copy, actor):
+    """Copy the texture, opacity modes and shader of an actor."""
     copy.SetTexture(actor.GetTexture())
     copy.SetForceOpaque(actor.GetForceOpaque())
     copy.SetForceTranslucent(actor.GetForceTranslucent())
@@ -450,36 +451,36 @@ def _copied_mapper(mapper):
     # Its own lookup table: recolouring the user's actor must not recolour the instances.
     table = mapper.GetLookupTable()
     if table is not None:
-        own = pv.LookupTable() if isinstance(table, pv.LookupTable) else table.NewInstance()
-        own.DeepCopy(table)
-        copy.SetLookupTable(own)
+        table_copy = pv.LookupTable() if isinstance(table, pv.LookupTable) else table.NewInstance()
+        table_copy.DeepCopy(table)
+        copy.SetLookupTable(table_copy)
     return copy
 
 
 def _finished(actor, cutoff):
-    """Return the part of an actor: matrix and planes applied, unused arrays dropped."""
+    """Return the part of an actor, with matrix and planes applied and unused arrays dropped."""
     mapper = actor.mapper
     mapper.Update()
-    drawn = pv.wrap(mapper.GetInputDataObject(0, 0)).copy(deep=False)
-    drawn = moved(drawn, pv.array_from_vtkmatrix(actor.GetMatrix()))
+    dataset = pv.wrap(mapper.GetInputDataObject(0, 0)).copy(deep=False)
+    dataset = moved(dataset, pv.array_from_vtkmatrix(actor.GetMatrix()))
     actor.user_matrix = np.eye(4)
-    # The planes are those of the actor where it is; instances are elsewhere.
-    drawn = clipped(drawn, mapper.GetClippingPlanes())
+    # Clipping planes are in world space and must not clip instances elsewhere.
+    dataset = clipped(dataset, mapper.GetClippingPlanes())
     mapper.SetClippingPlanes(_vtk.vtkPlaneCollection())
-    drop_unseen(drawn, mapper)
-    mesh = triangles_of(drawn)
-    # Bypass the mapper's filters: smooth shading is applied already.
-    mapper.dataset = drawn if draws_more(actor, drawn) else mesh
+    drop_unseen(dataset, mapper)
+    mesh = triangles_of(dataset)
+    # Bypass the mapper's filters: smooth shading is already applied.
+    mapper.dataset = dataset if draws_more(actor, dataset) else mesh
     if cutoff is not None:
         _cut_out(actor, cutoff)
     return Part(actor, mesh, cutoff)
 
 
-def draws_more(actor, drawn) -> bool:
-    """Return True if VTK draws more of a mesh than its triangles."""
+def draws_more(actor, dataset) -> bool:
+    """Return True if VTK draws more than the triangles of a mesh: edges, lines or points."""
     prop = actor.GetProperty()
-    whole = prop.GetRepresentation() == _SURFACE and not prop.GetEdgeVisibility()
-    return not whole or bool(drawn.GetNumberOfVerts() + drawn.GetNumberOfLines())
+    is_plain_surface = prop.GetRepresentation() == _SURFACE and not prop.GetEdgeVisibility()
+    return not is_plain_surface or bool(dataset.GetNumberOfVerts() + dataset.GetNumberOfLines())
 
 
 def _cut_out(actor, cutoff):
@@ -487,7 +488,7 @@ def _cut_out(actor, cutoff):
     if opacity == 1:
         actor.ForceOpaqueOn()
     # After texturing; alpha includes the opacity. What remains is opaque: VTK blends in its opaque
-    # pass too, so a soft edge would show what lies behind.
+    # pass too, and soft edges would show what lies behind.
     text = f"""//VTK::TCoord::Impl
   if (gl_FragData[0].a < {cutoff * opacity:.6f}) discard;
   gl_FragData[0].a = {opacity:.6f};

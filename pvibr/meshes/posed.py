@@ -1,4 +1,4 @@
-"""Poses from what users have: points, matrices, rotations, tables, datasets with vectors."""
+"""Poses from points, matrices, rotations, tables and datasets with vectors."""
 
 from __future__ import annotations
 
@@ -20,19 +20,19 @@ from pvibr.maths.vectors import unit_vectors
 from pvibr.meshes.pose_files import read_poses_and, table_poses
 from pvibr.meshes.poses import as_poses
 
-#: Size of items of size 0, as VTK's glyphs have it: matrices keep an inverse.
-_LEAST = 1e-10
-#: The largest scale and factor: single floats hold the square of each.
-_MOST = 1e18
+#: Size of items of size 0, as in VTK's glyphs: matrices stay invertible.
+_MIN_SCALE = 1e-10
+#: Largest scale and factor: float32 holds the square of each.
+_MAX_SCALE = 1e18
 
 
 class Source(NamedTuple):
-    """Poses as they were given, and the arrays that came with them by name, None of bare ones."""
+    """Poses as the user passed them, and the arrays beside them by name, None without any."""
 
     poses: np.ndarray
     arrays: Mapping | None = None
     dataset: pv.DataSet | None = None
-    #: Names of the columns of a table.
+    #: Names of a table's columns.
     columns: tuple[str, ...] = ()
 
     def array(self, argument, name):
@@ -42,40 +42,43 @@ class Source(NamedTuple):
             return np.asarray(arrays[name])
         if self.arrays is None:
             raise TypeError(
-                f'{argument} is {name!r}, a name: it needs points that are a dataset or a table '
-                'with this array'
+                f'{argument} must not be a name, got {name!r}: the points must be a dataset or a '
+                'table with this array'
             )
-        known = ', '.join(map(repr, self.columns or arrays)) or 'none'
-        msg = f'{argument} is {name!r}; the arrays of the points are: {known}'
-        raise ValueError(msg + nearest(name, self.columns or arrays))
+        available = self.columns or tuple(arrays)
+        names = ', '.join(map(repr, available)) or 'none'
+        raise ValueError(
+            f'{argument} must name an array of the points, which are {names}, got {name!r}'
+            + nearest(name, available)
+        )
 
     def scalars(self, name):
-        """Return the values that scalars name: their scalar bar has that name."""
+        """Return the values that `name` selects, with that name for their scalar bar."""
         values = self.array('scalars', name)
         if values.ndim != 1:
             raise ValueError(
-                f'scalars is {name!r}, an array of vectors; name one of numbers or words'
+                f'scalars must be an array of numbers or words, got {name!r}, vectors'
             )
         return named(values, name)
 
 
 class _Named(np.ndarray):
-    """An array with a name, as a column of a table has it."""
+    """An array with a name, like a column of a table."""
 
     name = ''
 
 
 def named(values, name):
-    """Return a copy of values that has a name."""
-    made = np.array(values).view(_Named)
-    made.name = name
-    return made
+    """Return a copy of values with a name."""
+    copy = np.array(values).view(_Named)
+    copy.name = name
+    return copy
 
 
 def source_of(poses, *names, argument='poses', oriented=True) -> Source:
-    """Return poses and the arrays of some names, of a file, a table or a dataset.
+    """Return the poses of a file, table or dataset, and its arrays of these names.
 
-    If they are not oriented, columns of rotations and scales are arrays as others are.
+    Unless oriented, columns of rotations and scales are arrays like any other.
     """
     if isinstance(poses, str | Path):
         return Source(*read_poses_and(poses, names))
@@ -85,54 +88,54 @@ def source_of(poses, *names, argument='poses', oriented=True) -> Source:
     with naming(argument, poses):
         table = columns_table(poses)
         if table is not None:
-            # Of three columns by other names, those are: as of an array.
-            bare = len(table.names) == 3 and table.find('x') is None
-            axes = table.names if bare else None
-            found, arrays = table_poses(table, names, axes, oriented=oriented)
-            return Source(found, arrays, columns=tuple(table.names))
+            # Three columns of any other names are positions, as those of an array.
+            are_positions = len(table.names) == 3 and table.find('x') is None
+            axes = table.names if are_positions else None
+            table_matrices, arrays = table_poses(table, names, axes, oriented=oriented)
+            return Source(table_matrices, arrays, columns=tuple(table.names))
     return Source(_plain(poses))
 
 
 def posed(poses, orient=None, scale=None, factor=1.0):
-    """Return checked poses, shape (n, 3) or (n, 4, 4): turned, scaled, then where they are."""
-    named = [name for name in (orient, scale) if isinstance(name, str)]
-    return posed_source(source_of(poses, *named, *names_in(orient)), orient, scale, factor)
+    """Return checked poses, scaled, then turned, then placed, shape (n, 3) or (n, 4, 4)."""
+    array_names = [name for name in (orient, scale) if isinstance(name, str)]
+    return posed_source(source_of(poses, *array_names, *names_in(orient)), orient, scale, factor)
 
 
 def posed_source(source, orient=None, scale=None, factor=1.0):
-    """Return the checked poses of a source."""
+    """Return the same for the poses of a source."""
     poses = as_poses(source.poses)
-    turns = _turns(source, orient, len(poses))
+    rotations = _turns(source, orient, len(poses))
     sizes = _sizes(source, scale, factor, len(poses))
-    if turns is None and sizes is None:
+    if rotations is None and sizes is None:
         return poses
     poses = trs(poses) if poses.ndim == 2 else poses.copy()
-    if turns is not None:
-        poses[:, :3, :3] = poses[:, :3, :3] @ turns
+    if rotations is not None:
+        poses[:, :3, :3] = poses[:, :3, :3] @ rotations
     if sizes is not None:
         poses[:, :3, :3] *= np.reshape(sizes, (-1, 1, 1))
     return poses
 
 
 def matrices(points, orient=None, scale=None, factor=1.0):
-    """Return matrices that scale, turn and move, as PyVista's ``glyph`` places its glyphs.
+    """Return matrices that scale, turn and place items as PyVista's ``glyph`` does.
 
     Parameters
     ----------
     points : array_like, shape (n, 3) or (n, 4, 4), dataset, table, transforms or path
-        Points or matrices, world units. A dataset has its points, a table (pandas, polars, dict of
-        columns, file) has them in columns x, y and z and may have quaternions and scales, see
-        :func:`pvibr.read_poses`. Transforms are ``pyvista.Transform``, VTK's, or one of scipy.
+        Points or matrices, world units; the points of a dataset; a table (pandas, polars, dict of
+        columns, file) with columns x, y and z, optionally quaternions and scales, see
+        :func:`pvibr.read_poses`; or transforms of PyVista, VTK or scipy.
     orient : array_like, str, sequence of str, bool or scipy.spatial.transform.Rotation, optional
         Vectors, shape (n, 3), toward which x is turned; quaternions (w, x, y, z), shape (n, 4);
-        matrices, shape (n, 3, 3); a name of an array of these, or names of columns. True: the
-        active vectors; False: none. By default the vectors of a dataset that has one array of
-        them, normals and colours left out.
+        matrices, shape (n, 3, 3); the name of an array of these, or names of columns. True: the
+        active vectors; False: none. By default the vectors of a dataset with a single array of
+        them, other than normals and colours.
     scale : float, array_like, shape (n,) or (n, 3), str or bool, optional
-        Factors, or vectors whose lengths are the factors, or a name of an array of these. True:
+        Factors, vectors whose lengths are the factors, or the name of an array of these. True:
         the active scalars. By default none.
     factor : float
-        Factor of all.
+        Factor applied to all.
 
     Returns
     -------
@@ -146,9 +149,9 @@ def matrices(points, orient=None, scale=None, factor=1.0):
 
     Notes
     -----
-    Vectors turn as those of ``glyph`` do: by half a turn about the direction in the middle of x
-    and the vector, so that level vectors turn z down: for what stands upright, give turns about
-    z. Zero vectors turn nothing.
+    Vectors turn as in ``glyph``: by half a turn about the direction halfway between x and the
+    vector, so that horizontal vectors turn z down. For upright items, pass rotations about z
+    instead. Zero vectors turn nothing.
 
     Examples
     --------
@@ -164,17 +167,19 @@ def matrices(points, orient=None, scale=None, factor=1.0):
 
 def toward(vectors):
     """Return rotations of x toward vectors, shape (n, 3, 3), as VTK's glyphs turn."""
-    ahead = np.eye(3)[0]
+    x_axis = np.eye(3)[0]
     units = unit_vectors(vectors)
-    middle = unit_vectors(units + ahead)
-    turns = 2 * middle[:, :, None] * middle[:, None, :] - np.eye(3)
-    along = ~units[:, 1:].any(1)
-    turns[along] = np.where(units[along, 0, None, None] < 0, np.diag([-1.0, 1, -1]), np.eye(3))
-    return turns
+    halfway = unit_vectors(units + x_axis)
+    rotations = 2 * halfway[:, :, None] * halfway[:, None, :] - np.eye(3)
+    along_x = ~units[:, 1:].any(1)
+    rotations[along_x] = np.where(
+        units[along_x, 0, None, None] < 0, np.diag([-1.0, 1, -1]), np.eye(3)
+    )
+    return rotations
 
 
 def vectors_of(dataset):
-    """Return the name of the vectors that turn what stands at the points, None without any."""
+    """Return the name of the only or active vectors of a dataset, None without any."""
     if dataset.active_vectors_name in dataset.point_data:
         return dataset.active_vectors_name
     data = dataset.point_data
@@ -182,8 +187,8 @@ def vectors_of(dataset):
     names = [name for name in names if name not in ('Normals', data.active_normals_name)]
     if len(names) > 1:
         warn(
-            f'the points have several arrays of vectors, {names}: name one, as in '
-            f'orient={names[0]!r}; nothing is turned'
+            f'nothing is turned, as the points have several arrays of vectors, {names}; name one: '
+            f'orient={names[0]!r}'
         )
     return names[0] if len(names) == 1 else None
 
@@ -193,13 +198,13 @@ def _is_vectors(array):
 
 
 def names_in(orient) -> list:
-    """Return the names of columns that are vectors or quaternions together."""
-    several = isinstance(orient, list | tuple) and all(isinstance(n, str) for n in orient)
-    return list(orient) if several else []
+    """Return the names of columns that form vectors or quaternions."""
+    are_names = isinstance(orient, list | tuple) and all(isinstance(n, str) for n in orient)
+    return list(orient) if are_names else []
 
 
 def _plain(poses):
-    """Return transforms as matrices, all else as it is."""
+    """Return transforms as matrices, anything else unchanged."""
     if isinstance(poses, list | tuple) and poses and all(_is_transform(p) for p in poses):
         return np.stack([_plain(p) for p in poses])
     if isinstance(poses, _vtk.vtkMatrix4x4):
@@ -209,10 +214,12 @@ def _plain(poses):
     if isinstance(poses, _vtk.vtkTransform):
         return pv.array_from_vtkmatrix(poses.GetMatrix())
     if hasattr(poses, 'as_matrix'):
-        found = np.asarray(poses.as_matrix())
-        if found.shape[-2:] != (4, 4):
-            raise TypeError('poses is a rotation without points: give points and orient=rotation')
-        return found
+        matrices = np.asarray(poses.as_matrix())
+        if matrices.shape[-2:] != (4, 4):
+            raise TypeError(
+                'poses must have positions, got a rotation; pass points and orient=rotation'
+            )
+        return matrices
     return poses
 
 
@@ -226,9 +233,7 @@ def _turns(source, orient, count):
     if orient is None or orient is True:
         name = None if source.dataset is None else vectors_of(source.dataset)
         if name is None and orient:
-            raise ValueError(
-                'orient is True: it needs points that are a dataset with an array of vectors'
-            )
+            raise ValueError('orient=True requires points of a dataset with an array of vectors')
         orient = name
     if orient is None or orient is False:
         return None
@@ -249,17 +254,17 @@ def _turned(name, values, count):
         values = values[None]
     if values.shape not in shapes:
         raise ValueError(
-            f'{name} has shape {values.shape}; it must be ({count}, 3), vectors, ({count}, 4), '
-            f'quaternions (w, x, y, z), or ({count}, 3, 3), matrices'
+            f'{name} must be vectors, ({count}, 3), quaternions (w, x, y, z), ({count}, 4), or '
+            f'matrices, ({count}, 3, 3), got shape {values.shape}'
         )
     if values.ndim == 3:
         return values
     if values.shape[1] == 3:
         return toward(values)
-    still = np.flatnonzero(~values.any(1))
-    if len(still):
+    zero_length = np.flatnonzero(~values.any(1))
+    if len(zero_length):
         raise ValueError(
-            f'{name}[{still[0]}] is a quaternion of length 0; it must be (w, x, y, z)'
+            f'{name}[{zero_length[0]}] must be a quaternion (w, x, y, z), got one of length 0'
         )
     return to_matrices(unit_vectors(values))
 
@@ -270,42 +275,40 @@ def _sizes(source, scale, factor, count):
     if scale is True:
         name = None if source.dataset is None else source.dataset.active_scalars_name
         if name is None:
-            raise ValueError(
-                'scale is True: it needs points that are a dataset with active scalars'
-            )
+            raise ValueError('scale=True requires points of a dataset with active scalars')
         scale = name
     if scale is None or scale is False:
         return None if factor == 1 else np.array(factor)
     if isinstance(scale, str) and scale.lower() == 'scale' and source.dataset is None:
-        return None if factor == 1 else np.array(factor)  # tables scale by this column anyway
+        return None if factor == 1 else np.array(factor)  # the table's poses contain this column
     values = source.array('scale', scale) if isinstance(scale, str) else scale
     values = _numbers('scale', values)
     if values.shape == (count, 3):
         values = np.linalg.norm(values, axis=1)
     if values.shape not in ((), (count,)):
         raise ValueError(
-            f'scale has shape {values.shape}; it must be one number, ({count},) factors, or '
-            f'({count}, 3) vectors'
+            f'scale must be one number, ({count},) factors or ({count}, 3) vectors, got shape '
+            f'{values.shape}'
         )
-    if np.abs(values).max(initial=0.0) > _MOST:
-        raise ValueError(f'scale is up to {np.abs(values).max():g}; it must be at most {_MOST:g}')
-    return kept_apart(values * factor)
+    if np.abs(values).max(initial=0.0) > _MAX_SCALE:
+        raise ValueError(f'scale must be at most {_MAX_SCALE:g}, got {np.abs(values).max():g}')
+    return nonzero_scales(values * factor)
 
 
-def kept_apart(sizes):
-    """Return sizes, those of 0 as the least."""
-    return np.where(sizes == 0, _LEAST, sizes)
+def nonzero_scales(sizes):
+    """Return sizes with the smallest scale in place of 0."""
+    return np.where(sizes == 0, _MIN_SCALE, sizes)
 
 
 def checked_factor(factor) -> float:
-    """Return a factor of all sizes."""
-    return checked_number('factor', factor, -_MOST, _MOST) or _LEAST
+    """Return a checked factor of all sizes, not 0."""
+    return checked_number('factor', factor, -_MAX_SCALE, _MAX_SCALE) or _MIN_SCALE
 
 
 def _numbers(name, values):
     try:
         array = as_array(name, values, np.float64)
     except (TypeError, ValueError) as error:
-        raise TypeError(f'{name} is {values!r:.80}; it must be numbers') from error
+        raise TypeError(f'{name} must be numbers, got {values!r:.80}') from error
     check_finite(name, array)
     return array

@@ -1,4 +1,4 @@
-"""How far one triangle mesh is from another."""
+"""Distances between triangle meshes."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ import pyvista as pv
 
 from pvibr.core import _vtk
 
-_SAMPLES = 4000  # places on a surface that are looked at, and as many of its points
+_SAMPLES = 4000  # random samples of a surface, and as many of its points at most
 
 
 @dataclass
 class Surface:
-    """Triangles in float64, with what finds the nearest of them."""
+    """Triangles in float64, with a locator of the nearest one."""
 
     points: np.ndarray
     faces: np.ndarray
@@ -31,24 +31,24 @@ class Surface:
         locator.SetDataSet(
             pv.PolyData.from_regular_faces(np.asarray(self.points, float), self.faces)
         )
-        locator.SetNumberOfCellsPerNode(2)  # a fifth faster than with its default of 10
+        locator.SetNumberOfCellsPerNode(2)  # a fifth faster than the default of 10
         locator.BuildLocator()
         return locator
 
     def nearest(self, places):
-        """Return the nearest triangle of each place, its corners' weights there, the distance."""
-        cell, part, squared = (_vtk.reference(v) for v in (0, 0, 0.0))
-        found, at = np.zeros(len(places), int), np.zeros((len(places), 3))
+        """Return the nearest triangle, barycentric weights and distance of each point."""
+        cell, sub_id, squared = (_vtk.reference(v) for v in (0, 0, 0.0))
+        triangles, closest_points = np.zeros(len(places), int), np.zeros((len(places), 3))
         closest = [0.0, 0.0, 0.0]
         find = self._locator.FindClosestPoint
         for i, place in enumerate(np.asarray(places, float).tolist()):
-            find(place, closest, cell, part, squared)
-            found[i], at[i] = cell.get(), closest
-        away = np.linalg.norm(at - places, axis=1)
-        return found, weights_of(at, self.corners[found]), away
+            find(place, closest, cell, sub_id, squared)
+            triangles[i], closest_points[i] = cell.get(), closest
+        distances = np.linalg.norm(closest_points - places, axis=1)
+        return triangles, weights_of(closest_points, self.corners[triangles]), distances
 
     def samples(self, count=_SAMPLES):
-        """Return places all over the surface: points, and others by area."""
+        """Return points and random samples by area of the surface."""
         points = np.asarray(self.points, float)[np.unique(self.faces)]
         a, b, c = self.corners.transpose(1, 0, 2)
         area = np.cumsum(np.linalg.norm(np.cross(b - a, c - a), axis=1))
@@ -60,22 +60,22 @@ class Surface:
         return np.concatenate([points[:: -(-len(points) // count)], inner])
 
 
-def hausdorff(one, other, count=_SAMPLES) -> float:
-    """Return the largest distance between two surfaces, both ways, at so many places."""
-    pairs = ((one, other), (other, one))
+def hausdorff(first, second, count=_SAMPLES) -> float:
+    """Return the symmetric Hausdorff distance of two surfaces, from `count` samples each."""
+    pairs = ((first, second), (second, first))
     return float(max(a.nearest(b.samples(count))[2].max() for a, b in pairs))
 
 
 def weights_of(places, corners):
-    """Return the weights of the corners of triangles at places on them."""
+    """Return the barycentric weights of points on triangles."""
     a, b, c = corners.transpose(1, 0, 2)
     normal = np.cross(b - a, c - a)
-    parts = [
+    weights_by_corner = [
         np.einsum('ij,ij->i', np.cross(q - p, places - p), normal)
         for p, q in ((b, c), (c, a), (a, b))
     ]
-    weights = np.maximum(np.stack(parts, 1), 0.0)
+    weights = np.maximum(np.stack(weights_by_corner, 1), 0.0)
     total = weights.sum(1, keepdims=True)
-    thin = total[:, 0] <= 0
-    weights[thin], total[thin] = 1.0, 3.0
+    is_degenerate = total[:, 0] <= 0
+    weights[is_degenerate], total[is_degenerate] = 1.0, 3.0
     return weights / total

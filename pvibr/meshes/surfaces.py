@@ -1,4 +1,4 @@
-"""The surfaces of datasets, as ``add_mesh`` draws them."""
+"""Surfaces of datasets, as ``add_mesh`` draws them."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ from pvibr.maths.transforms import transform_normals, transform_points
 def check_points(dataset):
     """Raise if a mesh has no points, or points that are not finite."""
     if not dataset.n_points:
-        raise ValueError('mesh is empty: it has no points.')
-    bad = np.flatnonzero(~np.isfinite(dataset.points).all(axis=1))
-    if bad.size:
-        first = f'mesh.points[{bad[0]}] is {dataset.points[bad[0]].tolist()}'
+        raise ValueError('mesh must have points, got an empty one')
+    invalid = np.flatnonzero(~np.isfinite(dataset.points).all(axis=1))
+    if invalid.size:
         raise ValueError(
-            f'{first}; it must be finite ({bad.size} such points). Remove them or set them.'
+            f'mesh.points[{invalid[0]}] must be finite, got {dataset.points[invalid[0]].tolist()} '
+            f'({invalid.size} such points); remove them or set them'
         )
 
 
 def surface_of(dataset):
     """Return the polygons, lines and vertices that VTK draws of a dataset."""
-    active = dataset.active_scalars_info
+    active_scalars = dataset.active_scalars_info
     if isinstance(dataset, pv.PointSet):
         dataset = dataset.cast_to_polydata(deep=False)
     if not isinstance(dataset, pv.PolyData):
@@ -34,7 +34,7 @@ def surface_of(dataset):
         dataset = dataset.extract_surface(
             algorithm='dataset_surface', pass_pointid=False, pass_cellid=False
         )
-    _set_active(dataset, active)
+    set_active(dataset, active_scalars)
     return dataset
 
 
@@ -42,12 +42,12 @@ def triangles_of(surface):
     """Return the polygons of a surface as triangles, with its active arrays."""
     polygons = _polygons(surface)
     triangles = polygons if _is_triangulated(polygons) else polygons.triangulate()
-    _set_active(triangles, surface.active_scalars_info)
+    set_active(triangles, surface.active_scalars_info)
     return triangles
 
 
 def _polygons(surface):
-    """Return a surface without vertices and lines, which VTK's triangle filter mixes up."""
+    """Return a surface without vertices and lines: VTK's triangle filter mixes up their arrays."""
     first = surface.n_verts + surface.n_lines
     if not first:
         return surface
@@ -59,7 +59,7 @@ def _polygons(surface):
 
 
 def some_triangles(mesh, ids):
-    """Return some triangles of a mesh of triangles, with all of its points."""
+    """Return a subset of a mesh's triangles, with all points."""
     ids, mesh = np.asarray(ids), mesh.copy(deep=False)
     with _keeping_cells(mesh, ids):
         mesh.regular_faces = np.asarray(mesh.regular_faces)[ids]
@@ -68,19 +68,20 @@ def some_triangles(mesh, ids):
 
 @contextmanager
 def _keeping_cells(mesh, ids):
-    """Take the arrays of some cells along while the cells change."""
-    data, active = mesh.cell_data, mesh.active_scalars_info
-    normals = data.active_normals_name
-    kept = {name: np.asarray(data[name])[ids] for name in data}
+    """Keep the arrays of cells `ids` while the cells change."""
+    cell_data, active_scalars = mesh.cell_data, mesh.active_scalars_info
+    normals = cell_data.active_normals_name
+    kept_arrays = {name: np.asarray(cell_data[name])[ids] for name in cell_data}
     mesh.clear_cell_data()
     yield
-    for name, values in kept.items():
-        data.set_array(values, name)
-    data.active_normals_name = normals
-    _set_active(mesh, active)
+    for name, values in kept_arrays.items():
+        cell_data.set_array(values, name)
+    cell_data.active_normals_name = normals
+    set_active(mesh, active_scalars)
 
 
-def _set_active(surface, active):
+def set_active(surface, active):
+    """Activate the scalars of another dataset's `active_scalars_info`, if it has any."""
     if active.name is not None and active.association.name in ('POINT', 'CELL'):
         surface.set_active_scalars(active.name, preference=active.association.name.lower())
 
@@ -92,45 +93,49 @@ def _is_triangulated(surface):
 
 
 def moved(mesh, matrix):
-    """Return a surface transformed by a matrix, a mirroring one included."""
+    """Return a surface transformed by a matrix, which may mirror."""
     if np.array_equal(matrix, np.eye(4)):
         return mesh
-    new = mesh.copy(deep=False)
+    transformed = mesh.copy(deep=False)
     # A shallow copy shares its vtkPoints: the points setter would change the original.
-    new.SetPoints(pv.vtk_points(transform_points(matrix, mesh.points)))
-    for old, data in ((mesh.point_data, new.point_data), (mesh.cell_data, new.cell_data)):
-        if old.active_normals is not None:
-            data.active_normals = transform_normals(matrix, old.active_normals)
+    transformed.SetPoints(pv.vtk_points(transform_points(matrix, mesh.points)))
+    for name in ('point_data', 'cell_data'):
+        normals = getattr(mesh, name).active_normals
+        if normals is not None:
+            getattr(transformed, name).active_normals = transform_normals(matrix, normals)
     # A mirroring matrix reverses the winding.
-    return with_flipped_winding(new) if np.linalg.det(matrix[:3, :3]) < 0 else new
+    return turned(transformed) if np.linalg.det(matrix[:3, :3]) < 0 else transformed
 
 
 def clipped(mesh, planes):
-    """Return what clipping planes leave of a surface; VTK keeps what lies along their normals."""
+    """Return a surface clipped by planes, whose normals point to what remains."""
     for plane in () if planes is None else planes:
-        cut = _vtk.vtkClipPolyData()
-        cut.SetInputData(mesh)
-        cut.SetClipFunction(plane)
-        cut.Update()
-        left = pv.wrap(cut.GetOutput())
-        if not left.GetNumberOfPolys() + left.n_strips:
-            raise ValueError('mesh is clipped away by the planes of its mapper.')
-        _set_active(left, mesh.active_scalars_info)
-        mesh = left
+        clipper = _vtk.vtkClipPolyData()
+        clipper.SetInputData(mesh)
+        clipper.SetClipFunction(plane)
+        clipper.Update()
+        remaining = pv.wrap(clipper.GetOutput())
+        if not remaining.GetNumberOfPolys() + remaining.n_strips:
+            raise ValueError('mesh must not be clipped away by the planes of its mapper')
+        set_active(remaining, mesh.active_scalars_info)
+        mesh = remaining
     return mesh
 
 
 def drop_unseen(mesh, mapper):
     """Remove the arrays that a mapper does not draw."""
     if mapper.GetArrayAccessMode() == 0 and mapper.GetScalarMode() in (3, 4):
-        return  # the array is selected by index, which dropping others would change
-    shown = {mapper.GetArrayName()} if mapper.GetScalarVisibility() else set()
+        return  # the array is selected by index, which would change
+    scalar_names = {mapper.GetArrayName()} if mapper.GetScalarVisibility() else set()
     for mode, data in ((1, mesh.point_data), (2, mesh.cell_data)):
-        keep = shown | {data.active_normals_name, data.active_texture_coordinates_name}
+        used_names = scalar_names | {
+            data.active_normals_name,
+            data.active_texture_coordinates_name,
+        }
         if mapper.GetScalarVisibility() and mapper.GetScalarMode() in (0, mode):
-            keep.add(data.active_scalars_name)
+            used_names.add(data.active_scalars_name)
         tangents = data.VTKObject.GetTangents()
-        keep.add(tangents.GetName() if tangents is not None else None)
-        for name in set(data.keys()) - keep:
+        used_names.add(tangents.GetName() if tangents is not None else None)
+        for name in set(data.keys()) - used_names:
             del data[name]
     mesh.clear_field_data()

@@ -1,4 +1,4 @@
-"""Turntables: views from around an axis, for viewers at its level."""
+"""Turntables: views from around an axis, for eyes near its horizon."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from pvibr.maths.facing import CLOSE
 
 #: Sine of the largest elevation, up or down, at which side views are used.
-LEVEL = 0.34
+SIDE_ELEVATION = 0.34
 
 
 class Turns(NamedTuple):
@@ -25,21 +25,21 @@ class Turns(NamedTuple):
         return int(np.ceil(np.sqrt(self.views)))
 
     def sides(self) -> np.ndarray:
-        """Return the reference axes of azimuths, shape (3, 3)."""
+        """Return two reference axes of azimuth and the turntable's axis, shape (3, 3)."""
         axis = np.array(self.axis)
-        side = np.array([1.0, 0, 0] if abs(axis[0]) < CLOSE else [0, 1.0, 0])
-        first = side - axis * (axis @ side)
-        first /= np.linalg.norm(first)
-        return np.stack([first, np.cross(axis, first), axis])
+        side_vector = np.array([1.0, 0, 0] if abs(axis[0]) < CLOSE else [0, 1.0, 0])
+        first_axis = side_vector - axis * (axis @ side_vector)
+        first_axis /= np.linalg.norm(first_axis)
+        return np.stack([first_axis, np.cross(axis, first_axis), axis])
 
     def frames(self) -> np.ndarray:
         """Return right, up and toward-the-eye of each view, shape (columns, columns, 3, 3)."""
-        first, second, axis = self.sides()
-        angle = 2 * np.pi * np.arange(self.columns**2)[:, None] / self.views
-        toward = np.cos(angle) * first + np.sin(angle) * second
+        first_axis, second_axis, axis = self.sides()
+        azimuths = 2 * np.pi * np.arange(self.columns**2)[:, None] / self.views
+        toward = np.cos(azimuths) * first_axis + np.sin(azimuths) * second_axis
         up = np.broadcast_to(axis, toward.shape)
-        rows = np.stack([np.cross(up, toward), up, toward], 1)
-        return rows.reshape(self.columns, self.columns, 3, 3)
+        axes = np.stack([np.cross(up, toward), up, toward], 1)
+        return axes.reshape(self.columns, self.columns, 3, 3)
 
 
 @dataclass
@@ -62,18 +62,19 @@ class Turntable:
 
     @classmethod
     def from_arrays(cls, arrays) -> Turntable | None:
-        """Make a turntable from named arrays, or None if they hold none."""
+        """Return a turntable from named arrays, None if there is none."""
         if 'turns' not in arrays:
             return None
         numbers = np.asarray(arrays['turns'], float)
-        pictures = [np.asarray(arrays.get(f'turns.{k}')) for k in ('geometry', 'albedo')]
+        images = [np.asarray(arrays.get(f'turns.{k}')) for k in ('geometry', 'albedo')]
         if numbers.shape != (4,) or not (np.isfinite(numbers).all() and numbers[3] >= 1):
             raise ValueError(f'not a turntable: {numbers.tolist()}')
         turns = Turns(tuple(numbers[:3].tolist()), int(numbers[3]))
-        side = len(pictures[0]) if pictures[0].ndim else 0
-        good = side and side % turns.columns == 0
-        if not good or any(p.shape != (side, side, 4) or p.dtype != np.uint8 for p in pictures):
+        image_side = len(images[0]) if images[0].ndim else 0
+        is_valid = image_side and image_side % turns.columns == 0
+        shape = (image_side, image_side, 4)
+        if not is_valid or any(p.shape != shape or p.dtype != np.uint8 for p in images):
             raise ValueError(
                 f'not a turntable of {turns.views} views: images must be square, uint8'
             )
-        return cls(turns, *pictures)
+        return cls(turns, *images)

@@ -10,7 +10,7 @@ from pvibr.meshes.parts import as_parts
 
 #: Number of sides of each level.
 _SIDES = (48, 24, 12, 6)
-_CLOSE = 0.5  # largest error of an outline in pixels
+_OUTLINE_ERROR = 0.5  # px
 
 
 def balls(prop) -> tuple[list, tuple]:
@@ -22,19 +22,19 @@ def balls(prop) -> tuple[list, tuple]:
 def tubes(prop, capped) -> tuple[list, tuple]:
     """Return the levels of a cylinder of radius 1 along z from -1 to 1, and their size limits."""
     sizes = {'direction': (0, 0, 1), 'radius': 1.0, 'height': 2.0, 'capping': capped}
-    made = [pv.Cylinder(resolution=n, **sizes).triangulate() for n in _SIDES]
-    return [_level(mesh, prop, capped) for mesh in made], _largest()
+    meshes = [pv.Cylinder(resolution=n, **sizes).triangulate() for n in _SIDES]
+    return [_level(mesh, prop, capped) for mesh in meshes], _largest()
 
 
 def _level(mesh, prop, closed):
     (part,) = as_parts(mesh, color=prop.color, lighting=prop.lighting, smooth_shading=False)
     copy_property(part.actor.prop, prop)
-    part.actor.prop.SetBackfaceCulling(closed)  # else both sides of what is translucent are seen
+    part.actor.prop.SetBackfaceCulling(closed)  # or both sides of a translucent one are drawn
     return [part]
 
 
 def _largest():
-    return (np.inf, *(2 * _CLOSE / (1 - np.cos(np.pi / n)) for n in _SIDES[1:]))
+    return (np.inf, *(2 * _OUTLINE_ERROR / (1 - np.cos(np.pi / n)) for n in _SIDES[1:]))
 
 
 def along(middles, halves, radii) -> np.ndarray:

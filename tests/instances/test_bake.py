@@ -127,7 +127,9 @@ def test_a_truncated_cache_file_is_baked_again_with_one_warning(tmp_path):
 
 def is_same(one, other):
     same = all((one.cards[name] == other.cards[name]).all() for name in one.cards)
-    return same and (one.meshes == other.meshes).all() and (one.mesh == other.mesh).all()
+    return (
+        same and (one.mesh_to == other.mesh_to).all() and (one.mesh_from == other.mesh_from).all()
+    )
 
 
 def test_limits_grow_with_the_error():
@@ -136,7 +138,7 @@ def test_limits_grow_with_the_error():
     names = ('splat', 'flat', 'parallax', 'blended', 'fine', 'mesh1')
     table = {n: rows * s for n, s in zip(names, (4, 2, 1, 0.5, 0.4, 0.2), strict=True)}
     table |= {'sizes': np.array([8.0, 16, 32, 64, 128]), 'mesh1.radii': np.array(0.01)}
-    reached = [limits_of(table, 2, e).mesh for e in (0.25, 0.5, 1, 2, 4)]
+    reached = [limits_of(table, 2, e).mesh_from for e in (0.25, 0.5, 1, 2, 4)]
     assert (np.diff(reached, axis=0) >= 0).all()
     assert np.ptp(reached, axis=1).any()
     for error in (0.5, 1.0, 2.0):
@@ -146,9 +148,9 @@ def test_limits_grow_with_the_error():
 
 def test_no_cards_where_nothing_was_measured():
     limits = limits_of({}, 3, 1.0)
-    assert not limits.mesh.any()
-    assert np.isinf(limits.meshes[0]).all()
-    assert not limits.meshes[1:].any()
+    assert not limits.mesh_from.any()
+    assert np.isinf(limits.mesh_to[0]).all()
+    assert not limits.mesh_to[1:].any()
 
 
 def test_a_driver_without_cards_gets_meshes_and_one_warning(monkeypatch):
@@ -160,7 +162,7 @@ def test_a_driver_without_cards_gets_meshes_and_one_warning(monkeypatch):
     with pytest.warns(PvibrWarning, match='meshes are drawn instead') as caught:
         model = make_model(as_parts(pv.Sphere()), cache=False)
     assert len(caught) == 1
-    assert not model.limits(1.0).mesh.any()
+    assert not model.limits(1.0).mesh_from.any()
 
 
 def test_scattered_matter_is_thinned_and_keeps_its_area():

@@ -58,7 +58,7 @@ def test_what_images_do_not_show_is_drawn_as_meshes_until_it_is_as_before(scenes
     things.prop.interpolation = 'Gouraud'
     things.prop.opacity = 0.5
     see.grab(pl)
-    assert 'material was changed' in things.report()['atlas 0']
+    assert 'material has changed' in things.report()['atlas 0']
     things.prop.interpolation = 'Flat'
     things.prop.opacity = 1.0
     np.testing.assert_array_equal(see.grab(pl), before)
@@ -94,7 +94,7 @@ def test_a_changed_mesh_is_drawn_as_it_is_until_baked_again(scenes, see, beans, 
         mesh, POSES, camera=CAMERA, **{k: v for k, v in look.items() if k != 'show_scalar_bar'}
     )
     np.testing.assert_allclose(see.grab(pl), see.grab(truth), atol=1.01 / 255)
-    assert 'mesh was changed' in things.report()['atlas 0']
+    assert 'mesh has changed' in things.report()['atlas 0']
     points = np.concatenate([mesh.points + at for at in POSES])
     low_high = np.array(things.bounds).reshape(3, 2)
     np.testing.assert_allclose(low_high.T, [points.min(0), points.max(0)], atol=1e-6)

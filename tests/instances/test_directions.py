@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from pvibr.core.frame import Frame
 from pvibr.instances.card_layers import PATCH_SIDE, PATCHES
 from pvibr.instances.cards import ALL_CARD_SHADERS
-from pvibr.instances.limits import SIDES, Limits, limits_of
+from pvibr.instances.limits import SIDE_SHADERS, Limits, limits_of
 from pvibr.maths import octahedral
 
 SIDE = 9
@@ -96,15 +96,18 @@ def test_a_plant_is_an_image_as_far_as_each_direction_allows(seed):
         errors[shader.name] = np.stack([0 * flip, flip, 0 * flip + 0.9, 0 * flip], -1)
     found = limits_of(errors, 1, 1.0)
     # The worst direction alone decides where a turntable serves, which has others of its own.
-    image = {k: v for k, v in errors.items() if k not in SIDES}
-    assert np.array_equal(found.mesh, limits_of(image, 1, 1.0).mesh)
-    assert np.ptp(found.mesh) > 10
-    spans = list(found.level.values())
+    image = {k: v for k, v in errors.items() if k not in SIDE_SHADERS}
+    assert np.array_equal(found.mesh_from, limits_of(image, 1, 1.0).mesh_from)
+    assert np.ptp(found.mesh_from) > 10
+    spans = list(found.side_cards.values())
     for (_, high), (low, _) in pairwise(spans):
         assert np.array_equal(high, low)
-    assert np.array_equal(spans[-1][1], found.mesh)
+    assert np.array_equal(spans[-1][1], found.mesh_from)
     assert (spans[0][0] == 0).all()
-    assert all(np.ptp(found.level[name], axis=1).max() < np.ptp(found.mesh) for name in SIDES)
+    assert all(
+        np.ptp(found.side_cards[name], axis=1).max() < np.ptp(found.mesh_from)
+        for name in SIDE_SHADERS
+    )
     low, high = found.varying()
     assert high == max(span[1].max() for span in spans if np.ptp(span[1]))
 

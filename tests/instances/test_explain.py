@@ -96,7 +96,7 @@ def test_the_shader_told_is_the_shader_drawn(atlases, matrices, turntable):
     mesh = fir() if turntable else pv.ParametricTorus(1.0, 0.4, u_res=60, v_res=40)
     poses = placed(40, 8, matrices=matrices) * ([1, 1, 0.05] if turntable and not matrices else 1)
     things = pl.ibr.add_instances(mesh, poses, bake=True, cache=atlases, progress=False)
-    assert bool(things.limits[0].level) == turntable
+    assert bool(things.limits[0].side_cards) == turntable
     pl.camera_position = [(0, 0, 0), (0, 1, 0), (0, 0, 1)]
     pl.camera.view_angle = 120
     pl.show(auto_close=False)

@@ -8,7 +8,14 @@ import pyvista as pv
 from scipy.spatial.transform import Rotation
 
 import pvibr
-from pvibr.instances.foliage_quads import Groups, Layout, clusters, components, dilated, quads
+from pvibr.instances.foliage_quads import (
+    Groups,
+    TextureLayout,
+    clusters,
+    components,
+    dilated,
+    quads,
+)
 from pvibr.instances.levels import _levels, content_key
 from pvibr.meshes.parts import as_parts
 from tests.marks import slow
@@ -67,7 +74,7 @@ def test_quads_lie_in_the_planes_of_flat_parts(leaves):
     mesh = leaves[0].append_polydata(*leaves[1:])
     (part,) = as_parts(mesh, **LOOK)
     groups = Groups.of(part.mesh, components(part.mesh))
-    assert groups.thickness().max() < 1e-6
+    assert (groups.high - groups.low)[:, 2].max() < 2e-6
     quad = quads(part, [groups], texels=256)
     assert quad.mesh.n_cells == 120
     corners = np.asarray(quad.mesh.points).reshape(60, 4, 3)
@@ -116,15 +123,15 @@ def test_a_disc_covers_its_share_of_its_quad(leaves):
 
 def test_layouts_fit_and_do_not_overlap():
     extents = np.random.default_rng(2).uniform(0.1, 3, (50, 2))
-    layout = Layout.of(extents, 300)
+    layout = TextureLayout.of(extents, 300)
     taken = np.zeros(layout.size[::-1], int)
     for (x, y), (w, h) in zip(layout.corners, layout.sizes, strict=True):
         taken[y : y + h, x : x + w] += 1
     assert taken.max() == 1
     assert max(layout.size) <= 300
     assert (layout.sizes - 2 >= extents * layout.scale - 1e-9).all()
-    with pytest.raises(ValueError, match='too small'):
-        Layout.of(extents, 16)
+    with pytest.raises(ValueError, match='texels must be larger'):
+        TextureLayout.of(extents, 16)
 
 
 def test_clusters_are_near_things():
@@ -173,7 +180,7 @@ def test_labels_say_what_parts_are(plant):
 
 
 def test_what_has_no_small_parts_is_refused():
-    with pytest.raises(ValueError, match='no part below'):
+    with pytest.raises(ValueError, match='must have parts below'):
         pvibr.foliage_levels(pv.Sphere())
     for wrong in ({'largest': 0}, {'crossed': 4}, {'views': 0}):
         with pytest.raises(ValueError, match=next(iter(wrong))):

@@ -36,18 +36,18 @@ class Level:
 def test_full_quality_is_what_it_was():
     full = LIMITS.coarser(1.0)
     assert all((full.cards[name] == SPANS[name]).all() for name in SPANS)
-    assert (full.meshes == MESHES).all()
+    assert (full.mesh_to == MESHES).all()
 
 
 @given(st.floats(1 / 16, 1))
 def test_less_quality_is_no_finer_at_any_size(quality):
     coarser = LIMITS.coarser(quality)
-    for spans in (coarser.cards, coarser.level):
+    for spans in (coarser.cards, coarser.side_cards):
         assert all((spans[name][1] >= SPANS[name][1]).all() for name in SPANS)
         assert all((a[1] == b[0]).all() for a, b in pairwise(spans.values()))  # no gap
         assert (spans['splat'] == SPANS['splat']).all()  # boxes of one colour stay small
-        assert (spans['blended'][1] == coarser.mesh).all()
-    np.testing.assert_allclose(coarser.meshes, MESHES / quality)
+        assert (spans['blended'][1] == coarser.mesh_from).all()
+    np.testing.assert_allclose(coarser.mesh_to, MESHES / quality)
 
 
 def test_less_quality_draws_fewer_meshes_and_full_quality_every_bit(scenes, see, bean):

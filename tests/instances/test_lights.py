@@ -92,7 +92,7 @@ def test_lights_see_the_outlines_of_meshes(scenes, see, bean, rise):
 def test_levels_of_depth_maps(scenes, bean):
     pl, beans = scenes.instances(bean, POSES)
     model = beans.groups[0].model
-    shown, square, oblong = model.limits(1.0), *(model.cast_limits(1.0, a) for a in (1.0, 4.0))
+    shown, square, oblong = model.limits(1.0), *(model.depth_limits(1.0, a) for a in (1.0, 4.0))
     pl.close()
     assert (square.mesh <= shown.mesh).all()
     assert (square.mesh <= model.levels[0].triangles ** 0.5).all()

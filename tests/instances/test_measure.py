@@ -29,7 +29,7 @@ def sheet(atlases):
     cone = pv.Cone(center=(3, 1, 0), resolution=30)
     sheet = sheet_of(make_model(as_parts(cone), views=4, tile=16, cache=atlases))
     yield sheet
-    sheet.release()
+    sheet.__exit__()
 
 
 @pytest.mark.parametrize('layout', me.LAYOUTS)
@@ -39,7 +39,7 @@ def test_the_sample_is_in_the_middle_of_the_pixel(layout):
     ramp = (np.arange(side) // 2).astype(np.uint16)[:, None] + np.zeros((side, side), np.uint16)
     truth = box_reduce(me._reduced(ramp[..., None]), largest // size)[..., 0]
     inner = (slice(-1), slice(-1))  # of the last row and column a part is beyond the picture
-    once = me._once(ramp, largest, size)
+    once = me._one_sample(ramp, largest, size)
     np.testing.assert_allclose(truth[inner], once[inner], atol=0.5 / 255)
 
 
@@ -70,7 +70,7 @@ def test_cards_lie_where_the_mesh_is(atlases):
     for picture in (me._reduced(sheet.draw_mesh(0)), sheet.draw_cards('flat', size)):
         weight = picture[:cell, :cell, 3]
         middles.append((np.indices(weight.shape) * weight).sum((1, 2)) / weight.sum())
-    sheet.release()
+    sheet.__exit__()
     # Half a sample would be a quarter of a pixel.
     np.testing.assert_allclose(*middles, atol=0.15)
 
@@ -82,9 +82,9 @@ def test_one_bad_view_is_told_from_others():
     row, column = np.indices(truth.shape[:2]) % cell
     truth[np.hypot(row - cell / 2, column - cell / 2) < size / 3] = 1
     picture = truth.copy()
-    assert (me._moved(picture, truth, 8) == 0).all()
+    assert (me._displacement(picture, truth, 8) == 0).all()
     picture[: cell // 2, :cell] = 0  # half of the first view's disk
-    moved = me._moved(picture, truth, 8)
+    moved = me._displacement(picture, truth, 8)
     assert moved[0] > size / 5
     assert (moved[1:] == 0).all()
 
@@ -93,7 +93,7 @@ def test_few_pixels_of_an_outline_are_told_by_all_views_of_a_patch():
     rng = np.random.default_rng(9)
     away, views = rng.exponential(size=7000), rng.integers(0, 64, 7000)
     views[views == 5] = 6
-    found = me._bounds(away, views, 64, 0.95)
+    found = me._quantiles(away, views, 64, 0.95)
     truth = [np.percentile(away[views == v], 95) if v != 5 else 0.0 for v in range(64)]
     np.testing.assert_allclose(found, truth)
     size = 64
@@ -102,9 +102,9 @@ def test_few_pixels_of_an_outline_are_told_by_all_views_of_a_patch():
     truth[np.indices(truth.shape[:2]).sum(0) % cell > cell // 3] = 1
     picture = truth.copy()
     picture[cell // 2, 10:18] = 0  # a slit within the first view
-    assert me._moved(picture, truth, 8)[0] > 2
+    assert me._displacement(picture, truth, 8)[0] > 2
     picture[cell // 2, 14:18] = 1
-    assert me._moved(picture, truth, 8)[0] == 0
+    assert me._displacement(picture, truth, 8)[0] == 0
 
 
 def test_a_colour_is_allowed_in_shares_of_the_meshs_own():
@@ -137,11 +137,11 @@ def test_blurred_cards_are_told_from_sharp_ones(atlases):
         sheet = sheet_of(model)
         rows = {
             truth.size: truth.card_errors(sheet.draw_cards('flat', truth.size))
-            for truth in me._truths(sheet)
+            for truth in me._sized_references(sheet)
         }
         blurs[tile] = np.median(me.card_needs(rows[64])['blur'])
         assert not rows[16][:, 3].any()
-        sheet.release()
+        sheet.__exit__()
     assert blurs[16] > 2 * blurs[128]
     assert blurs[16] > 1
 

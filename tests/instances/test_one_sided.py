@@ -60,7 +60,7 @@ def culling(things) -> str:
     """Return the sides that are culled, of all that is drawn."""
     near = things.groups[0].near
     actors = [a for group in near.pools[0].lent.values() for a in group]
-    if not near.single[0]:
+    if not near.has_own_actors[0]:
         actors = near.draws[0].actors()
     return '/'.join(sorted({_culled(actor.GetProperty()) for actor in actors}))
 

@@ -255,7 +255,7 @@ def test_bad_updates_change_nothing(scenes, shapes, given, kind, words):
     np.testing.assert_array_equal(things.poses, places)
     assert things.index.tolist() == [1, 1, 0]
     assert things.scalars is None
-    assert things._wanted == frozenset()
+    assert things._required_meshes == frozenset()
     pl.close()
 
 

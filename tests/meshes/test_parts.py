@@ -261,15 +261,20 @@ def _with_nan():
 @pytest.mark.parametrize(
     ('mesh', 'kwargs', 'error', 'match'),
     [
-        (pv.PolyData(), {}, ValueError, 'empty'),
+        (pv.PolyData(), {}, ValueError, 'must have points'),
         (pv.MultiBlock([None]), {}, ValueError, 'no block'),
         (_with_nan(), {}, ValueError, r'points\[7\]'),
-        (42, {}, TypeError, 'not int'),
-        (None, {}, TypeError, 'not NoneType'),
+        (42, {}, TypeError, 'got int'),
+        (None, {}, TypeError, 'got NoneType'),
         ('no/such/file.obj', {}, FileNotFoundError, 'no/such/file.obj'),
         (__file__, {}, ValueError, 'test_parts.py'),
-        (pv.Actor(), {}, ValueError, 'without a mesh'),
-        (pv.Actor(pv.DataSetMapper(pv.Cube())), {'color': 'r'}, ValueError, 'own look'),
+        (pv.Actor(), {}, ValueError, 'no input'),
+        (
+            pv.Actor(pv.DataSetMapper(pv.Cube())),
+            {'color': 'r'},
+            ValueError,
+            'color must be left out for an actor',
+        ),
         (trimesh.Scene(), {}, ValueError, 'no triangle'),
         (pv.Cube(), {'colour': 'r'}, TypeError, 'colour'),
         (pv.Cube(), {'cmap': 'nope', 'scalars': np.arange(6)}, ValueError, 'nope'),
@@ -287,7 +292,7 @@ def test_bad_meshes_are_named(mesh, kwargs, error, match):
 def test_bad_lists():
     with pytest.raises(ValueError, match='at least one'):
         as_meshes([])
-    with pytest.raises(ValueError, match=r'meshes\[1\].*empty'):
+    with pytest.raises(ValueError, match=r'meshes\[1\]: mesh must have points'):
         as_meshes([pv.Cube(), pv.PolyData()])
 
 

@@ -118,7 +118,7 @@ def test_arrays_on_disk(tmp_path):
 
 def test_bad_mapping(tmp_path):
     file = _write(tmp_path, 'x,y,z\n1,2,3\n')
-    with pytest.raises(ValueError, match='columns is'):
+    with pytest.raises(ValueError, match='columns must be'):
         read_poses(file, columns=('x', 'y'))
     with pytest.raises(ValueError, match="no column 'gx'"):
         read_poses(file, columns=('gx', 'y', None))
@@ -133,7 +133,7 @@ def test_others_are_read_only_when_wanted(tmp_path):
     assert {k: v.tolist() for k, v in columns.items()} == {'c7': [10], 'c999': [1002]}
     assert len(read_poses(file)[1]) == 1000
     assert read_poses(file, others=())[1] == {}
-    with pytest.raises(ValueError, match="others has 'c1000', which is no column"):
+    with pytest.raises(ValueError, match="others must be columns, got 'c1000'"):
         read_poses(file, others=['c1000'])
 
 

@@ -109,7 +109,7 @@ def test_rotations_quaternions_and_matrices_are_one():
     moves = [pv.Transform().rotate(spins[k]).translate(at[k]) for k in range(7)]
     np.testing.assert_allclose(pvibr.matrices(moves), wanted, atol=1e-12)
     np.testing.assert_allclose(pvibr.matrices(moves[2]), wanted[2:3], atol=1e-12)
-    with pytest.raises(TypeError, match='rotation without points'):
+    with pytest.raises(TypeError, match='must have positions'):
         pvibr.matrices(spins)
 
 
@@ -179,21 +179,21 @@ def test_quaternions_of_a_table_are_w_first():
 
 
 BAD = [
-    ({'orient': 'wnd'}, ValueError, "orient is 'wnd'.*did you mean 'wind'"),
-    ({'orient': np.ones((3, 3, 3))}, ValueError, r'orient has shape \(3, 3, 3\)'),
-    ({'orient': [[1.0, np.nan, 0]]}, ValueError, r'orient\[0, 1\] must be finite, got nan'),
-    ({'orient': np.zeros((40, 4))}, ValueError, r'orient\[0\] is a quaternion of length 0'),
-    ({'orient': 'speed'}, ValueError, r'orient has shape \(40,\)'),
-    ({'orient': object()}, TypeError, 'orient is'),
-    ({'scale': 'sped'}, ValueError, "scale is 'sped'.*did you mean 'speed'"),
-    ({'scale': [1.0, 2.0]}, ValueError, r'scale has shape \(2,\)'),
-    ({'scale': np.inf}, ValueError, 'scale must be finite, got inf'),
-    ({'scale': ['x', 'y']}, TypeError, 'scale is'),
-    ({'factor': 'big'}, TypeError, "factor must be .* got 'big'"),
-    ({'scale': 1e300}, ValueError, 'scale is up to'),
-    ({'factor': 1e300}, ValueError, 'factor must be .* got 1e'),
-    ({'factor': np.nan}, ValueError, 'factor must be .* got nan'),
-    ({'factor': [1.0, 2.0]}, ValueError, 'factor must be'),
+    ({'orient': 'wnd'}, ValueError, "orient must .*got 'wnd'; did you mean 'wind'"),
+    ({'orient': np.ones((3, 3, 3))}, ValueError, r'orient must be .*got shape \(3, 3, 3\)'),
+    ({'orient': [[1.0, np.nan, 0]]}, ValueError, r'orient\[0, 1\] is nan'),
+    ({'orient': np.zeros((40, 4))}, ValueError, r'orient\[0\] must be a quaternion.*length 0'),
+    ({'orient': 'speed'}, ValueError, r'orient must be .*got shape \(40,\)'),
+    ({'orient': object()}, TypeError, 'orient must be numbers'),
+    ({'scale': 'sped'}, ValueError, "scale must .*got 'sped'; did you mean 'speed'"),
+    ({'scale': [1.0, 2.0]}, ValueError, r'scale must be .*got shape \(2,\)'),
+    ({'scale': np.inf}, ValueError, 'scale is inf'),
+    ({'scale': ['x', 'y']}, TypeError, 'scale must be numbers'),
+    ({'factor': 'big'}, TypeError, "factor is 'big'"),
+    ({'scale': 1e300}, ValueError, 'scale must be at most'),
+    ({'factor': 1e300}, ValueError, 'factor is 1e'),
+    ({'factor': np.nan}, ValueError, 'factor is nan'),
+    ({'factor': [1.0, 2.0]}, ValueError, 'factor is'),
 ]
 
 

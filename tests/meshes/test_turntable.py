@@ -15,10 +15,10 @@ import pvibr
 from pvibr.instances.atlas import Atlas
 from pvibr.instances.bake import bake_parts
 from pvibr.instances.limits import limits_of
-from pvibr.instances.measure import LAYOUTS, level_directions
+from pvibr.instances.measure import LAYOUTS, side_directions
 from pvibr.maths.vectors import as_units
 from pvibr.meshes.parts import as_parts
-from pvibr.meshes.turntable import LEVEL, Turns
+from pvibr.meshes.turntable import SIDE_ELEVATION, Turns
 
 pytestmark = pytest.mark.all_sizes
 
@@ -26,7 +26,7 @@ axes = arrays(float, 3, elements=st.floats(-1, 1)).filter(lambda v: np.linalg.no
 
 
 @given(axes, st.integers(1, 30))
-def test_pictures_are_taken_all_around_the_axis(axis, views):
+def test_views_are_all_around_the_axis(axis, views):
     turns = Turns(tuple(as_units('axis', axis).tolist()), views)
     frames = turns.frames()
     assert frames.shape == (turns.columns, turns.columns, 3, 3)
@@ -42,12 +42,12 @@ def test_pictures_are_taken_all_around_the_axis(axis, views):
 
 
 @given(axes, st.booleans())
-def test_it_is_measured_from_where_it_is_shown(axis, half):
+def test_side_directions_are_near_the_horizon(axis, half):
     turns = Turns(tuple(as_units('axis', axis).tolist()), 8)
-    rises = level_directions(8, turns, half) @ turns.axis
-    assert np.abs(rises).max() < LEVEL
+    rises = side_directions(8, turns, half) @ turns.axis
+    assert np.abs(rises).max() < SIDE_ELEVATION
     assert (rises.min() > 0) == half
-    assert np.ptp(rises) > LEVEL / 2
+    assert np.ptp(rises) > SIDE_ELEVATION / 2
 
 
 @pytest.fixture(scope='module')
@@ -127,11 +127,8 @@ def test_the_side_that_the_eye_sees_is_shown_and_lit(fir, foliage, atlases, para
 def test_from_above_it_gives_way(foliage, atlases, see):
     pl = plotter()
     things = pl.ibr.add_instances(foliage, [[0, 0, 0]], cache=atlases)
-    things.force_level = {
-        'blended': (0.0, 1e9),
-        'billboard': (0.0, 20.0),
-        'turntable': (20.0, 1e9),
-    }
+    all_sizes, near, far_away = (0.0, 1e9), (20.0, 1e9), (0.0, 20.0)
+    things.force_level = {'blended': all_sizes, 'billboard': far_away, 'turntable': near}
     for rise, far, expected in (
         (0.3, 20, 'turntable'),
         (0.3, 200, 'billboard'),
@@ -188,20 +185,14 @@ def test_each_level_joins_by_its_measured_error(foliage, atlases, see):
 def test_sizes_follow_from_errors():
     good = np.array([[0.4, 0.0, 0.2, 0.0], [1.4, 0.0, 0.2, 0.0]])
     bad = np.array([[0.4, 0.0, 0.2, 0.0], [2.5, 0.0, 0.2, 0.0]])
-    table = {
-        'sizes': np.array([8.0, 16.0]),
-        'splat': good,
-        'flat': bad,
-        'parallax': good,
-        'blended': good,
-        'fine': good,
-    }
+    table = dict.fromkeys(('splat', 'parallax', 'blended', 'fine'), good)
+    table |= {'sizes': np.array([8.0, 16.0]), 'flat': bad}
     plain = limits_of(table, 1, 1.0)
-    assert plain.level == {}
+    assert plain.side_cards == {}
     both = limits_of(table | {'billboard': bad, 'turntable': good}, 1, 1.0)
     assert (both.cards['flat'] == plain.cards['flat']).all()
-    assert (both.mesh == plain.mesh).all()
-    spans = both.level
+    assert (both.mesh_from == plain.mesh_from).all()
+    spans = both.side_cards
     assert spans['billboard'].T.tolist() == [[6.0, 12.0]] * 16
     assert spans['turntable'].T.tolist() == [[12.0, 16.0]] * 16
     assert (spans['flat'][0] == spans['flat'][1]).all()

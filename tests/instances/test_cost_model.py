@@ -11,14 +11,16 @@ import pyvista as pv
 import pvibr
 from pvibr.instances import memory
 from pvibr.instances.card_layers import PATCHES
+from pvibr.instances.cost_model import saved_by_meshes, why_not_baked
 from pvibr.instances.instances import Instances
 from pvibr.instances.limits import Limits, by_cost
-from pvibr.instances.worth import saved_by_meshes, why_not
 from tests.instances.scenes import forget
 
 
 def test_more_triangles_and_more_instances_pay_more():
-    pays = [[not why_not(t, n) for n in (1, 30, 1000, 100_000)] for t in (6, 200, 10**4, 10**6)]
+    pays = [
+        [not why_not_baked(t, n) for n in (1, 30, 1000, 100_000)] for t in (6, 200, 10**4, 10**6)
+    ]
     assert pays == np.maximum.accumulate(np.maximum.accumulate(pays, 0), 1).tolist()
     assert not any(row[0] for row in pays)
     assert pays[2][2]
@@ -39,27 +41,27 @@ def test_meshes_take_over_where_they_cost_less(seed):
     triangles = 40_000 // 4 ** np.arange(4)
     found = by_cost(before := Limits(cards, ends, meshes), triangles)
     for k in (1, 2, 3):  # a lighter one is none from where the triangles of the next are nothing
-        size = found.meshes[k]
+        size = found.mesh_to[k]
         hardly_cost = np.isclose(triangles[k - 1] * 80.0, size**2 * 20.0)
         assert ((size == meshes[k]) | hardly_cost).all()
         assert (size <= meshes[k]).all()
-    assert (found.mesh < before.mesh).any()
+    assert (found.mesh_from < before.mesh_from).any()
     sizes = np.arange(1.0, 161.0, 0.25)
     for patch in range(PATCHES):
-        limits = found.meshes[:, patch]
+        limits = found.mesh_to[:, patch]
         level = [max(k for k, limit in enumerate(limits) if size <= limit) for size in sizes]
         saved = np.zeros(len(sizes))
         for name, (low, high) in cards.items():
             shown = (low[patch] <= sizes) & (sizes < high[patch])
             saved += shown * saved_by_meshes(triangles[level], name, sizes) / sizes**3
             now = found.cards[name][:, patch]
-            end = found.mesh[patch]
+            end = found.mesh_from[patch]
             assert np.allclose(now, np.minimum((low[patch], high[patch]), end))
         total = saved[::-1].cumsum()[::-1]  # from a size on
-        taken = np.interp(found.mesh[patch], sizes, total)
+        taken = np.interp(found.mesh_from[patch], sizes, total)
         assert taken >= max(total.max(), 0) - 0.1 * np.abs(saved).sum()
         steps = 0.01 * np.abs(saved).sum()  # of sizes that are compared, which are few
-        assert taken >= -steps or found.mesh[patch] == before.mesh[patch]
+        assert taken >= -steps or found.mesh_from[patch] == before.mesh_from[patch]
 
 
 def two(size):
@@ -71,11 +73,13 @@ def test_heavy_meshes_take_nothing_over():
     cards = {'blended': np.stack([np.zeros(PATCHES), np.full(PATCHES, 100.0)])}
     limits = Limits(cards, np.full(PATCHES, 100.0), two(90.0))
     found = by_cost(limits, [10**6, 10**5])
-    np.testing.assert_allclose(found.mesh, 100, rtol=1e-9)
+    np.testing.assert_allclose(found.mesh_from, 100, rtol=1e-9)
     np.testing.assert_allclose(found.cards['blended'], cards['blended'], rtol=1e-9)
-    assert by_cost(limits, [10**6, 400]).mesh.max() == pytest.approx(100)  # 91 px show the mesh
-    light = by_cost(Limits(cards, limits.mesh, two(200.0)), [10**6, 400])
-    assert light.mesh.max() < 40
+    assert by_cost(limits, [10**6, 400]).mesh_from.max() == pytest.approx(
+        100
+    )  # 91 px show the mesh
+    light = by_cost(Limits(cards, limits.mesh_from, two(200.0)), [10**6, 400])
+    assert light.mesh_from.max() < 40
 
 
 @pytest.fixture
@@ -156,8 +160,8 @@ def limited(monkeypatch):
     def limit(mib):
         forget()  # else the oldest goes, and leaves room, when a new one is kept
         gc.collect()
-        held = memory.limit() - memory.room()
-        monkeypatch.setattr('pvibr.instances.memory.limit', lambda: held + mib * 2**20)
+        held = memory.limit_bytes() - memory.available_bytes()
+        monkeypatch.setattr('pvibr.instances.memory.limit_bytes', lambda: held + mib * 2**20)
 
     return limit
 
@@ -182,11 +186,11 @@ def test_a_bake_that_failed_is_repeated_only_if_asked_for(scenes, bean, monkeypa
         raise RuntimeError
 
     monkeypatch.setattr('pvibr.instances.levels.bake_parts', fail)
-    with pytest.warns(pvibr.PvibrWarning, match='cards are off'):
+    with pytest.warns(pvibr.PvibrWarning, match='cards are disabled'):
         pl, things = scenes.instances(bean.scale(1.02), [[0, 0, 0], [2, 0, 0]])
     things.poses = np.zeros((5, 3))
     assert len(tried) == 1
-    with pytest.warns(pvibr.PvibrWarning, match='cards are off'):
+    with pytest.warns(pvibr.PvibrWarning, match='cards are disabled'):
         things.bake()
     pl.close()
 
