@@ -289,7 +289,7 @@ def _shown(impostor, frame):
     images = impostor.images
     if images is None:
         return np.zeros(0, bool)
-    return images.alive & (images.used == frame.index)
+    return images.alive & (images.shown_frame == frame.index)
 
 
 def _cells_seen(group):
@@ -300,7 +300,7 @@ def _cells_seen(group):
 def _count_taken(impostor, frame) -> int:
     """Return the number of impostor images rendered for a frame."""
     images = impostor.images
-    return 0 if images is None else int((images.taken[images.alive] == frame.index).sum())
+    return 0 if images is None else int((images.rendered_frame[images.alive] == frame.index).sum())
 
 
 def _image_boxes(impostor, frame):
@@ -310,7 +310,7 @@ def _image_boxes(impostor, frame):
         return np.zeros((0, 3)), np.zeros((0, 3)), np.zeros((0, 4))
     nodes = shown // images.views
     colors = np.tile((*as_bytes(IMAGE), 255), (len(shown), 1))
-    colors[images.taken[shown] == frame.index, :3] = as_bytes(FLASH)
+    colors[images.rendered_frame[shown] == frame.index, :3] = as_bytes(FLASH)
     return impostor.nodes.low[nodes], impostor.nodes.high[nodes], colors
 
 

@@ -41,8 +41,8 @@ class Sheet:
         self.low = tile[:, :2] / side
         self.high = (tile[:, :2] + tile[:, 2:]) / side
         self.colors = np.tile((128, 128, 128, 255), (len(alive), 1))
-        self.colors[images.used[alive] == frame.index, :3] = 255
-        self.colors[images.taken[alive] == frame.index, :3] = as_bytes(FLASH)
+        self.colors[images.shown_frame[alive] == frame.index, :3] = 255
+        self.colors[images.rendered_frame[alive] == frame.index, :3] = as_bytes(FLASH)
 
 
 def has_images(thing) -> bool:

@@ -344,7 +344,7 @@ def test_bad_input_changes_nothing():
         with pytest.raises(ValueError, match='actors'):
             pl.ibr.add_impostor(wrong)
     for alien in ([3], None, BALL, pl.add_text('no actor')):
-        with pytest.raises(TypeError, match='actors holds a'):
+        with pytest.raises(TypeError, match='actors must be actors'):
             pl.ibr.add_impostor(alien)
     with pytest.raises(ValueError, match='max_error'):
         pl.ibr.add_impostor(actor, max_error=-1)
