@@ -411,7 +411,6 @@ def test_holes_are_not_picked(cloud, torus):
     assert not ((ring > 55) & (ring < 65)).any()
     assert found(60, 60) == []
     assert found(int(ring[len(ring) // 8]), 60) == [actor]
-    pl.close()
 
 
 def test_it_is_taken_out_and_put_in_two_plotters(cloud, torus):
