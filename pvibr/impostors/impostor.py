@@ -372,9 +372,8 @@ class Impostor(Substitute):
         largest = LARGEST if pool is None else min(LARGEST, pool.largest)
         usable = in_front & (size_px * 1.2 / self._allowed_error < largest)
         mesh_cost = self._costs.meshes(self._leaves, nodes)
-        cost = np.where(
-            usable, self._image_costs(eyes, mesh_cost, px_per_unit, eye_distance), np.inf
-        )
+        image_cost = self._image_costs(eyes, mesh_cost, px_per_unit, eye_distance)
+        cost = np.where(usable, image_cost, np.inf)
         # The alternative is the mesh, and the only choice for leaves near the eye.
         plain_cost = self._leaves.plain(
             mesh_cost[leaves], size_px[leaves], self._card_areas[leaves], self._costs.pixel

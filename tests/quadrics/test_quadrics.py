@@ -451,7 +451,7 @@ REFUSED = {
         ({'radius': [1.0, 2.0]}, 'radius must be .* got shape'),
         ({'points': [[0, 0, np.inf]]}, 'finite'),
         ({'points': [[0.0, 0.0]]}, 'shape'),
-        ({'scalars': [1.0, 2.0]}, 'scalars has shape'),
+        ({'scalars': [1.0, 2.0]}, r'scalars must be \(1,\) numbers'),
         ({'colors': [[2.0, 0, 0]]}, 'from 0 to 1'),
     ],
 }
