@@ -201,15 +201,7 @@ def billboard_cloud(
     color, normal = draw(parts, closing.parts, origin, all_planes, sheet, reach, supersample)
     opaque = color[::-1, :, 3] > 0
     count = len(side_planes)
-    holes, normal_error = coverage_errors(
-        Triangles.of(parts, origin),
-        Triangles.of(closing.parts, origin),
-        closing.planes.owner + count,
-        sheet,
-        count,
-        opaque,
-        normal[::-1] / 127.5 - 1,
-    )
+    holes, normal_error = _errors(parts, closing, origin, sheet, count, opaque, normal)
     normals, offsets = cloud_planes.normals, cloud_planes.offsets
     texel_counts = sheet.texels.prod(1)
     return BillboardCloud(
@@ -226,6 +218,13 @@ def billboard_cloud(
         int(texel_counts.sum()) / size**2,
         time.perf_counter() - start,
     )
+
+
+def _errors(parts, closing, origin, sheet, count, opaque, normal):
+    """Return the share of holes, and the mean error of normals in degrees."""
+    triangles, patches = Triangles.of(parts, origin), Triangles.of(closing.parts, origin)
+    owner, normals = closing.planes.owner + count, normal[::-1] / 127.5 - 1
+    return coverage_errors(triangles, patches, owner, sheet, count, opaque, normals)
 
 
 def _reach(planes, displacements, bound):

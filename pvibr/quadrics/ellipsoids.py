@@ -22,7 +22,10 @@ ELLIPSOIDS = Shape('ellipsoids', texels=3, largest_point=12.0, fill=0.4)
 
 
 class AxesQuadrics(PointQuadrics):
-    """Ellipsoids by their semi-axes in world space."""
+    """Ellipsoids by their semi-axes in world space.
+
+    Parameters are those of :class:`pvibr.Ellipsoids`.
+    """
 
     #: Semi-axes in columns, shape (n, 3, 3), and the largest of their lengths.
     _axes: Any

@@ -43,8 +43,8 @@ _OPAQUE = 127
 class Quadrics(CardSet):
     """Quadrics of one shape by the million, ray-cast per pixel, without triangles.
 
-    A subclass sets ``shape`` and its positions before it calls ``super().__init__``, and has
-    ``_spheres``, ``_extents``, ``_rows`` and ``_meet``.
+    Parameters are those of :class:`pvibr.Spheres`. A subclass sets ``shape`` and its positions,
+    then calls ``super().__init__``; it has ``_spheres``, ``_extents``, ``_rows`` and ``_meet``.
     """
 
     web = 'baked', 'meshes'

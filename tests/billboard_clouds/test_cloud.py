@@ -287,7 +287,7 @@ def test_bad_input_is_named(torus, wrong, name):
 
 def test_a_texture_too_small_for_its_planes_is_named():
     ball = pv.Sphere(theta_resolution=8, phi_resolution=8)
-    with pytest.raises(ValueError, match='size must have room.*got 16'):
+    with pytest.raises(ValueError, match=r'size must have room.*got 16'):
         ball.ibr.billboard_cloud(epsilon=0.01, size=16)
 
 
