@@ -13,10 +13,10 @@ import pyvista as pv
 from benchmarks.common import plots
 from benchmarks.common.harness import Bench, Row
 from benchmarks.common.meshes import DATA
+from benchmarks.common.timing import mean_flip, pictures, timed
 from benchmarks.common.whole_frames import real_plotter, turning
 from pvibr.billboard_clouds.cloud import billboard_cloud
 from pvibr.capture.offscreen import SAMPLES, Stage, mesh_actors
-from pvibr.cli.timing import mean_flip, pictures, timed
 from pvibr.maths.image_error import psnr
 from pvibr.meshes.parts import as_parts
 from pvibr.scenes.trees import tree_parts

@@ -10,9 +10,9 @@ import pyvista as pv
 from benchmarks.common import plots
 from benchmarks.common.harness import Bench, Row
 from benchmarks.common.meshes import scatter
+from benchmarks.common.timing import beside_full, warm_up
 from benchmarks.common.whole_frames import real_plotter, turning
 from pvibr.capture.offscreen import Stage
-from pvibr.cli.timing import beside_full, warm_up
 from pvibr.maths.flip import flip
 
 #: Degrees that the camera turns, and world units that it goes sideways, from one frame to the

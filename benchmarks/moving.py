@@ -9,7 +9,7 @@ import numpy as np
 
 from benchmarks.common import plots
 from benchmarks.common.harness import Bench, Row
-from pvibr.cli.timing import seconds
+from benchmarks.common.timing import seconds
 from pvibr.maths.flip import flip
 from pvibr.scenes.landscape import landscape
 from pvibr.scenes.scenery import scenery

@@ -11,8 +11,8 @@ from benchmarks.common import plots
 from benchmarks.common.harness import Bench, Row
 from benchmarks.common.light_scenes import SCENES, VIEW_ANGLE, WINDOWS, light_at, place
 from benchmarks.common.rays import Rays, edge_band
+from benchmarks.common.timing import least
 from benchmarks.common.whole_frames import turning
-from pvibr.cli.timing import least
 from pvibr.maths.octahedral import frame
 from pvibr.maths.pinhole import Pinhole
 from pvibr.projection.samples import Samples

@@ -12,8 +12,7 @@ import pyvista as pv
 import pvibr
 from pvibr.scenes.landscape import landscape
 
-SIZE = 900
-COUNT = 900
+SIZE = COUNT = 900
 TRIANGLES = 29_000
 ANGLE, HEIGHT = 40.0, 170.0
 
@@ -21,8 +20,9 @@ ANGLE, HEIGHT = 40.0, 170.0
 # 1. Photographs, taken here of a valley with trees: a drone looks straight down, from 170 m.
 scene = landscape(COUNT, size=420, triangles=TRIANGLES)
 drone = pv.Plotter(off_screen=True, window_size=(900, 600), lighting='none')
-for light in scene.lights():
-    drone.add_light(light)
+sun = {'position': (-0.6, 0.3, 1.3), 'color': (1.0, 0.95, 0.85), 'intensity': 0.9}
+drone.add_light(pv.Light(light_type='scene light', **sun))
+drone.add_light(pv.Light(light_type='headlight', color=(0.85, 0.93, 1.0), intensity=0.6))
 drone.add_mesh(scene.terrain, scalars='color_rgb', rgb=True, smooth_shading=True)
 drone.ibr.add_instances(scene.parts()[0], scene.matrices, views='half')
 drone.ibr.add(pvibr.Shadows())

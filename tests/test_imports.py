@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -128,3 +129,9 @@ def test_names_of_the_root():
     assert set(pvibr.__all__) <= set(dir(pvibr))
     with pytest.raises(AttributeError, match='nothing_here'):
         pvibr.nothing_here
+
+
+def test_shaders_name_files_that_exist():
+    names = {path.name for path in ROOT.rglob('*')} | {'my.glsl'}
+    for shader in ROOT.rglob('*.glsl'):
+        assert set(re.findall(r'\b\w+\.(?:glsl|py)\b', shader.read_text())) <= names, shader

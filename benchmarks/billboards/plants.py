@@ -8,7 +8,7 @@ import numpy as np
 import pyvista as pv
 
 from benchmarks.common.harness import Row
-from pvibr.cli.timing import least_ms, timed
+from benchmarks.common.timing import least_ms, timed
 from pvibr.instances.foliage_levels import foliage_levels
 from pvibr.scenes.trees import tree_parts
 

@@ -9,9 +9,9 @@ import pyvista as pv
 
 from benchmarks.billboards.sprites import times_by_count
 from benchmarks.common.harness import Row
+from benchmarks.common.timing import least_ms
 from pvibr.capture.offscreen import Stage
 from pvibr.cli.peers import glyph_mapper
-from pvibr.cli.timing import least_ms
 from pvibr.core import _vtk
 from pvibr.maths.quadric_rays import cast, inner, meet_cylinders, meet_ellipsoids, meet_spheres
 

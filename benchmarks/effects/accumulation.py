@@ -6,8 +6,8 @@ import numpy as np
 import pyvista as pv
 
 from benchmarks.common.harness import Row
+from benchmarks.common.timing import seconds
 from pvibr.capture.offscreen import Stage
-from pvibr.cli.timing import seconds
 from pvibr.effects.accumulation import Accumulation
 from pvibr.effects.ambient_occlusion import AmbientOcclusion
 from pvibr.effects.depth_of_field import DepthOfField

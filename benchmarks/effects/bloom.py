@@ -9,9 +9,9 @@ import pyvista as pv
 from scipy.ndimage import gaussian_filter
 
 from benchmarks.common.harness import Row
+from benchmarks.common.timing import seconds
 from benchmarks.common.whole_frames import real_plotter, turning
 from benchmarks.effects.copies import HalfFloatCopy, Stand, in_copies
-from pvibr.cli.timing import seconds
 from pvibr.effects.bloom import Bloom
 from pvibr.gl.offscreen import hidden_window
 

@@ -7,7 +7,7 @@ from functools import partial
 import numpy as np
 
 from benchmarks.common.harness import Row
-from pvibr.cli.timing import least, seconds
+from benchmarks.common.timing import least, seconds
 from pvibr.core.effect import Effect
 from pvibr.core.frame import Frame
 from pvibr.effects.backgrounds import Sky

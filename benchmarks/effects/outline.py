@@ -9,9 +9,9 @@ import numpy as np
 import pyvista as pv
 
 from benchmarks.common.harness import Row
+from benchmarks.common.timing import least
 from benchmarks.effects.copies import Copy
 from pvibr.capture.offscreen import Stage
-from pvibr.cli.timing import least
 from pvibr.core.effect import Effect
 from pvibr.effects.outline import Outline
 from pvibr.maths.cameras import as_camera

@@ -13,8 +13,8 @@ import numpy as np
 import pyvista as pv
 
 from benchmarks.common.harness import Row
+from benchmarks.common.timing import least
 from pvibr.capture.offscreen import Stage
-from pvibr.cli.timing import least
 from pvibr.core.effect import Effect
 from pvibr.effects.backgrounds import Sky
 from pvibr.effects.bloom import Bloom

@@ -7,8 +7,8 @@ import time
 import numpy as np
 
 from benchmarks.common.harness import Row
+from benchmarks.common.timing import mean_flip, python_ms, timed
 from pvibr.capture.offscreen import SAMPLES, Stage
-from pvibr.cli.timing import mean_flip, python_ms, timed
 from pvibr.maths.image_error import displacements
 from pvibr.scenes.walker import walker
 

@@ -8,6 +8,7 @@ from functools import partial
 import numpy as np
 
 from benchmarks.common.harness import Row
+from benchmarks.common.timing import timed
 from benchmarks.figures.models import tube
 from pvibr.animation.chain import Chain
 from pvibr.animation.correctives import Correctives, PoseSpace
@@ -15,7 +16,6 @@ from pvibr.animation.figure import Figure
 from pvibr.animation.kinematics import solve
 from pvibr.animation.limits import JointLimit
 from pvibr.animation.pose import Pose
-from pvibr.cli.timing import timed
 from pvibr.maths import quaternions
 
 JOINTS = 30

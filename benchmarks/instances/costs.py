@@ -12,9 +12,9 @@ from scipy.spatial.transform import Rotation
 
 from benchmarks.common.harness import Row
 from benchmarks.common.meshes import knot
+from benchmarks.common.timing import timed
 from benchmarks.common.whole_frames import real_plotter
 from pvibr.capture.offscreen import Stage
-from pvibr.cli.timing import timed
 from pvibr.instances.limits import limits_of
 from pvibr.maths.transforms import trs
 

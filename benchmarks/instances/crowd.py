@@ -10,8 +10,9 @@ import numpy as np
 import pyvista as pv
 
 from benchmarks.common.harness import Row
+from benchmarks.common.timing import python_ms, timed
 from pvibr.capture.offscreen import MULTI_SAMPLES, Stage
-from pvibr.cli.timing import CLOCKS, frame_at, medians_ms, python_ms, timed
+from pvibr.cli.timing import CLOCKS, frame_at, medians_ms
 from pvibr.meshes.parts import as_parts
 
 VIEW_ANGLE = 30.0

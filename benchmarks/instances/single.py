@@ -7,8 +7,8 @@ import pyvista as pv
 
 from benchmarks.common.harness import Row
 from benchmarks.common.meshes import MESHES
+from benchmarks.common.timing import mean_flip
 from pvibr.capture.offscreen import MULTI_SAMPLES, SAMPLES, Stage, covered, mesh_actors
-from pvibr.cli.timing import mean_flip
 from pvibr.instances.atlas import bounding_sphere
 from pvibr.maths.image_error import displacements
 from pvibr.meshes.parts import as_parts

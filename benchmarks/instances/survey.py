@@ -17,10 +17,11 @@ from scipy.spatial.transform import Rotation
 
 from benchmarks.common import plots
 from benchmarks.common.harness import Bench, Row
+from benchmarks.common.timing import mean_flip, timed
 from benchmarks.instances.unseen_meshes import HEAVY_KINDS, KINDS, STANDING, unseen
 from pvibr.capture.offscreen import MULTI_SAMPLES, SAMPLES, Stage, mesh_actors, spheres
 from pvibr.cli.peers import glyph_actors
-from pvibr.cli.timing import mean_flip, medians_ms, spent, timed
+from pvibr.cli.timing import medians_ms, spent
 from pvibr.maths.sharpness import sharpness
 
 SIZE = 480, 270

@@ -7,9 +7,10 @@ from contextlib import ExitStack
 import numpy as np
 
 from benchmarks.common.harness import Row
+from benchmarks.common.timing import mean_flip, pictures
 from pvibr.capture.offscreen import MULTI_SAMPLES, SAMPLES, in_view, mesh_actors, spheres
 from pvibr.cli.peers import beside_peers, tree_glyphs
-from pvibr.cli.timing import CLOCKS, mean_flip, medians_ms, pictures
+from pvibr.cli.timing import CLOCKS, medians_ms
 from pvibr.maths.flip import flip
 from pvibr.scenes.landscape import landscape
 from pvibr.scenes.scenery import plant, stage

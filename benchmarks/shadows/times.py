@@ -12,9 +12,10 @@ import pyvista as pv
 from benchmarks.common.harness import Row
 from benchmarks.common.light_scenes import SCENES
 from benchmarks.common.rays import Rays
+from benchmarks.common.timing import timed
 from benchmarks.shadows import errors
 from benchmarks.shadows.errors import EXTENTS, VTK, shown, sight
-from pvibr.cli.timing import spent, timed
+from pvibr.cli.timing import spent
 from pvibr.maths.silhouettes import LitMesh, edge_table
 
 #: What is allowed over what VTK adds.

@@ -1,5 +1,5 @@
-// Rectangles of a billboard cloud: holes of their texture are cut where its alpha, filtered, is
-// below a half, so that edges are straight between texels; what is left is as opaque as the actor.
+// Rectangles of a billboard cloud: discarded where the filtered alpha is below a half, so that edges
+// are straight between texels; the rest is as opaque as the actor.
 //@fragment.normal
   if (texture(actortexture, tcoordVCVSOutput).a < 0.5) discard;
 //VTK::Normal::Impl

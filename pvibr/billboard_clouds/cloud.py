@@ -18,9 +18,9 @@ from pvibr.maths.arguments import check_one_of, checked_number, checked_whole
 from pvibr.maths.billboard_clouds import Planes, greedy_planes, kmeans_planes
 from pvibr.meshes.parts import as_parts, check_triangles
 
-_APART = 0.01  # of the bound: how far pictures of two sides are from their plane
-_NEAR = 0.25  # of the bound: what is drawn onto a plane beside what belongs there, against gaps
-_BOTH = 0.1  # of the area near a plane that must look each way for it to have two sides
+_APART = 0.01  # offset of the images of two sides from their plane, over the bound
+_NEAR = 0.25  # distance of other triangles drawn onto a plane against gaps, over the bound
+_BOTH = 0.1  # least share of a plane's area that faces each way for two sides
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,22 +30,22 @@ class BillboardCloud:
     Attributes
     ----------
     mesh : pyvista.PolyData
-        A quadrilateral per plane, or per side if both differ, with texture coordinates, normals,
+        A quadrilateral per plane, or per side if these differ, with texture coordinates, normals,
         tangents, and the index of its ``'plane'``.
     texture : pyvista.Texture
         Unlit colours; alpha is 0 or 255.
     normal_texture : pyvista.Texture
         Normals in tangent space: red along the tangent, green up, blue out of the plane.
     planes : pvibr.maths.billboard_clouds.Planes
-        The planes, and the one that each triangle is on.
+        The planes, and that of each triangle.
     epsilon : float or None
-        Maximum displacement allowed, world units; None if the number of planes was given.
+        Maximum displacement allowed, world units; None if the number of planes was set.
     displacement : float
         Maximum displacement of a vertex, world units.
     holes : float
-        Share of the pixels inside the mesh's outline that show none of the cloud, from all around.
+        Share of pixels inside the mesh's outline that show none of the cloud, over all views.
     normal_error : float
-        Mean angle between the normals of both where both are seen, degrees.
+        Mean angle between the normals of mesh and cloud, degrees.
     patches : int
         Triangles that close holes between the planes.
     fill : float
@@ -81,14 +81,14 @@ class BillboardCloud:
         )
 
     def add_to(self, plotter, *, lighting=True, **kwargs):
-        """Add it to a plotter, alpha-tested, and lit by its normal map.
+        """Add the cloud to a plotter, alpha-tested and lit by its normal map.
 
         Parameters
         ----------
         plotter : pyvista.Plotter
             Plotter to add to.
         lighting : bool, optional
-            Light it by its normals.
+            Apply lighting.
         **kwargs
             As :meth:`pyvista.Plotter.add_mesh`; with ``pbr=True`` VTK applies the normals.
 
@@ -108,7 +108,7 @@ class BillboardCloud:
         if kwargs.get('pbr'):
             actor = plotter.add_mesh(self.mesh, **({'roughness': 1.0} | kwargs))
             color = pv.Texture(self.texture.to_array())
-            color.SetUseSRGBColorSpace(True)  # what VTK asks of the colour of such a surface
+            color.SetUseSRGBColorSpace(True)  # required by VTK's PBR
             actor.prop.SetBaseColorTexture(color)
             actor.prop.SetNormalTexture(self.normal_texture)
             return actor
@@ -123,7 +123,7 @@ class BillboardCloud:
         return actor
 
     def save(self, path):
-        """Write it to a file.
+        """Write the cloud to a file.
 
         Parameters
         ----------
@@ -139,7 +139,7 @@ class BillboardCloud:
         Raises
         ------
         ValueError
-            If the suffix is another.
+            If the suffix is neither.
         OSError
             If a file cannot be written; files are replaced atomically.
         """
@@ -148,9 +148,7 @@ class BillboardCloud:
         path = Path(path).expanduser()
         writers = {'.glb': write_glb, '.obj': write_obj}
         if path.suffix.lower() not in writers:
-            raise ValueError(
-                f'path is {str(path)!r}; billboard clouds are written as .glb or .obj.'
-            )
+            raise ValueError(f'path must end in .glb or .obj, got {str(path)!r}')
         return writers[path.suffix.lower()](self, path)
 
 
@@ -165,13 +163,11 @@ def billboard_cloud(
     seed=0,
     **looks,
 ) -> BillboardCloud:
-    """Return a mesh as few textured rectangles that any viewer shows.
+    """Return a mesh as a few textured rectangles that any viewer shows.
 
     Decoret, Durand, Sillion and Dorsey, "Billboard Clouds for Extreme Model Simplification",
-    SIGGRAPH 2003. Triangles very near a plane are drawn onto it even if another plane has them,
-    which closes gaps between planes. What is still seen beside or through them, from 52 sides, is
-    closed by triangles of the mesh simplified within half of the bound, if `patches` are allowed
-    and there is a bound; foliage and what has an alpha cutoff stay as they are.
+    SIGGRAPH 2003. Triangles very near another plane are drawn onto it as well, against gaps. Gaps
+    that remain in 52 views are closed by triangles of the simplified mesh, unless it has alpha.
     """
     _check(epsilon, planes, size, supersample)
     start = time.perf_counter()
@@ -180,87 +176,78 @@ def billboard_cloud(
     points, faces = joined(parts, 0.0)
     diagonal = float(np.linalg.norm(np.ptp(points, axis=0)))
     if not diagonal > 0:
-        raise ValueError('mesh has no size: all of its points are in one place.')
-    # Near its own origin: far from the world's, little would be left of a small number.
+        raise ValueError('mesh must have a size, got points that all coincide')
+    # Relative to the mean, for precision far from the origin.
     origin = points.mean(0)
     local = points - origin
-    bound = None if planes is not None else epsilon * diagonal
-    apart = _APART * (1e-2 * diagonal if bound is None else bound)
-    found = _planes(local, faces, planes, bound and bound - apart, seed)
+    error_bound = None if planes is not None else epsilon * diagonal
+    side_offset = _APART * (1e-2 * diagonal if error_bound is None else error_bound)
+    if error_bound is None:
+        cloud_planes = kmeans_planes(local, faces, planes, seed=seed)
+    else:
+        cloud_planes = greedy_planes(local, faces, error_bound - side_offset)
     solid = np.concatenate([np.full(p.mesh.n_cells, p.alpha_cutoff is None) for p in parts])
-    sides, which = _sides(found, local, faces, solid, apart)
-    away = sides.displacements(local, faces).max(1)
-    near = _NEAR * _reach(sides, away, bound)
-    rest = NO_PATCHES
-    if patches and bound is not None:
-        sheet = arranged(sides, local, faces, int(size))
-        rest = _closing(parts, origin, sides, sheet, near, bound)
-    whole = _with_patches(sides, rest)
-    points, faces = joined([*parts, *rest.parts], origin)
-    sheet = arranged(whole, points, faces, int(size))
-    color, normal = draw(parts, rest.parts, origin, whole, sheet, near, supersample)
+    side_planes, plane_of_side = _sides(cloud_planes, local, faces, solid, side_offset)
+    displacements = side_planes.displacements(local, faces).max(1)
+    reach = _NEAR * _reach(side_planes, displacements, error_bound)
+    closing = NO_PATCHES
+    if patches and error_bound is not None:
+        sheet = arranged(side_planes, local, faces, int(size))
+        opaque = opaque_texels(parts, origin, side_planes, sheet, reach)
+        closing = closing_patches(parts, origin, sheet, opaque, error_bound)
+    all_planes = _with_patches(side_planes, closing)
+    points, faces = joined([*parts, *closing.parts], origin)
+    sheet = arranged(all_planes, points, faces, int(size))
+    color, normal = draw(parts, closing.parts, origin, all_planes, sheet, reach, supersample)
     opaque = color[::-1, :, 3] > 0
-    holes, turned = _errors(parts, rest, origin, sheet, len(sides), opaque, normal)
-    found = Planes(found.normals, found.offsets + found.normals @ origin, found.owner)
-    texels = sheet.texels.prod(1)
+    count = len(side_planes)
+    holes, normal_error = _errors(parts, closing, origin, sheet, count, opaque, normal)
+    normals, offsets = cloud_planes.normals, cloud_planes.offsets
+    texel_counts = sheet.texels.prod(1)
     return BillboardCloud(
-        _mesh(sheet, origin, which, rest),
+        _mesh(sheet, origin, plane_of_side, closing),
         pv.Texture(color),
         pv.Texture(normal),
-        found,
-        bound,
-        float(away.max()),
+        Planes(normals, offsets + normals @ origin, cloud_planes.owner),
+        error_bound,
+        float(displacements.max()),
         holes,
-        turned,
-        len(rest.planes.owner),
-        float(_shown(opaque, sheet, len(sides)) / texels[: len(sides)].sum()),
-        int(texels.sum()) / size**2,
+        normal_error,
+        len(closing.planes.owner),
+        float(_opaque_count(opaque, sheet, count) / texel_counts[:count].sum()),
+        int(texel_counts.sum()) / size**2,
         time.perf_counter() - start,
     )
 
 
-def _planes(points, faces, count, bound, seed) -> Planes:
-    """Return some planes, or as many as a bound needs."""
-    if bound is None:
-        return kmeans_planes(points, faces, count, seed=seed)
-    return greedy_planes(points, faces, bound)
+def _errors(parts, closing, origin, sheet, count, opaque, normal):
+    """Return the share of holes, and the mean error of normals in degrees."""
+    triangles, patches = Triangles.of(parts, origin), Triangles.of(closing.parts, origin)
+    owner, normals = closing.planes.owner + count, normal[::-1] / 127.5 - 1
+    return coverage_errors(triangles, patches, owner, sheet, count, opaque, normals)
 
 
-def _closing(parts, origin, sides, sheet, near, bound):
-    """Return what closes the holes between planes."""
-    return closing_patches(
-        parts, origin, sheet, opaque_texels(parts, origin, sides, sheet, near), bound
-    )
-
-
-def _errors(parts, rest, origin, sheet, count, opaque, normal):
-    """Return the share of holes, and the mean angle between normals of mesh and picture."""
-    own, closing = Triangles.of(parts, origin), Triangles.of(rest.parts, origin)
-    owner = rest.planes.owner + count
-    return coverage_errors(own, closing, owner, sheet, count, opaque, normal[::-1] / 127.5 - 1)
-
-
-def _reach(planes, away, bound):
-    """Return the largest displacement that each plane allows."""
+def _reach(planes, displacements, bound):
+    """Return the greatest displacement of each plane."""
     reach = np.full(len(planes), bound or 0.0)
     if bound is None:
-        np.maximum.at(reach, planes.owner, away)
+        np.maximum.at(reach, planes.owner, displacements)
     return reach
 
 
-def _shown(opaque, sheet, count):
-    """Return the number of opaque texels of the first rectangles."""
-    rows = zip(sheet.corners[:count], sheet.texels[:count], strict=True)
-    return sum(opaque[y : y + h, x : x + w].sum() for (x, y), (w, h) in rows)
+def _opaque_count(opaque, sheet, count):
+    """Return the number of opaque texels in the first rectangles."""
+    rectangles = zip(sheet.corners[:count], sheet.texels[:count], strict=True)
+    return sum(opaque[y : y + h, x : x + w].sum() for (x, y), (w, h) in rectangles)
 
 
 def _with_patches(sides, patches):
-    """Return the planes of both, and those of all triangles, in this order."""
-    more = patches.planes
+    """Return planes of sides, then of patches."""
+    patch_planes = patches.planes
     return Planes(
-        np.concatenate([sides.normals, more.normals]),
-        np.concatenate([sides.offsets, more.offsets]),
-        np.concatenate([sides.owner, more.owner + len(sides)]),
+        np.concatenate([sides.normals, patch_planes.normals]),
+        np.concatenate([sides.offsets, patch_planes.offsets]),
+        np.concatenate([sides.owner, patch_planes.owner + len(sides)]),
     )
 
 
@@ -273,42 +260,42 @@ def _check(epsilon, planes, size, supersample):
     check_one_of('supersample', supersample, (1, 2, 4, 8))
 
 
-def _sides(planes, points, faces, solid, apart):
-    """Return a plane for each visible side, and the index of the given one."""
+def _sides(planes, points, faces, solid, side_offset):
+    """Return a plane for each visible side, and the index of its original."""
     a, b, c = points[faces].transpose(1, 0, 2)
     area = (np.cross(b - a, c - a) * planes.normals[planes.owner]).sum(1)
     count = len(planes)
-    front, back = (
+    front_area, back_area = (
         np.bincount(planes.owner, np.maximum(sign * area, 0) * solid, count) for sign in (1, -1)
     )
-    total = np.maximum(np.bincount(planes.owner, np.abs(area), count), 1e-300)
-    turn = np.where(back > front, -1.0, 1.0)
-    normals, offsets = planes.normals * turn[:, None], planes.offsets * turn
-    two = np.flatnonzero(np.minimum(front, back) > _BOTH * total)
-    offsets[two] += apart
-    second = np.full(count, -1)
-    second[two] = count + np.arange(len(two))
-    behind = (area * turn[planes.owner] < 0) & (second[planes.owner] >= 0)
-    owner = np.where(behind, second[planes.owner], planes.owner)
-    normals = np.concatenate([normals, -normals[two]])
-    offsets = np.concatenate([offsets, 2 * apart - offsets[two]])
-    return Planes(normals, offsets, owner), np.concatenate([np.arange(count), two])
+    total_area = np.maximum(np.bincount(planes.owner, np.abs(area), count), 1e-300)
+    flip_per_plane = np.where(back_area > front_area, -1.0, 1.0)
+    normals, offsets = planes.normals * flip_per_plane[:, None], planes.offsets * flip_per_plane
+    two_sided = np.flatnonzero(np.minimum(front_area, back_area) > _BOTH * total_area)
+    offsets[two_sided] += side_offset
+    second_side = np.full(count, -1)
+    second_side[two_sided] = count + np.arange(len(two_sided))
+    is_behind = (area * flip_per_plane[planes.owner] < 0) & (second_side[planes.owner] >= 0)
+    owner = np.where(is_behind, second_side[planes.owner], planes.owner)
+    normals = np.concatenate([normals, -normals[two_sided]])
+    offsets = np.concatenate([offsets, 2 * side_offset - offsets[two_sided]])
+    return Planes(normals, offsets, owner), np.concatenate([np.arange(count), two_sided])
 
 
-def _mesh(sheet, origin, which, patches):
-    """Return a quadrilateral for each picture, and the triangles of patches."""
-    count = len(which)
+def _mesh(sheet, origin, plane_of_side, patches):
+    """Return a quadrilateral per side, then the triangles of patches."""
+    count = len(plane_of_side)
     points, coordinates = (a[:count].reshape(-1, a.shape[-1]) for a in sheet.quads())
     axes = sheet.axes[:count].repeat(4, 0)
     cells = [np.insert(np.arange(4 * count).reshape(-1, 4), 0, 4, axis=1).ravel()]
     if patches.parts:
-        own, faces = joined(patches.parts, origin)
-        own, owner = own[faces.ravel()], patches.planes.owner.repeat(3) + count
-        corners = np.arange(4 * count, 4 * count + len(own)).reshape(-1, 3)
+        patch_points, faces = joined(patches.parts, origin)
+        patch_points, owner = patch_points[faces.ravel()], patches.planes.owner.repeat(3) + count
+        corners = np.arange(4 * count, 4 * count + len(patch_points)).reshape(-1, 3)
         cells.append(np.insert(corners, 0, 3, axis=1).ravel())
-        points = np.concatenate([points, own])
-        places = sheet.flattened(own, owner)[:, :2] / sheet.side
-        coordinates = np.concatenate([coordinates, places])
+        points = np.concatenate([points, patch_points])
+        patch_coordinates = sheet.flattened(patch_points, owner)[:, :2] / sheet.side
+        coordinates = np.concatenate([coordinates, patch_coordinates])
         axes = np.concatenate([axes, sheet.axes[owner]])
     mesh = pv.PolyData()
     mesh.points = points + origin
@@ -317,7 +304,7 @@ def _mesh(sheet, origin, which, patches):
     mesh.point_data.active_normals = axes[:, 2].astype(np.float32)
     mesh.point_data['Tangents'] = axes[:, 0].astype(np.float32)
     mesh.GetPointData().SetTangents(mesh.GetPointData().GetArray('Tangents'))
-    rest = np.full(mesh.n_cells - count, -1)
-    mesh.cell_data['plane'] = np.concatenate([which, rest])
+    patch_labels = np.full(mesh.n_cells - count, -1)
+    mesh.cell_data['plane'] = np.concatenate([plane_of_side, patch_labels])
     mesh.set_active_scalars(None)
     return mesh

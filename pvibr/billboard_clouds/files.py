@@ -51,8 +51,8 @@ def _png(texture):
 
 
 def write_obj(cloud, path):
-    """Write a cloud as OBJ, with its material and two images beside it."""
-    stem = path.stem.replace(' ', '_')  # names in these files end at a blank
+    """Write a cloud as OBJ, with material and two images beside it."""
+    stem = path.stem.replace(' ', '_')  # OBJ names end at a space
     material, color = path.with_name(f'{stem}.mtl'), path.with_name(f'{stem}.png')
     normal = path.with_name(f'{stem}_normals.png')
     looks = (
@@ -72,7 +72,7 @@ def write_obj(cloud, path):
         for row in (mesh.triangulate().regular_faces + 1).tolist()
     ]
     shape = '\n'.join(lines) + '\n'
-    # The mesh last: it names the others.
+    # The mesh last, as it refers to the others.
     for file, content in (
         (color, _png(cloud.texture)),
         (normal, _png(cloud.normal_texture)),

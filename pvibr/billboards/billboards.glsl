@@ -1,35 +1,35 @@
-// Billboards: one quad for each point, turned toward the eye, with a part of one texture.
+// Billboards: one quad for each point, turned toward the eye, with an image from one texture.
 // The vertex shader fetches a point, turns its card (twin: pvibr.maths.facing) and finds the
-// rectangle of its image; the fragment shader samples that, the smaller levels of it included,
-// without ever touching a neighbour, and leaves out or blends what is transparent.
-// Places are differences of two pairs of floats, point and eye, each relative to the middle of all
-// points: exact where the difference is small (Ohlarik, "Precisions, Precisions", 2008).
-// Colours in the texture are premultiplied by alpha, unless it is a live one.
-// ibr_first, the first slot of a draw, and ibr_end, the entry after its last, are an actor's custom
-// uniforms: VTK declares them.
+// rectangle of its image; the fragment shader samples its mip levels without bleeding from
+// neighbours, and discards or blends transparent texels.
+// Positions are differences of point and eye, each a pair of floats relative to the middle of all
+// points, and so exact for small differences (Ohlarik, "Precisions, Precisions", 2008).
+// Colours in the texture are premultiplied by alpha, except in a live texture.
+// ibr_first, a draw's first slot, and ibr_end, the entry after its last, are custom uniforms of the
+// actor, declared by VTK.
 
 //@vertex.declare
-uniform sampler2D ibr_points;     // xyz and rotation; the rest of xyz and the image; width, height
-                                  // of the card, yaw; where each has its own, axis or quaternion
+uniform sampler2D ibr_points;     // xyz, rotation; low part of xyz, image; width and height of the
+                                  // card, yaw; axis or quaternion if per card
 uniform sampler2D ibr_looks;      // rgb that multiplies the image; opacity, 0 hidden
-uniform sampler2D ibr_entries;      // what is drawn: blocks, or points, in their order
+uniform sampler2D ibr_entries;    // blocks or points to draw, in order
 uniform sampler2D ibr_rects;      // left, bottom, right, top of each image, texels
 uniform int ibr_count;            // points
-uniform int ibr_unit;             // points of an entry
-uniform int ibr_texels;           // texels of a point: 3 or 4
-uniform int ibr_images;           // how many images there are
-uniform int ibr_views;            // of each image, about the axis
-uniform int ibr_two_views;        // whether the two nearest are mixed
-uniform int ibr_step;             // images to go on by, for all: time
+uniform int ibr_unit;             // points per entry
+uniform int ibr_texels;           // texels per point: 3 or 4
+uniform int ibr_images;           // number of images
+uniform int ibr_views;            // views per image, about the axis
+uniform int ibr_two_views;        // 1 to blend the two nearest
+uniform int ibr_step;             // images that flipbooks have advanced
 uniform int ibr_facing;           // 0 world, 1 cylindrical, 2 spherical, 3 screen
-uniform int ibr_own_up;           // whether a spherical card has an axis, not the camera's up
-uniform int ibr_plane;            // toward the view plane, not the view point
+uniform int ibr_own_up;           // 1 if a spherical card has its own axis
+uniform int ibr_plane;            // 1 to face the view plane, not the eye
 uniform int ibr_parallel;
-uniform float ibr_size_scale;     // pixels to eye units at a distance of 1; 0 where in world units
-uniform vec4 ibr_size_depth;      // dot with place and 1: distance from the eye whose pixels these
-                                  // are, where it is not this one; else 0
-uniform vec4 ibr_turn;            // axis or quaternion of all
-uniform vec2 ibr_anchor;          // what of the card is at the point, 0 to 1
+uniform float ibr_size_scale;     // eye units per pixel at a distance of 1; 0 for sizes in world units
+uniform vec4 ibr_size_depth;      // plane whose distance is that from the camera, if a light draws
+                                  // sizes in the camera's pixels; else 0
+uniform vec4 ibr_turn;            // axis or quaternion of all cards
+uniform vec2 ibr_anchor;          // point on the card, 0 to 1
 uniform vec3 ibr_eye_high;        // the eye, relative to the middle of all points
 uniform vec3 ibr_eye_low;
 uniform mat3 ibr_eye_from_world;
@@ -55,7 +55,7 @@ vec3 ibr_toward(vec3 c)
   return plane ? vec3(0.0, 0.0, 1.0) : -normalize(c);
 }
 
-// In turns of a whole one, from 0 on: where about the axis the eye is.
+// Azimuth of the eye about the axis, in full turns.
 float ibr_azimuth(vec3 c, vec3 axis)
 {
   vec3 toward = transpose(ibr_eye_from_world) * ibr_toward(c);
@@ -81,8 +81,8 @@ mat3 ibr_axes(vec3 c, vec4 turn)
   vec3 right = cross(axis, toward);
   if (length(right) <= 1e-4)
   {
-    vec3 kept = cylindrical ? axis : toward;
-    right = vec3(1.0, 0.0, 0.0) - kept * kept.x;
+    vec3 fixed_axis = cylindrical ? axis : toward;
+    right = vec3(1.0, 0.0, 0.0) - fixed_axis * fixed_axis.x;
   }
   right = normalize(right);
   return cylindrical ? mat3(right, axis, cross(right, axis))
@@ -91,7 +91,7 @@ mat3 ibr_axes(vec3 c, vec4 turn)
 
 //@vertex.position
   {
-    gl_Position = vec4(2.0, 2.0, 2.0, 1.0); // outside: an empty slot
+    gl_Position = vec4(2.0, 2.0, 2.0, 1.0); // outside the clip volume: an empty slot
     vertexVCVSOutput = vec4(0.0);
     ibr_texel = vec2(0.0);
     ibr_rect = vec4(0.0);
@@ -164,10 +164,10 @@ mat3 ibr_axes(vec3 c, vec4 turn)
 
 //@fragment.declare
 uniform sampler2D ibr_sheet;
-uniform float ibr_smallest;       // the last level whose texels are of one image each
-uniform float ibr_cutout;         // alpha from which something is drawn; 0 where it blends
-uniform float ibr_least;          // opacity from which it is
-uniform int ibr_straight;         // colours are not multiplied by alpha
+uniform float ibr_smallest;       // last level whose texels belong to one image each
+uniform float ibr_cutout;         // least alpha of cut-outs; 0 to blend
+uniform float ibr_least_opacity;  // least opacity that is drawn
+uniform int ibr_straight;         // 1 if colours are not premultiplied
 uniform int ibr_two_views;
 in vec4 vertexVCVSOutput;
 in vec2 ibr_texel;
@@ -178,8 +178,8 @@ flat in vec4 ibr_look;
 flat in vec3 ibr_normal;
 flat in float ibr_reach;
 
-// Half a texel of the smaller level that is read stays clear of what is beside the image and what
-// pads it to whole texels of the last level.
+// Samples stay half a texel of the coarser level away from neighbours, and from the padding to whole
+// texels of the last level.
 vec4 ibr_sampled(vec4 rect, vec2 texel, float lod)
 {
   vec2 extent = rect.zw - rect.xy;
@@ -197,7 +197,7 @@ vec4 ibr_sampled(vec4 rect, vec2 texel, float lod)
   vec2 ibr_dx = dFdx(ibr_texel), ibr_dy = dFdy(ibr_texel);
   float ibr_lod = 0.5 * log2(max(max(dot(ibr_dx, ibr_dx), dot(ibr_dy, ibr_dy)), 1.0));
   ibr_lod = min(ibr_lod, ibr_smallest);
-  // A mean of two levels would pass the test in fewer places than each.
+  // The mean of two levels would pass the alpha test less often than either.
   if (ibr_cutout > 0.0) ibr_lod = floor(ibr_lod + 0.5);
   vec4 ibr_seen = ibr_sampled(ibr_rect, ibr_texel, ibr_lod);
   if (ibr_two_views == 1)
@@ -209,11 +209,11 @@ vec4 ibr_sampled(vec4 rect, vec2 texel, float lod)
   float ibr_coverage = ibr_look.a;
   if (ibr_cutout == 0.0) ibr_coverage *= ibr_seen.a;
   else if (ibr_seen.a < ibr_cutout) discard;
-  if (ibr_coverage < ibr_least) discard;
+  if (ibr_coverage < ibr_least_opacity) discard;
   vec3 ibr_base = ibr_seen.rgb;
   if (ibr_straight == 0) ibr_base /= max(ibr_seen.a, 1.0 / 255.0);
   ibr_base = min(ibr_base, 1.0) * ibr_look.rgb;
-  // For features that ask where the surface is: a light sees the card turned toward itself.
+  // For features that need the surface point: a light sees the card turned toward itself.
 #define IBR_BLUR ibr_reach
 #define IBR_PLACE vertexVC.xyz
 #define IBR_NORMAL ibr_normal

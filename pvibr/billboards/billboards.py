@@ -24,10 +24,10 @@ from pvibr.scene.painted import TABLE_OPTIONS, scalars_of
 from pvibr.scene.picking import Hit, pixel_ray
 from pvibr.scene.shader_draws import ROW, ShaderDraws, pack
 
-_CHUNK = 65_536  # billboards of one draw
-_WIDE = 3072  # texels; a multiple of 3 and of 4
-_SHARES = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])  # of width and height, at corners of a card
-_HIT = 0.05  # alpha from which a blended billboard can be picked
+_CHUNK = 65_536  # billboards per draw
+_WIDE = 3072  # texels, a multiple of 3 and 4
+_CORNERS = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])  # in shares of width and height
+_HIT = 0.05  # least alpha at which a blended billboard can be picked
 
 
 class Billboards(CardSet):
@@ -39,22 +39,23 @@ class Billboards(CardSet):
         World units.
     image : path, array, pyvista.Texture, pvibr.LiveTexture, or a list of the first three
         Image or images; several are packed into one texture. Arrays are (h, w) or (h, w, c), row 0
-        at the top, uint8, uint16, bool or float from 0 to 1.
+        at the top, of uint8, uint16, bool, or float from 0 to 1.
     size : float or array_like, shape (n,), (n, 2) or (1, 2)
-        Height, or width and height, of each or of all; a height keeps the image's proportions.
+        Height, or width and height, of each card or of all; a height alone keeps the image's
+        proportions.
     facing : {'spherical', 'cylindrical', 'screen', 'world'}
-        Towards the camera; about `axis` only; parallel to the screen; fixed.
+        Towards the camera; towards it about `axis` only; parallel to the screen; fixed.
     axis : array_like, shape (3,) or (n, 3), optional
-        Up direction of the cards; z for cylindrical cards, the camera's up for spherical ones by
-        default.
+        Up direction of the cards; by default z for cylindrical cards, the camera's up for
+        spherical ones.
     towards : {'point', 'plane'}
         Face the camera's position, or its image plane.
     orientation : array_like, shape (4,) or (n, 4), optional
-        Quaternions (w, x, y, z) of cards that face the world: from x right, y up, z to the front.
+        Quaternions (w, x, y, z) of cards with ``facing='world'``, from x right, y up, z front.
     rotation : float or array_like, shape (n,)
         Radians counter-clockwise about the card's normal.
     index : array_like of int, shape (n,), optional
-        Image that each shows; in turn by default, or the first of a flipbook.
+        Image of each card; by default in turn, or the first frame of a flipbook.
     frames : tuple of 2 int, optional
         Columns and rows of a sprite sheet.
     fps : float, optional
@@ -66,9 +67,9 @@ class Billboards(CardSet):
     anchor : {'center', 'bottom', 'top'} or array_like, shape (2,)
         Position of the point on the card, in shares of width and height from the lower left.
     views : int
-        Number of consecutive images that show one object from around the axis of cylindrical
-        cards: the first from x (from y if the axis is close to x), the others
-        counter-clockwise. Each card shows the view nearest to the camera.
+        Number of consecutive images that show an object from around the axis of cylindrical
+        cards, the first from x (from y if the axis is close to x), the others counter-clockwise.
+        Each card shows the view nearest to the camera.
     blend_views : bool
         Blend the two nearest views.
     yaw : float or array_like, shape (n,)
@@ -80,9 +81,9 @@ class Billboards(CardSet):
     visible : array_like of bool, shape (n,), optional
         Mask of the items that are drawn.
     opacity : float or array_like, shape (n,)
-        One value, or one per billboard if they are blended.
+        Opacity of all, or of each if they are blended.
     lighting : bool
-        Light the cards.
+        Apply lighting to the cards.
     pickable : bool
         Allow picking.
     name : str, optional
@@ -101,10 +102,10 @@ class Billboards(CardSet):
 
     Notes
     -----
-    Cut-outs are opaque to VTK and depth-tested. Blended billboards are sorted from far to near
-    among other translucent props by the centre of these, or per pixel with depth peeling. All
-    cast shadows, turned to the light, in the size that the camera sees; blended ones cast those
-    of texels that are at least half opaque.
+    Cut-outs are opaque and depth-tested. Blended billboards are sorted from far to near among
+    other translucent props by the centres of these, or per pixel with depth peeling. All cast
+    shadows, turned to the light, in the size that the camera sees; blended ones where texels are
+    at least half opaque.
 
     Examples
     --------
@@ -158,8 +159,10 @@ class Billboards(CardSet):
         self.name = name
         self.cutout = checked_cutout(cutout)
         self._images: LiveImage | SheetImages
-        live = is_live(image)
-        self._images = LiveImage(image) if live else SheetImages(as_images(image, frames), cutout)
+        if is_live(image):
+            self._images = LiveImage(image)
+        else:
+            self._images = SheetImages(as_images(image, frames), cutout)
         if index is None and fps is not None:
             index = 0
         self.layout = BillboardLayout(
@@ -191,57 +194,55 @@ class Billboards(CardSet):
         opacity = float(self._opacity) if np.ndim(self._opacity) == 0 else 1.0
         look = {'lighting': bool(lighting), 'opacity': opacity, 'interpolation': 'Gouraud'}
         self.prop = pv.Property(color='white', **look)
-        slots = max(-(-len(self) // BLOCK), 1) * BLOCK
-        self._chunk, draws = min(slots, _CHUNK), -(-slots // _CHUNK)
-        # Blended draws, and for lights those of texels that are at least half opaque.
-        self._draws = self._made(draws + PARTS * self.blends, self.blends)
-        self._dense = self._made(draws, False) if self.blends else None
+        slot_count = max(-(-len(self) // BLOCK), 1) * BLOCK
+        self._chunk, draw_count = min(slot_count, _CHUNK), -(-slot_count // _CHUNK)
+        # Blended billboards have other draws for shadows, of texels at least half opaque.
+        self._draws = self._new_draws(draw_count + PARTS * self.blends, self.blends)
+        self._shadow_draws = self._new_draws(draw_count, False) if self.blends else None
         self._lead_materials()
         self._fit()
 
-    def _made(self, draws, blends) -> ShaderDraws:
+    def _new_draws(self, draws, blends) -> ShaderDraws:
         look = {'prop': self.prop, 'feature': _feature(False), 'translucent': blends}
         return ShaderDraws(draws=draws, chunk=self._chunk, binder=self.binder, **look)
 
     def _materials_of_all(self):
-        return [draws.material for draws in self._both()]
+        return [draws.material for draws in self._all_draws()]
 
     def _switch_clipping(self):
-        for draws in self._both():
+        for draws in self._all_draws():
             draws.set_feature(_feature(bool(self._planes)))
 
-    def _both(self) -> list:
-        return [draws for draws in (self._draws, self._dense) if draws is not None]
+    def _all_draws(self) -> list:
+        return [draws for draws in (self._draws, self._shadow_draws) if draws is not None]
 
     def _fit(self):
-        """Take over own places or sizes that changed."""
+        """Apply changed local positions or sizes."""
         if self._world is not None:
-            self.layout.put(None)
+            self.layout.place(None)
         self._set_bounds(self.layout.bounds)
         if self._world is not None:
-            self.layout.put(self._world)
+            self.layout.place(self._world)
         self._fit_draws()
 
     def _fit_draws(self):
-        for draws in self._both():
+        for draws in self._all_draws():
             draws.place_cards(self.layout.reach_bounds())
 
     def _check_linear(self, linear):
         super()._check_linear(linear)
         if self.facing == 'world':
-            self._check_similar(linear, 'cards that face the world stay rectangles')
+            self._check_similar(linear, "cards with facing='world' stay rectangles")
         if np.linalg.det(linear) < 0:
-            raise ValueError(
-                f'scale or user_matrix of {self.name} must not mirror: images are not mirrored'
-            )
+            raise ValueError(f'scale or user_matrix of {self.name} must not mirror images')
 
     def _put(self):
-        """Upload the positions for the next frame."""
-        self.layout.put(self._world)
+        """Upload positions for the next frame."""
+        self.layout.place(self._world)
         self._fit_draws()
         self._drop('ibr_points', 'ibr_looks')
 
-    # -- what they are ------------------------------------------------------------------------
+    # -- positions and looks ------------------------------------------------------------------
 
     def __len__(self):
         return len(self.layout)
@@ -250,32 +251,30 @@ class Billboards(CardSet):
         return self.layout.points
 
     def item_spheres(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return points, shape (n, 3), and how far their cards reach."""
-        rows = np.arange(len(self))
-        sizes = self.layout.placed(Frame.of(self.pipeline.renderer), rows)[1]
+        """Return points, shape (n, 3), and the reach of their cards."""
+        indices = np.arange(len(self))
+        sizes = self.layout.placed(Frame.of(self.pipeline.renderer), indices)[1]
         return self.layout.points, np.hypot(*np.moveaxis(sizes, 1, 0))
 
     def item_mesh(self, index) -> pv.PolyData:
-        """Return the card of an item in world units, for VTK's pickers."""
+        """Return the card of an item in world space, for VTK's pickers."""
         corners = self._corners(Frame.of(self.pipeline.renderer), np.array([index]))
         return pv.PolyData(corners[0], faces=[4, 0, 1, 2, 3])
 
-    def _corners(self, frame, rows) -> np.ndarray:
+    def _corners(self, frame, indices) -> np.ndarray:
         """Return the corners of some cards, shape (k, 4, 3)."""
-        axes, sizes = self.layout.placed(frame, rows)
-        right, up, _ = np.moveaxis(axes, 2, 0)
-        off = (_SHARES - self.layout.anchor) * sizes[:, None]
-        corners = self.layout.points[rows, None] + off[..., :1] * right[:, None]
-        return corners + off[..., 1:] * up[:, None]
+        axes, sizes = self.layout.placed(frame, indices)
+        offsets = (_CORNERS - self.layout.anchor) * sizes[:, None]
+        return self.layout.points[indices, None] + offsets @ axes[..., :2].swapaxes(1, 2)
 
     @property
     def facing(self) -> str:
-        """Direction that the cards face."""
+        """What the cards face."""
         return self.layout.facing
 
     @property
     def blends(self) -> bool:
-        """Whether images are translucent, and so drawn from far to near."""
+        """Whether images are translucent and therefore drawn from far to near."""
         return self.cutout is None or super().blends
 
     @property
@@ -291,8 +290,8 @@ class Billboards(CardSet):
 
     @property
     def size(self) -> np.ndarray:
-        """Height, or width and height, of all or of each, world units or pixels."""
-        return read_only(self.layout.given_size)
+        """Height, or width and height, of all cards or each, in world units or pixels."""
+        return read_only(self.layout.local_size)
 
     @size.setter
     def size(self, size):
@@ -312,7 +311,7 @@ class Billboards(CardSet):
 
     @property
     def index(self) -> np.ndarray:
-        """Image of each, shape (n,)."""
+        """Index of each card's image, shape (n,)."""
         return read_only(self.layout.index)
 
     @index.setter
@@ -320,11 +319,11 @@ class Billboards(CardSet):
         self.layout.set_index(index)
         self._drop('ibr_points')
 
-    # -- the life of an effect ----------------------------------------------------------------
+    # -- frames -------------------------------------------------------------------------------
 
     def content_key(self) -> tuple:
         """Return a value that changes with the content, camera excluded."""
-        return *super().content_key(), self._step(), self._images.draws, self.layout.seen_as()
+        return *super().content_key(), self._step(), self._images.draws, self.layout.size_key()
 
     def _step(self) -> int:
         """Return the number of images that a flipbook has advanced."""
@@ -333,16 +332,16 @@ class Billboards(CardSet):
         return int(np.floor(self.pipeline.time * self.fps + 1e-9)) % self.layout.n_images
 
     def actors(self) -> list:
-        """Return the actors that draw them, invisible ones included."""
-        return [actor for draws in self._both() for actor in draws.actors]
+        """Return all actors, invisible ones included."""
+        return [actor for draws in self._all_draws() for actor in draws.actors]
 
     def drawn(self) -> list:
-        """Return the visible actors; none of blended billboards in shadow maps."""
+        """Return the visible actors, without those of shadow maps."""
         return [a for a in self._draws.actors if a.GetVisibility()]
 
     def depths(self) -> list:
         """Return the actors that cast shadows."""
-        return [a for a in (self._dense or self._draws).actors if a.GetVisibility()]
+        return [a for a in (self._shadow_draws or self._draws).actors if a.GetVisibility()]
 
     @property
     def cast_bounds(self) -> np.ndarray:
@@ -350,12 +349,12 @@ class Billboards(CardSet):
         return self.layout.cast_bounds()
 
     def needed(self, frame) -> bool | str:
-        """Return True if there is anything to draw, else why not."""
+        """Return True if there is anything to draw, else the reason why not."""
         return (self.visibility and self._images.missing) or super().needed(frame)
 
     def prepare(self, frame):
-        """Choose which items are drawn, and in which order."""
-        failure = next((draws.failure for draws in self._both() if draws.failure), None)
+        """Choose which items are drawn and in which order."""
+        failure = next((draws.failure for draws in self._all_draws() if draws.failure), None)
         if failure:
             raise ShaderError(failure)
         super().prepare(frame)
@@ -363,10 +362,13 @@ class Billboards(CardSet):
     def _choice_key(self) -> tuple:
         return *super()._choice_key(), self._step()
 
-    def _choose(self, frame, others):
-        dense = self._dense if frame.casting else None
-        sort = self.blends and dense is None
-        entries, unit, cuts = self.layout.chosen(frame, others, sort=sort)
+    def _choose(self, frame, other_depths):
+        active_draws, idle_draws, least_opacity = self._draws, self._shadow_draws, 0.5 / 255
+        if frame.casting and idle_draws is not None:
+            active_draws, idle_draws = idle_draws, active_draws
+            least_opacity = 0.5 / max(self.prop.GetOpacity(), 1e-6)
+        sort = self.blends and active_draws is self._draws
+        entries, unit, part_cuts = self.layout.entries_in_view(frame, other_depths, sort=sort)
         self._drawn_count = min(len(entries) * unit, len(self))
         self._uniforms |= self.layout.view_uniforms(frame) | {
             **(self._planes.uniforms(frame) if self._planes else {}),
@@ -375,15 +377,14 @@ class Billboards(CardSet):
             'ibr_eye_from_world': frame.view_from_world[:3, :3],
             'ibr_clip_from_eye': frame.clip_from_view,
             'ibr_parallel': int(frame.parallel),
-            'ibr_least': 0.5 / 255 if dense is None else 0.5 / max(self.prop.GetOpacity(), 1e-6),
+            'ibr_least_opacity': least_opacity,
         }
-        shown, other = (self._draws, self._dense) if dense is None else (dense, self._draws)
-        if other is not None:
-            other.show_spans(())
-        shown.upload(self._window, np.asarray(entries, np.float32).reshape(-1, 1))
-        parts = shown.show_parts(cuts, unit)
+        if idle_draws is not None:
+            idle_draws.show_spans(())
+        active_draws.upload(self._window, np.asarray(entries, np.float32).reshape(-1, 1))
+        parts = active_draws.show_parts(part_cuts, unit)
         if sort:
-            self._order_parts(frame, others, parts)
+            self._order_parts(frame, other_depths, parts)
 
     # -- the GPU ------------------------------------------------------------------------------
 
@@ -391,24 +392,24 @@ class Billboards(CardSet):
         if self._window is None:
             self._window = window
             self._stale = {'ibr_points', 'ibr_looks', 'ibr_rects'}
-        made, self._stale = self._stale, set()
-        if 'ibr_rects' in made:
+        stale_names, self._stale = self._stale, set()
+        if 'ibr_rects' in stale_names:
             self._images.upload(window)
         arrays = {
-            'ibr_points': (self.layout.rows, _WIDE, 4),
+            'ibr_points': (self.layout.texels, _WIDE, 4),
             'ibr_looks': (self._looks, ROW, 4),
             'ibr_rects': (self._images.rects, ROW, 4),
         }
-        for name in made:
-            make, width, channels = arrays[name]
-            self.textures.setdefault(name, Texture(window)).upload(pack(make(), width, channels))
-        if 'ibr_points' in made:
+        for name in stale_names:
+            build, width, channels = arrays[name]
+            self.textures.setdefault(name, Texture(window)).upload(pack(build(), width, channels))
+        if 'ibr_points' in stale_names:
             self._uniforms |= self.layout.uniforms()
         self._uniforms |= self._images.uniforms() | {
             'ibr_cutout': float(self.cutout or 0.0),
             'ibr_straight': int(isinstance(self._images, LiveImage)),
         }
-        for draws in self._both():
+        for draws in self._all_draws():
             draws.textures = {**self.textures, 'ibr_sheet': self._images.texture}
             draws.uniforms = self._uniforms
 
@@ -419,16 +420,16 @@ class Billboards(CardSet):
 
     def release(self):
         """Free GPU memory; the context is current."""
-        for draws in self._both():
+        for draws in self._all_draws():
             draws.release(self._window)
         for owner in (*self.textures.values(), self._images):
             owner.release()
         self.textures, self._window, self._content_key = {}, None, None
 
     def report(self) -> dict:
-        """Return GPU memory, counts, and the size of the texture."""
+        """Return GPU memory, counts and the size of the texture."""
         return {
-            'bytes': nbytes_of(*self.textures.values(), *self._both(), self._images),
+            'bytes': nbytes_of(*self.textures.values(), *self._all_draws(), self._images),
             'billboards': len(self),
             'drawn': self._drawn_count,
             'images': self.layout.n_images,
@@ -436,26 +437,24 @@ class Billboards(CardSet):
         }
 
     def bake_into(self, scene):
-        """Add them to a scene without pvibr, turned to its camera."""
-        rows = np.flatnonzero(self.visible)
+        """Add the cards as quads, turned to the camera, to a scene without pvibr."""
+        indices = np.flatnonzero(self.visible)
         frame = scene.frame
-        corners = self._corners(frame, rows)
+        corners = self._corners(frame, indices)
         image, rects = self._images.whole()
-        rects = rects[self._shown_images(frame, rows)].reshape(-1, 2, 2)
-        places = rects[:, :1] + _SHARES * (rects[:, 1:] - rects[:, :1])
-        looks = {
-            'colors': self._tints(self.prop.GetOpacity())[rows],
-            'lighting': bool(self.prop.GetLighting()),
-        }
-        cutout = None if self.blends else self.cutout
-        scene.quads(self, corners, places / image.shape[1::-1], image, cutout=cutout, **looks)
+        low, high = rects[self._shown_images(frame, indices)].reshape(-1, 2, 1, 2).swapaxes(0, 1)
+        coordinates = (low + _CORNERS * (high - low)) / image.shape[1::-1]
+        cutout, lighting = None if self.blends else self.cutout, bool(self.prop.GetLighting())
+        colors = self._tints(self.prop.GetOpacity())[indices]
+        look = {'cutout': cutout, 'colors': colors, 'lighting': lighting}
+        scene.quads(self, corners, coordinates, image, **look)
 
-    def _shown_images(self, frame, rows) -> np.ndarray:
-        """Return the numbers of the images of some rows."""
+    def _shown_images(self, frame, indices) -> np.ndarray:
+        """Return the index of the image that each of some cards shows."""
         layout = self.layout
-        turned = (layout.index[rows] + self._step()) % layout.n_images
-        views = [layout.view_of(frame, i) for i in rows] if layout.views > 1 else 0
-        return turned * layout.views + views
+        image_ids = (layout.index[indices] + self._step()) % layout.n_images
+        views = [layout.view_of(frame, i) for i in indices] if layout.views > 1 else 0
+        return image_ids * layout.views + views
 
     def _tints(self, opacity):
         looks = np.empty((len(self), 4), np.uint8)
@@ -472,27 +471,28 @@ class Billboards(CardSet):
             return None
         renderer = self.pipeline.renderer
         start, direction = pixel_ray(renderer, x, y)
-        shown, frame = self.visible, Frame.of(renderer)
-        for i, distance, uv in self.layout.met(frame, start, direction):
-            (number,) = self._shown_images(frame, [i])
-            if not self._planes.kept(start + distance * direction):
+        is_visible, frame = self.visible, Frame.of(renderer)
+        for i, distance, uv in self.layout.hits(frame, start, direction):
+            point = start + distance * direction
+            if not (is_visible[i] and self._planes.kept(point)):
                 continue
-            if shown[i] and self._images.alpha(number, uv) >= (self.cutout or _HIT):
-                return Hit(int(i), tuple((start + distance * direction).tolist()), float(distance))
+            (number,) = self._shown_images(frame, [i])
+            if self._images.alpha(number, uv) >= (self.cutout or _HIT):
+                return Hit(int(i), tuple(point.tolist()), float(distance))
         return None
 
 
 def _feature(clips) -> Feature:
-    part = sections(shader_source(__file__))
+    shader_parts = sections(shader_source(__file__))
     vertex = {
-        'VTK::PositionVC::Dec': part['vertex.declare'],
-        'VTK::PositionVC::Impl': part['vertex.position'],
+        'VTK::PositionVC::Dec': shader_parts['vertex.declare'],
+        'VTK::PositionVC::Impl': shader_parts['vertex.position'],
     }
     fragment = {
-        'VTK::PositionVC::Dec': (f'#define CLIPS 1\n{KEPT}' if clips else '')
-        + part['fragment.declare'],
-        'VTK::PositionVC::Impl': part['fragment.sample'],
-        'VTK::Color::Impl': '//VTK::Color::Impl\n' + part['fragment.color'],
+        'VTK::PositionVC::Dec': clips * f'#define CLIPS 1\n{KEPT}'
+        + shader_parts['fragment.declare'],
+        'VTK::PositionVC::Impl': shader_parts['fragment.sample'],
+        'VTK::Color::Impl': '//VTK::Color::Impl\n' + shader_parts['fragment.color'],
         'VTK::Normal::Impl': 'vec3 normalVCVSOutput = ibr_normal;\n',
     }
     return Feature('billboards' + '_clipped' * clips, vertex, fragment)

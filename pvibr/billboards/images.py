@@ -1,4 +1,4 @@
-"""The images of billboards: several packed into one texture, or one that is drawn live."""
+"""The images of billboards: several packed into one texture, or a live texture."""
 
 from __future__ import annotations
 
@@ -37,15 +37,15 @@ class SheetImages:
         return {'ibr_smallest': float(len(self._sheet.levels) - 1 - self._skipped)}
 
     def whole(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return all images as one, row 0 at the top, and the rectangle of each, from below."""
+        """Return all images as one, row 0 at the top, and their rectangles, y up."""
         image = self._sheet.levels[0][::-1].astype(float)
         image[..., :3] *= 255 / np.maximum(image[..., 3:], 1)
         return np.rint(np.minimum(image, 255)).astype(np.uint8), self._sheet.rects
 
     def alpha(self, number, uv) -> float:
-        """Return the opacity of an image at a place, 0 to 1 from the lower left."""
-        left, bottom, right, top = self._sheet.rects[number].astype(int)
-        return _alpha(self._sheet.levels[0][bottom:top, left:right], uv)
+        """Return the alpha of an image at texture coordinates, 0 to 1 from the lower left."""
+        low_x, low_y, high_x, high_y = self._sheet.rects[number].astype(int)
+        return _alpha(self._sheet.levels[0][low_y:high_y, low_x:high_x], uv)
 
     def report(self) -> dict:
         """Return the size of the texture."""
@@ -60,7 +60,7 @@ class SheetImages:
 
 
 class LiveImage:
-    """A live texture, which has its own memory on the GPU."""
+    """A live texture, which owns its GPU memory."""
 
     nbytes = 0
 
@@ -70,23 +70,23 @@ class LiveImage:
 
     @property
     def draws(self) -> int:
-        """How often the texture was drawn."""
+        """Number of times the texture was drawn."""
         return self._live.draws
 
     @property
     def missing(self) -> str:
-        """Why it cannot be shown now; empty if it can."""
+        """Why the image is not available, empty if it is."""
         if self.texture is not None:
             return ''
-        return 'its live texture is in no subplot, or not drawn yet: add it'
+        return 'its live texture is not drawn yet, or in no subplot: add it to one'
 
     @property
     def texture(self):
-        """The texture as it was drawn last, or None."""
+        """The texture as last drawn, or None."""
         return self._live.shown
 
     def upload(self, window):
-        """Do nothing: the texture is on the GPU."""
+        """Do nothing: the texture is on the GPU already."""
 
     def rects(self) -> np.ndarray:
         """Return left, bottom, right and top of the image in texels."""
@@ -97,22 +97,22 @@ class LiveImage:
         return {'ibr_smallest': float(np.floor(np.log2(max(self._live.size))))}
 
     def whole(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return the image, row 0 at the top, and its rectangle, from below."""
+        """Return the image, row 0 at the top, and its rectangle, y up."""
         return self._live.image(), self.rects().astype(float)
 
     def alpha(self, _number, uv) -> float:
-        """Return the opacity at a place, 0 to 1 from the lower left."""
+        """Return the alpha at texture coordinates, 0 to 1 from the lower left."""
         return _alpha(self._live.image()[::-1], uv)
 
     def report(self) -> dict:
-        """Return nothing: a live texture has its own report."""
+        """Return nothing, as a live texture has its own report."""
         return {}
 
     def release(self):
-        """Do nothing: the texture has its own release."""
+        """Do nothing: the live texture releases itself."""
 
 
 def _alpha(image, uv) -> float:
     height, width = image.shape[:2]
-    x, y = (min(int(part * n), n - 1) for part, n in zip(uv, (width, height), strict=True))
+    x, y = (min(int(share * n), n - 1) for share, n in zip(uv, (width, height), strict=True))
     return float(image[y, x, 3]) / 255

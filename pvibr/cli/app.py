@@ -26,7 +26,7 @@ def _positive(type_: type, value: float | None) -> None:
 
 def _seed(type_: type, value: int | None) -> None:
     if value is not None and value < 0:
-        raise ValueError('Must be a seed, 0 or more.')
+        raise ValueError('Must be a seed of 0 or more.')
 
 
 def _finite(type_: type, value: float | None) -> None:
@@ -34,43 +34,43 @@ def _finite(type_: type, value: float | None) -> None:
         raise ValueError('Must be a finite number.')
 
 
-def _moving(type_: type, value: float) -> None:
+def _nonzero(type_: type, value: float) -> None:
     if not (value and math.isfinite(value)):
         raise ValueError('Must be a finite number other than 0.')
 
 
-def _in_a_folder(type_: type, value: Path | None) -> None:
+def _in_existing_folder(type_: type, value: Path | None) -> None:
     if value is not None and not value.absolute().parent.is_dir():
-        raise ValueError(f'There is no folder {value.parent}: make it first.')
+        raise ValueError(f'There is no folder {value.parent}: create it first.')
 
 
 _Positive = Parameter(validator=_positive)
 _Moment = Annotated[float, Parameter(validator=_finite)]
-_Speed = Annotated[float, Parameter(validator=_moving)]
+_Speed = Annotated[float, Parameter(validator=_nonzero)]
 _Count = Annotated[int, _Positive]
 _Pixels = Annotated[float, _Positive]
 _Folder = Annotated[Path, Parameter(name=['--out', '-o'])]
-_Out = Annotated[Path | None, Parameter(name=['--out', '-o'], validator=_in_a_folder)]
-_File = Annotated[Path | None, Parameter(validator=_in_a_folder)]
+_Out = Annotated[Path | None, Parameter(name=['--out', '-o'], validator=_in_existing_folder)]
+_File = Annotated[Path | None, Parameter(validator=_in_existing_folder)]
 
 app = App(
     name='pvibr',
-    help='Draw scenes that are too heavy for triangles, with an error that you choose.',
+    help='Image-based rendering for PyVista: large scenes within an error in pixels.',
     version=lambda: pvibr.__version__,
     suppress_keyboard_interrupt=False,
 )
 _benchmarks = benchmarks()
-_BENCH = 'Measure run time against error, here and now.'
+_BENCH = 'Measure run time against error on this machine.'
 _NO_BENCH = (
-    "Benchmarks are in the folder benchmarks of pvibr's repository, not in the installed package: "
-    "clone it and run python -m pip install -e '.[bench]' there."
+    "Benchmarks are not in the installed package, but in pvibr's repository: clone it and run "
+    "python -m pip install -e '.[bench]' there."
 )
 bench = app.command(App(name='bench', help=_BENCH if _benchmarks else _NO_BENCH))
 
 
 @app.command
 def doctor() -> int:
-    """Check the installation and print how to fix what is missing."""
+    """Check the installation and print how to fix problems."""
     from pvibr.cli.doctor import diagnose
 
     diagnosis = diagnose()
@@ -89,7 +89,7 @@ def demo(
     movie: _File = None,
     size: str = '1024x768',
 ) -> None:
-    """Compare VTK and pvibr on a landscape of trees."""
+    """Compare VTK and pvibr on a landscape with trees."""
     pixels = _size(size)
     from pvibr.cli.demo import main
 
@@ -119,16 +119,16 @@ def view(
     scale: _Pixels = 1.0,
     window: bool | None = None,
 ) -> None:
-    """Draw a mesh at every pose in a file, or alone on a ground.
+    """Draw a mesh at every pose in a file, or alone on the ground.
 
-    Without --out a window opens; where there is no display, or with --no-window, a picture is
-    written to a new folder, and its path printed. Pictures are .png, .jpg, .tif, .webp or .bmp.
+    Without --out a window opens; without a display, or with --no-window, an image is written to a
+    new folder and its path printed. Images are .png, .jpg, .tif, .webp or .bmp.
 
-    Meshes are read from glTF (.glb, .gltf), CityJSON (.json, .cityjson; the extra city), and
-    whatever PyVista and trimesh read: .ply, .stl, .obj, .off, .3mf, .vtk, .vtp, .vtu, .vti, .vtr,
+    Meshes are read from glTF (.glb, .gltf), CityJSON (.json, .cityjson; needs the extra city), and
+    all formats of PyVista and trimesh: .ply, .stl, .obj, .off, .3mf, .vtk, .vtp, .vtu, .vti, .vtr,
     .vts, .vtm, .vtkhdf, .case, .foam, .cgns, .msh, .inp, .xdmf and others.
-    Poses are read from tables (.csv, .tsv, .txt, each also .gz; .parquet with the extra parquet),
-    clouds of points (.las, .laz with the extra las) and arrays of numpy (.npy).
+    Poses are read from tables (.csv, .tsv, .txt, each also .gz; .parquet needs the extra parquet),
+    point clouds (.las, .laz; need the extra las) and numpy arrays (.npy).
     """
     pixels, names = _size(size), _columns(columns)
     window = out is None and _has_display() if window is None else window
@@ -165,8 +165,8 @@ def play(
 ) -> None:
     """Play an animated file in a window, or write a movie or an image.
 
-    Figures are read from glTF (.glb, .gltf); what else ``pvibr view`` reads is shown as it stands.
-    Movies are .mp4, .gif and what else imageio writes, images those of ``pvibr view``.
+    Animations are read from glTF (.glb, .gltf); other formats of ``pvibr view`` are shown at rest.
+    Movies are .mp4, .gif and others that imageio writes, images as in ``pvibr view``.
     """
     pixels = _size(size)
     from pvibr.cli.play import main
@@ -190,7 +190,7 @@ def play(
 def bake(mesh: ExistingFile, *, out: _Out = None, sheet: _File = None) -> None:
     """Bake the atlas of a mesh and write it to a file.
 
-    Meshes are those of ``pvibr view``; --sheet writes an image of all views.
+    Meshes are read as in ``pvibr view``; --sheet writes an image of all views.
     """
     from pvibr.instances.levels import bake
     from pvibr.meshes.parts import as_parts
@@ -208,7 +208,7 @@ def bake(mesh: ExistingFile, *, out: _Out = None, sheet: _File = None) -> None:
 
 def _bench_command(name):
     def command(*, out: _Folder = Path('out'), quick: bool = False) -> None:
-        """Measure, and write the table and the plot."""
+        """Measure, and write a table and a plot."""
         _measure(name, out, quick)
 
     return command
@@ -222,9 +222,9 @@ def _surveyed_command(name):
         survey: Annotated[int | None, Parameter(validator=_seed)] = None,
         heavy: bool = False,
     ) -> None:
-        """Measure, and write the tables and the plot; or survey what is made from a seed.
+        """Measure, and write tables and a plot; or survey random scenes from a seed.
 
-        With --heavy the survey is one of meshes of 20 000 to 110 000 triangles.
+        --heavy surveys meshes of 20 000 to 110 000 triangles.
         """
         _measure(name, out, quick, survey=survey, heavy=heavy)
 
@@ -273,10 +273,12 @@ def _one_line(error: Exception) -> str:
 
 
 def _size(text: str) -> tuple[int, int]:
-    width, _, height = text.lower().partition('x')
-    if not (width.isdecimal() and height.isdecimal() and int(width) and int(height)):
+    width_text, _, height_text = text.lower().partition('x')
+    if not (
+        width_text.isdecimal() and height_text.isdecimal() and int(width_text) and int(height_text)
+    ):
         raise ValueError(f'--size must be like 1280x720, in pixels, got {text!r}.')
-    return int(width), int(height)
+    return int(width_text), int(height_text)
 
 
 def _columns(text: str | None) -> tuple[str | None, ...] | None:
@@ -299,7 +301,7 @@ def _require_gl(*, window: bool = False) -> None:
 
     if window and not _has_display():
         raise ValueError(
-            '--window needs a display, and the environment variable DISPLAY names none.'
+            '--window needs a display, but the environment variable DISPLAY is not set.'
         )
     prefer_egl()
     require_gl()

@@ -1,4 +1,4 @@
-"""What only a clone of pvibr has: an installed package comes without benchmarks."""
+"""The benchmarks, which only a clone of the repository has."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ from importlib import import_module
 from pathlib import Path
 from types import ModuleType
 
-#: The folder that holds the package: of a clone, its root.
+#: The folder that contains the package: the root of a clone.
 ROOT = Path(__file__).resolve().parents[2]
 
 
 def benchmarks() -> ModuleType | None:
-    """Return the package of benchmarks beside ``pvibr``, None if this is no clone."""
+    """Return the package `benchmarks` beside ``pvibr``, None if this is no clone."""
     if not (ROOT / 'benchmarks' / '__init__.py').is_file():
         return None
     if str(ROOT) not in sys.path:

@@ -1,4 +1,4 @@
-"""A check of the installation: what renders, what is missing, and how to fix it."""
+"""A check of the installation: rendering, packages, cache, and how to fix problems."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from pathlib import Path
 
 TIMEOUT_SECONDS = 120
 
-# A module of each extra, whose presence shows that it is installed.
+# One module per extra that shows whether it is installed.
 _EXTRAS = {
     'bench': 'psutil',
     'city': 'cjio',
@@ -33,7 +33,7 @@ _EXTRAS = {
     'test': 'pytest',
 }
 
-# OpenGL limits by enum, and how to print them.
+# OpenGL limits by enum, with formats.
 _LIMITS = {
     0x0D33: '{} px wide textures',  # GL_MAX_TEXTURE_SIZE
     0x88FF: '{} array layers',  # GL_MAX_ARRAY_TEXTURE_LAYERS
@@ -51,29 +51,27 @@ class Diagnosis:
 
     def __str__(self) -> str:
         lines = [f'{name:<12}{value}' for name, value in self.facts.items()]
-        for what, remedy in self.problems:
-            lines += ['', f'missing: {what}', f'  mend it: {remedy}']
+        for problem, remedy in self.problems:
+            lines += ['', f'missing: {problem}', f'  fix: {remedy}']
         return '\n'.join(lines if self.problems else [*lines, '', 'Nothing is missing.'])
 
 
 def diagnose() -> Diagnosis:
-    """Check versions, rendering, cache and packages; one image is rendered in another process."""
-    found = Diagnosis()
-    for look in (_versions, _packages, _drawing, _cache, _extras):
-        look(found)
-    return found
+    """Check versions, rendering (in another process), cache and packages."""
+    diagnosis = Diagnosis()
+    for check in (_versions, _packages, _drawing, _cache, _extras):
+        check(diagnosis)
+    return diagnosis
 
 
 def require_gl() -> None:
-    """Raise if nothing can be rendered here, before VTK aborts the process."""
-    # A VTK with its own OpenGL needs no system libraries: only rendering can tell.
+    """Raise if rendering is impossible, before VTK aborts the process."""
+    # A VTK with its own OpenGL needs no system libraries, so only a test render can tell.
     if has_gl_libraries() or not _draw_elsewhere()[1]:
         return
     from pvibr.core.errors import PvibrError
 
-    raise PvibrError(
-        f'Nothing can be drawn here: OpenGL libraries are missing. Run: {gl_remedy()}'
-    )
+    raise PvibrError(f'OpenGL libraries are missing, nothing can be rendered. Run: {gl_remedy()}')
 
 
 def prefer_egl() -> None:
@@ -84,7 +82,7 @@ def prefer_egl() -> None:
 
 
 def has_gl_libraries() -> bool:
-    """Return True if the libraries exist that VTK loads for its first window."""
+    """Return True if the libraries that VTK loads for its first window exist."""
     if not sys.platform.startswith('linux'):
         return True
     glx = _loads('libGL.so.1') and bool(os.environ.get('DISPLAY'))
@@ -114,10 +112,10 @@ def _loads(library: str) -> bool:
     return True
 
 
-def _versions(found: Diagnosis) -> None:
+def _versions(diagnosis: Diagnosis) -> None:
     for name in ('pvibr', 'PyVista', 'VTK'):
-        found.facts[name] = _version(name.lower()) or 'not installed'
-    found.facts['Python'] = f'{platform.python_version()}, {platform.platform()}'
+        diagnosis.facts[name] = _version(name.lower()) or 'not installed'
+    diagnosis.facts['Python'] = f'{platform.python_version()}, {platform.platform()}'
 
 
 def _version(package: str) -> str | None:
@@ -127,46 +125,46 @@ def _version(package: str) -> str | None:
         return None
 
 
-def _packages(found: Diagnosis) -> None:
-    needed = [
+def _packages(diagnosis: Diagnosis) -> None:
+    requirements = [
         line for line in importlib.metadata.requires('pvibr') or [] if 'extra ==' not in line
     ]
-    absent = [line for line in needed if _version(re.split(r'[^\w.-]', line)[0]) is None]
-    if absent:
-        install = ' '.join(f'"{line}"' for line in absent)
-        found.problems.append(('Python packages', f'python -m pip install {install}'))
+    missing = [line for line in requirements if _version(re.split(r'[^\w.-]', line)[0]) is None]
+    if missing:
+        install = ' '.join(f'"{line}"' for line in missing)
+        diagnosis.problems.append(('Python packages', f'python -m pip install {install}'))
 
 
-def _drawing(found: Diagnosis) -> None:
-    chosen = os.environ.get('VTK_DEFAULT_OPENGL_WINDOW')
-    if chosen:
-        found.facts['chosen'] = f'{chosen} (VTK_DEFAULT_OPENGL_WINDOW)'
+def _drawing(diagnosis: Diagnosis) -> None:
+    window_class = os.environ.get('VTK_DEFAULT_OPENGL_WINDOW')
+    if window_class:
+        diagnosis.facts['chosen'] = f'{window_class} (VTK_DEFAULT_OPENGL_WINDOW)'
     facts, failure = _draw_elsewhere()
-    found.facts.update(facts)
-    found.facts['off-screen'] = failure or 'works'
+    diagnosis.facts.update(facts)
+    diagnosis.facts['off-screen'] = failure or 'works'
     if not failure:
         return
     if has_gl_libraries():
         remedy = 'update the graphics driver, or unset VTK_DEFAULT_OPENGL_WINDOW and DISPLAY'
-        found.problems.append((f'a working OpenGL driver ({failure})', remedy))
+        diagnosis.problems.append((f'a working OpenGL driver ({failure})', remedy))
     else:
-        found.problems.append(('OpenGL libraries', gl_remedy()))
+        diagnosis.problems.append(('OpenGL libraries', gl_remedy()))
 
 
 def _draw_elsewhere() -> tuple[dict[str, str], str]:
-    """Render in another process, which may crash; return the facts and the failure, if any."""
+    """Render in another process, which may crash; return facts and the failure, if any."""
     command = [sys.executable, '-c', 'from pvibr.cli import doctor; doctor._draw()']
     try:
-        done = subprocess.run(
+        process = subprocess.run(
             command, capture_output=True, text=True, timeout=TIMEOUT_SECONDS, check=False
         )
     except subprocess.TimeoutExpired:
-        return {}, f'no picture within {TIMEOUT_SECONDS} s'
-    if done.returncode < 0:
-        return {}, f'VTK crashed ({signal.Signals(-done.returncode).name})'
-    if done.returncode:
-        return {}, f'failed ({_last_line(done.stderr)})'
-    facts: dict[str, str] = json.loads(_last_line(done.stdout))
+        return {}, f'no image within {TIMEOUT_SECONDS} s'
+    if process.returncode < 0:
+        return {}, f'VTK crashed ({signal.Signals(-process.returncode).name})'
+    if process.returncode:
+        return {}, f'failed ({_last_line(process.stderr)})'
+    facts: dict[str, str] = json.loads(_last_line(process.stdout))
     return facts, ''
 
 
@@ -175,7 +173,7 @@ def _last_line(text: str) -> str:
 
 
 def _draw() -> None:
-    """Render one image off screen and print facts of the driver; runs in its own process."""
+    """Render one image off screen and print facts of the driver, in its own process."""
     import pyvista as pv
 
     plotter = pv.Plotter(off_screen=True, window_size=[64, 64])
@@ -183,16 +181,16 @@ def _draw() -> None:
     plotter.add_mesh(pv.Sphere(), color='white', lighting=False)
     image = plotter.screenshot(return_img=True)
     if image is None or not image[32, 32].all():
-        raise RuntimeError('the picture stayed empty')
+        raise RuntimeError('the image stayed empty')
     print(json.dumps(_window_facts(plotter.render_window)))
 
 
 def _window_facts(window) -> dict[str, str]:
-    said = dict(re.findall(r'OpenGL (\w+) string: *(.*)', window.ReportCapabilities()))
+    capabilities = dict(re.findall(r'OpenGL (\w+) string: *(.*)', window.ReportCapabilities()))
     return {
-        'OpenGL': said.get('version', 'unknown'),
-        'driver': said.get('vendor', 'unknown'),
-        'renderer': said.get('renderer', 'unknown'),
+        'OpenGL': capabilities.get('version', 'unknown'),
+        'driver': capabilities.get('vendor', 'unknown'),
+        'renderer': capabilities.get('renderer', 'unknown'),
         'window': window.GetClassName(),
         'limits': ', '.join(_limits(window.GetState())),
     }
@@ -207,29 +205,29 @@ def _limits(state) -> list[str]:
     return limits
 
 
-def _cache(found: Diagnosis) -> None:
+def _cache(diagnosis: Diagnosis) -> None:
     try:
         from pvibr.instances.cache import AtlasCache
     except ImportError:
-        return  # said among the packages
+        return  # reported by _packages
     cache = AtlasCache()
-    used, cap = (size / 2**20 for size in (cache.nbytes(), cache.cap_bytes))
-    found.facts['cache'] = f'{cache.path} ({used:.1f} of {cap:.0f} MiB)'
+    used_mib, cap_mib = (size / 2**20 for size in (cache.nbytes(), cache.cap_bytes))
+    diagnosis.facts['cache'] = f'{cache.path} ({used_mib:.1f} of {cap_mib:.0f} MiB)'
     if not os.access(_nearest_folder(cache.path), os.W_OK):
-        remedy = 'set the environment variable PVIBR_CACHE to a folder that can be written'
-        found.problems.append((f'write access to the cache folder {cache.path}', remedy))
+        remedy = 'set the environment variable PVIBR_CACHE to a writable folder'
+        diagnosis.problems.append((f'write access to the cache folder {cache.path}', remedy))
 
 
 def _nearest_folder(path: Path) -> Path:
     return next(folder for folder in (path, *path.absolute().parents) if folder.exists())
 
 
-def _extras(found: Diagnosis) -> None:
-    there = [extra for extra, module in _EXTRAS.items() if importlib.util.find_spec(module)]
-    absent = ','.join(extra for extra in _EXTRAS if extra not in there)
-    found.facts['extras'] = ', '.join(there) or 'none'
-    if absent:
-        found.facts['optional'] = f'python -m pip install "pvibr[{absent}]"'
+def _extras(diagnosis: Diagnosis) -> None:
+    installed = [extra for extra, module in _EXTRAS.items() if importlib.util.find_spec(module)]
+    missing = ','.join(extra for extra in _EXTRAS if extra not in installed)
+    diagnosis.facts['extras'] = ', '.join(installed) or 'none'
+    if missing:
+        diagnosis.facts['optional'] = f'python -m pip install "pvibr[{missing}]"'
 
 
 if __name__ == '__main__':

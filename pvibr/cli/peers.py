@@ -1,4 +1,4 @@
-"""What VTK itself offers for many instances: ``vtkGlyph3DMapper``, with and without levels."""
+"""VTK's own instancing: ``vtkGlyph3DMapper``, with and without levels of detail."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from pvibr.cli.timing import frame_at
 from pvibr.core import _vtk
 from pvibr.scenes.scenery import stage
 
-#: Instances that the peers are measured with; their time is extrapolated to all of them.
+#: Instances with which peers are measured; times are extrapolated to all.
 PART = 300
-#: The one level that VTK draws on llvmpipe: nine in ten triangles less, from this many sizes of
-#: the bounding box on.
+#: The one level that VTK draws on llvmpipe: from this many sizes of the bounding box, with this
+#: share of triangles removed.
 LOD_DISTANCE, LOD_REDUCTION = 3.0, 0.9
 
 
@@ -31,15 +31,15 @@ def glyph_actors(meshes, poses, index, *, lod=False) -> list:
 
 def _points(poses):
     points = pv.PolyData(poses[:, :3, 3].copy())
-    scales = np.linalg.norm(poses[:, :3, :3], axis=1)
-    turns = Rotation.from_matrix(poses[:, :3, :3] / scales[:, None, :])
-    points['turn'] = np.roll(turns.as_quat(), 1, axis=1)
-    points['scale'] = scales
+    axis_scales = np.linalg.norm(poses[:, :3, :3], axis=1)
+    rotations = Rotation.from_matrix(poses[:, :3, :3] / axis_scales[:, None, :])
+    points['turn'] = np.roll(rotations.as_quat(), 1, axis=1)
+    points['scale'] = axis_scales
     return points
 
 
 def glyph_mapper(points, mesh, orientation, scale):
-    """Return VTK's mapper of instances, oriented and scaled by arrays of the points."""
+    """Return a glyph mapper, oriented and scaled by arrays of the points."""
     mapper = _vtk.vtkGlyph3DMapper()
     mapper.SetInputData(points)
     mapper.SetSourceData(mesh)
@@ -58,27 +58,27 @@ def _glyphs(part, points, lod):
         mapper.SetNumberOfLOD(1)
         mapper.SetLODDistanceAndTargetReduction(0, LOD_DISTANCE, LOD_REDUCTION)
     actor = part.new_actor(mapper)
-    colors = part.mesh.active_scalars
-    if colors is not None and colors.ndim == 2:
+    vertex_colors = part.mesh.active_scalars
+    if vertex_colors is not None and vertex_colors.ndim == 2:
         actor.SetProperty(pv.Property())
         actor.GetProperty().DeepCopy(part.actor.GetProperty())
-        actor.GetProperty().SetColor(*(colors[:, :3].mean(0) / 255).tolist())
+        actor.GetProperty().SetColor(*(vertex_colors[:, :3].mean(0) / 255).tolist())
     return actor
 
 
 class GlyphFrames:
-    """Frames of VTK's own instances: a part is drawn, and its time extrapolated linearly.
+    """Frames of VTK's own instances, extrapolated linearly from a random sample.
 
-    The part is drawn by lot, and its time taken over that of the same stage without instances.
+    The time of the same stage without instances is subtracted first.
     """
 
     def __init__(self, new_stage, meshes, poses, index, *, lod=False, part=PART, seed=0):
-        rows = np.random.default_rng(seed).permutation(len(index))[:part]
-        self.part, self._scale = len(rows), len(index) / len(rows)
-        actors = glyph_actors(meshes, poses[rows], index[rows], lod=lod)
-        # Actors of several levels each have a window of their own.
-        groups = [[actor] for actor in actors] if lod else [actors]
-        self._groups = [[], *groups]
+        sampled_ids = np.random.default_rng(seed).permutation(len(index))[:part]
+        self.part, self._scale = len(sampled_ids), len(index) / len(sampled_ids)
+        actors = glyph_actors(meshes, poses[sampled_ids], index[sampled_ids], lod=lod)
+        # VTK's levels need a window per actor.
+        actor_groups = [[actor] for actor in actors] if lod else [actors]
+        self._groups = [[], *actor_groups]
         self._stages = [new_stage() for _ in self._groups]
         for empty, group in zip(self._stages, self._groups, strict=True):
             empty.add(group)
@@ -87,10 +87,10 @@ class GlyphFrames:
         return self
 
     def __exit__(self, *error):
-        for drawn, group in zip(self._stages, self._groups, strict=True):
+        for each, group in zip(self._stages, self._groups, strict=True):
             for actor in group:
-                actor.ReleaseGraphicsResources(drawn.window)
-            drawn.close()
+                actor.ReleaseGraphicsResources(each.window)
+            each.close()
 
     def sample(self, multi_samples):
         """Set the multisamples of the next frames."""
@@ -98,7 +98,7 @@ class GlyphFrames:
             each.window.SetMultiSamples(multi_samples)
 
     def seconds(self, camera) -> np.ndarray:
-        """Return the seconds of a frame of all instances, of both clocks."""
+        """Return the seconds of a frame of all instances, on both clocks."""
         empty, *parts = (np.array(frame_at(each, camera)) for each in self._stages)
         return empty + self._scale * sum(np.maximum(part - empty, 0.0) for part in parts)
 
@@ -109,21 +109,21 @@ def tree_glyphs(scene, size, **options) -> GlyphFrames:
     return GlyphFrames(new_stage, scene.parts(), scene.matrices, scene.index, **options)
 
 
-def beside_peers(own, peers, cameras, every, limit=np.inf) -> dict[str, list]:
-    """Return the seconds of frames by turns, of both clocks: of ``'pvibr'``, and by peer.
+def beside_peers(own_stage, peers, cameras, interval, limit=np.inf) -> dict[str, list]:
+    """Return the seconds of alternating frames on both clocks, of ``'pvibr'`` and of each peer.
 
-    Peers draw at one camera of so many; after `limit` seconds of pvibr's only what is missing.
+    Peers draw at each `interval`-th camera; after `limit` seconds pvibr draws no more.
     """
-    times: dict[str, list] = {'pvibr': [], **{name: [] for name in peers}}
-    frame_at(own, cameras[0])  # the first frames upload and compile
+    frame_seconds: dict[str, list] = {'pvibr': [], **{name: [] for name in peers}}
+    frame_at(own_stage, cameras[0])  # the first frames upload and compile
     for peer in peers.values():
         peer.seconds(cameras[0])
     for k, camera in enumerate(cameras):
-        if sum(wall for _, wall in times['pvibr']) < limit:
-            times['pvibr'].append(frame_at(own, camera))
-        elif all(times.values()):
+        if sum(wall for _, wall in frame_seconds['pvibr']) < limit:
+            frame_seconds['pvibr'].append(frame_at(own_stage, camera))
+        elif all(frame_seconds.values()):
             break
-        if k % every == every // 2:
+        if k % interval == interval // 2:
             for name, peer in peers.items():
-                times[name].append(peer.seconds(camera))
-    return times
+                frame_seconds[name].append(peer.seconds(camera))
+    return frame_seconds

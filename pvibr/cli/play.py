@@ -1,4 +1,4 @@
-"""``pvibr play``: an animated file in a window, as a movie or as an image."""
+"""``pvibr play``: an animated file in a window, a movie or an image."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ from pvibr.capture.movies import MOVIES
 from pvibr.capture.offscreen import SKY
 from pvibr.figures.as_figure import as_figure
 
-#: Times of a clip that are entirely in view.
+#: Times at which a clip is kept in view.
 MOMENTS = 12
-#: Size of the view relative to the figure.
+#: Size of the view over that of the figure.
 MARGIN = 1.05
-#: Seconds of the cross-fade between clips.
+#: Duration of the cross-fade between clips, seconds.
 FADE = 0.3
 
 
 def main(file, *, clip, movie, time, out, fps, size, speed, seconds, skinning):
-    """Play a file: in a window, or off screen if a movie or an image is requested."""
+    """Play a file in a window, or write a movie or an image."""
     _check(movie, time, out)
     figure = as_figure(file)
     clip = _clip_of(figure, clip)
@@ -35,7 +35,7 @@ def main(file, *, clip, movie, time, out, fps, size, speed, seconds, skinning):
         _show(figure, clip, file, size, speed, skinning)
         return
     if movie is not None:
-        size = [n + n % 2 for n in size]  # as most codecs want them
+        size = [n + n % 2 for n in size]  # most codecs need even sides
     plotter, actor = _stage(figure, clip, file, size, skinning, off_screen=True)
     if movie is not None:
         actor.play(clip, speed=speed)
@@ -50,14 +50,16 @@ def main(file, *, clip, movie, time, out, fps, size, speed, seconds, skinning):
 
 def _check(movie, time, out):
     if movie is not None and (time is not None or out is not None):
-        raise ValueError('--movie writes a movie, --time and -o one image: give one of them.')
+        raise ValueError(
+            '--movie excludes --time and --out, which write an image: use one of them.'
+        )
     if out is not None:
         check_image(out)
     if movie is None:
         return
-    ending = Path(movie).suffix.lower()
-    if ending not in MOVIES:
-        raise ValueError(f'--movie is {str(movie)!r}; it must end in one of {", ".join(MOVIES)}.')
+    suffix = Path(movie).suffix.lower()
+    if suffix not in MOVIES:
+        raise ValueError(f'--movie must end in one of {", ".join(MOVIES)}, got {str(movie)!r}.')
 
 
 def _clip_of(figure, name):
@@ -68,21 +70,21 @@ def _clip_of(figure, name):
     return figure.clip(name)
 
 
-def _clips(figure, chosen):
+def _clips(figure, playing):
     table = Table('clip', 'seconds', title=f'{figure.name}: {len(figure.clips)} clips')
     for clip in figure.clips:
-        mark = '*' if clip is chosen else ''
+        mark = '*' if clip is playing else ''
         table.add_row(f'{clip.name}{mark}', f'{clip.duration:.2f}')
     return table
 
 
 def _length(figure, clip, speed, seconds):
-    """Return the duration of a movie: by default that of the clip."""
+    """Return the duration of a movie, by default that of the clip."""
     if seconds is not None:
         return seconds
     if clip is None or not clip.duration:
         raise ValueError(
-            f'nothing in {figure.name or "the file"} moves: give --seconds, or --time 0.'
+            f'nothing moves in {figure.name or "the file"}: use --seconds or --time 0.'
         )
     return clip.duration / abs(speed)
 
@@ -91,10 +93,10 @@ def _stage(figure, clip, file, size, skinning, *, off_screen):
     plotter = pv.Plotter(off_screen=off_screen, window_size=list(size), title=str(file))
     plotter.set_background(SKY)  # type: ignore[arg-type]
     plotter.enable_anti_aliasing('msaa')
-    actor = plotter.ibr.add_animated(figure, clip=clip, skinning=skinning)
-    stands = Path(file).suffix.lower() in ('.glb', '.gltf')
-    _look(plotter, _box(figure, clip), (0, 1, 0) if stands else (0, 0, 1))
-    return plotter, actor
+    figure_actor = plotter.ibr.add_animated(figure, clip=clip, skinning=skinning)
+    is_y_up = Path(file).suffix.lower() in ('.glb', '.gltf')
+    _look(plotter, _box(figure, clip), (0, 1, 0) if is_y_up else (0, 0, 1))
+    return plotter, figure_actor
 
 
 def _box(figure, clip):
@@ -109,35 +111,35 @@ def _box(figure, clip):
 def _look(plotter, corners, up):
     """Look at a box from the front, slightly from the left and above."""
     up = np.array(up, float)
-    fore = np.array([0, 0, 1.0]) if up[1] else np.array([0, -1.0, 0])
-    way = fore + 0.6 * np.cross(up, fore) + 0.35 * up
-    way /= np.linalg.norm(way)
-    right = np.cross(up, way) / np.linalg.norm(np.cross(up, way))
-    middle = corners.mean(0)
-    across, above, near = np.stack([right, np.cross(way, right), way]) @ (corners - middle).T
+    front = np.array([0, 0, 1.0]) if up[1] else np.array([0, -1.0, 0])
+    to_eye = front + 0.6 * np.cross(up, front) + 0.35 * up
+    to_eye /= np.linalg.norm(to_eye)
+    right = np.cross(up, to_eye) / np.linalg.norm(np.cross(up, to_eye))
+    box_center = corners.mean(0)
+    x, y, z = np.stack([right, np.cross(to_eye, right), to_eye]) @ (corners - box_center).T
     width, height = plotter.window_size
-    tangent = np.tan(np.radians(plotter.camera.view_angle) / 2)
-    reach = np.maximum(abs(across) * height / width, abs(above)) * MARGIN / tangent
-    eye = middle + (near + reach).max() * way
-    plotter.camera_position = [tuple(eye), tuple(middle), tuple(up)]
+    half_tangent = np.tan(np.radians(plotter.camera.view_angle) / 2)
+    distances = np.maximum(abs(x) * height / width, abs(y)) * MARGIN / half_tangent
+    eye = box_center + (z + distances).max() * to_eye
+    plotter.camera_position = [tuple(eye), tuple(box_center), tuple(up)]
     plotter.reset_camera_clipping_range()
 
 
 def _show(figure, clip, file, size, speed, skinning):
-    plotter, actor = _stage(figure, clip, file, size, skinning, off_screen=False)
-    actor.play(clip, speed=speed)
-    following = _Keys(plotter, figure, actor, clip, speed)
-    plotter.add_key_event('space', following.pause)
+    plotter, figure_actor = _stage(figure, clip, file, size, skinning, off_screen=False)
+    figure_actor.play(clip, speed=speed)
+    key_actions = _Keys(plotter, figure, figure_actor, clip, speed)
+    plotter.add_key_event('space', key_actions.pause)
     if len(figure.clips) > 1:
-        plotter.add_key_event('n', following.next)
-    keys = 'space: pause' + ('   n: next clip' if len(figure.clips) > 1 else '') + '   q: close'
-    plotter.add_text(keys, font_size=8, color='black')
+        plotter.add_key_event('n', key_actions.next)
+    next_clip = '   n: next clip' if len(figure.clips) > 1 else ''
+    plotter.add_text(f'space: pause{next_clip}   q: close', font_size=8, color='black')
     plotter.ibr.play()
     plotter.show()
 
 
 class _Keys:
-    """Actions of keys in the window."""
+    """Key actions of the window."""
 
     def __init__(self, plotter, figure, actor, clip, speed):
         self.plotter, self.figure, self.actor = plotter, figure, actor

@@ -1,4 +1,4 @@
-"""``pvibr view``: a mesh at every pose in a file, or on a ground of its own."""
+"""``pvibr view``: a mesh at every pose in a file, or alone on the ground."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from pvibr.capture.offscreen import Stage
 from pvibr.maths.transforms import trs
 from pvibr.meshes.pose_files import read_poses
 
-#: Timed frames, and the camera's azimuth step in degrees.
+#: Timed frames, and azimuth step of the camera in degrees.
 FRAMES, TURN = 12, 2.0
 
 
@@ -34,22 +34,22 @@ def main(
     """Draw a mesh at every pose in a file, and print a report and the frame time."""
     if out is not None:
         check_image(out)
-    matrices, looks, name = np.zeros((1, 3)), {}, Path(mesh).stem
-    of_tables = {'--scalars': scalars, '--columns': columns}
-    if poses is None and any(given := [n for n, value in of_tables.items() if value is not None]):
-        raise ValueError(f'{" and ".join(given)} name columns of a table: add --poses, its file.')
+    pose_matrices, looks, name = np.zeros((1, 3)), {}, Path(mesh).stem
+    if poses is None and (scalars is not None or columns is not None):
+        option = '--columns' if scalars is None else '--scalars'
+        raise ValueError(f'{option} requires a table of poses: add --poses FILE.')
     if poses is not None:
-        matrices, found = read_poses(poses, columns)
-        if not len(matrices):
-            raise ValueError(f'{poses} names columns and has no rows: there is nothing to show.')
-        looks, name = _looks(poses, found, scalars, cmap), f'{name} at {Path(poses).name}'
+        pose_matrices, table = read_poses(poses, columns)
+        if not len(pose_matrices):
+            raise ValueError(f'{poses} must have rows below its header, got no rows.')
+        looks, name = _looks(poses, table, scalars, cmap), f'{name} at {Path(poses).name}'
     looks |= {'name': scalars or name, 'max_error': max_error}
 
     def fill(plotter):
-        drawn = plotter.ibr.add_instances(str(mesh), _scaled(matrices, scale), **looks)
+        instances = plotter.ibr.add_instances(str(mesh), _scaled(pose_matrices, scale), **looks)
         if poses is None:
             plotter.ibr.look('studio')
-        return drawn
+        return instances
 
     if window:
         plotter = pv.Plotter(window_size=list(size))
@@ -57,27 +57,26 @@ def main(
         plotter.show()
         return
     with Stage(size) as stage:
-        drawn = fill(stage.plotter)
-        stage.bounds = drawn.bounds
+        instances = fill(stage.plotter)
+        stage.bounds = instances.bounds
         seconds = _orbit(stage)
-        _tell(stage, drawn, seconds)
+        _tell(stage, instances, seconds)
         out = out or Path(mkdtemp(prefix='pvibr-')) / f'{Path(mesh).stem}.png'
         save(out, stage.picture())
         Console().print(f'wrote {out}', soft_wrap=True)
 
 
-def _looks(poses, found, scalars, cmap):
+def _looks(poses, table, scalars, cmap):
     if scalars is None:
         return {}
-    if scalars not in found:
+    if scalars not in table:
+        names = ', '.join(table) or 'none'
+        raise ValueError(f'--scalars must be a column of {poses} ({names}), got {scalars!r}.')
+    if table[scalars].dtype.kind not in 'fiu':
         raise ValueError(
-            f'--scalars is {scalars!r}; {poses} has the columns {", ".join(found) or "(none)"}.'
+            f'--scalars must be a column of numbers in {poses}, got {scalars!r}, a column of text.'
         )
-    if found[scalars].dtype.kind not in 'fiu':
-        raise ValueError(
-            f'--scalars is {scalars!r}, a column of text in {poses}; name one of numbers.'
-        )
-    return {'scalars': found[scalars], 'cmap': cmap}
+    return {'scalars': table[scalars], 'cmap': cmap}
 
 
 def _scaled(poses, scale):
@@ -92,23 +91,23 @@ def _scaled(poses, scale):
 
 
 def _orbit(stage):
-    """Return the seconds of frames of an orbit that ends at the isometric view."""
+    """Return the seconds of frames on an orbit that ends at the isometric view."""
     plotter = stage.plotter
     plotter.view_isometric(render=False)
     plotter.camera.azimuth = 0.0
-    start = [tuple(v) for v in plotter.camera_position]
+    start_view = [tuple(v) for v in plotter.camera_position]
     cameras = []
     for k in range(FRAMES):
-        plotter.camera_position = start
+        plotter.camera_position = start_view
         plotter.camera.Azimuth(TURN * (FRAMES - 1 - k))
         cameras.append([tuple(v) for v in plotter.camera_position])
     return stage.seconds(cameras)
 
 
-def _tell(stage, drawn, seconds):
+def _tell(stage, instances, frame_seconds):
     console = Console()
     console.print(str(stage.plotter.ibr.report()), highlight=False)
     console.print(
-        f'{drawn.n_instances:,} instances, {np.median(seconds) * 1e3:.0f} ms per frame '
+        f'{instances.n_instances:,} instances, {np.median(frame_seconds) * 1e3:.0f} ms per frame '
         f'({stage.window.GetSize()[0]}x{stage.window.GetSize()[1]}, the camera moving)'
     )

@@ -1,4 +1,4 @@
-"""The quad that shows a layer's image in the scene, warped, with depth."""
+"""The quad that shows a layer's warped image with depth."""
 
 from __future__ import annotations
 
@@ -13,20 +13,20 @@ from pvibr.scene.soft_draws import SOLID, SoftDraws
 
 
 def _feature() -> Feature:
-    """Return the shader text of a layer by VTK's tags."""
-    part = sections(shader_source(__file__, 'image_layers'))
+    """Return the shader of a layer by VTK's tags."""
+    shader_parts = sections(shader_source(__file__, 'image_layers'))
     return Feature(
         'layer',
         {
-            'VTK::PositionVC::Dec': part['vertex.declare'],
-            'VTK::PositionVC::Impl': part['vertex.position'],
+            'VTK::PositionVC::Dec': shader_parts['vertex.declare'],
+            'VTK::PositionVC::Impl': shader_parts['vertex.position'],
         },
         {
-            'VTK::PositionVC::Dec': part['fragment.declare'],
-            'VTK::PositionVC::Impl': part['fragment.sample'],
-            'VTK::Normal::Impl': part['fragment.normal'],
-            'VTK::Depth::Impl': part['fragment.depth'] + '//VTK::Depth::Impl\n',
-            'VTK::Light::Impl': '//VTK::Light::Impl\n' + part['fragment.light'],
+            'VTK::PositionVC::Dec': shader_parts['fragment.declare'],
+            'VTK::PositionVC::Impl': shader_parts['fragment.sample'],
+            'VTK::Normal::Impl': shader_parts['fragment.normal'],
+            'VTK::Depth::Impl': shader_parts['fragment.depth'] + '//VTK::Depth::Impl\n',
+            'VTK::Light::Impl': '//VTK::Light::Impl\n' + shader_parts['fragment.light'],
         },
     )
 
@@ -45,7 +45,7 @@ class LayerCard(SoftDraws):
         return self._inputs
 
     def show(self, frame, picture, fit, bounds, *, deep):
-        """Draw an image in a frame; depth may be wanted of soft edges."""
+        """Draw an image in a frame; `deep` writes the depth of soft edges."""
         self.window = frame.window
         bounds = tuple(map(float, bounds))
         if bounds != self._bounds:
@@ -65,16 +65,17 @@ class LayerCard(SoftDraws):
 
 
 def _uniforms(frame, picture, warp, turn) -> dict:
-    left, bottom, right, top = picture.rect
-    pixel_from_uv = np.array([[right - left, 0, left], [0, top - bottom, bottom], [0, 0, 1.0]])
-    to_clip = np.array([[2 / frame.size[0], 0, -1], [0, 2 / frame.size[1], -1], [0, 0, 1.0]])
-    # The same factor everywhere is none: large ones would cost digits.
-    shown = to_clip @ warp @ pixel_from_uv
+    x0, y0, x1, y1 = picture.rect
+    pixel_from_uv = np.array([[x1 - x0, 0, x0], [0, y1 - y0, y0], [0, 0, 1.0]])
+    clip_from_pixel = np.diag([2 / frame.size[0], 2 / frame.size[1], 1.0])
+    clip_from_pixel[:2, 2] = -1
+    # Homogeneous, so normalized below for float precision.
+    clip_from_uv = clip_from_pixel @ warp @ pixel_from_uv
     ndc_from_uv = np.array([[2.0, 0, 0, -1], [0, 2, 0, -1], [0, 0, 2, -1], [0, 0, 0, 1]])
     clip = frame.clip_from_view
-    deep = clip @ turn @ np.linalg.inv(picture.clip_from_view) @ ndc_from_uv
-    depths = np.zeros((4, 4))
-    depths[:2] = deep[2:] / np.abs(deep[3]).max()
+    clip_from_depth = clip @ turn @ np.linalg.inv(picture.clip_from_view) @ ndc_from_uv
+    depth_rows = np.zeros((4, 4))
+    depth_rows[:2] = clip_from_depth[2:] / np.abs(clip_from_depth[3]).max()
     x, y = clip[0, 0], clip[1, 1]
     if frame.parallel:
         scale = 1 / x, 1 / y, 1 / clip[2, 2], 0.0
@@ -82,8 +83,8 @@ def _uniforms(frame, picture, warp, turn) -> dict:
     else:
         scale, shift = (1 / x, 1 / y, 0.0, -clip[2, 3]), (clip[0, 2], clip[1, 2], 0.0, clip[2, 2])
     return {
-        'ibr_clip_from_uv': shown / np.abs(shown[2]).max(),
-        'ibr_depth_from_uv': depths,
+        'ibr_clip_from_uv': clip_from_uv / np.abs(clip_from_uv[2]).max(),
+        'ibr_depth_from_uv': depth_rows,
         'ibr_crop': tuple(map(float, picture.crop)),
         'ibr_eye_from_clip': tuple(map(float, scale)),
         'ibr_eye_shift': tuple(map(float, shift)),

@@ -1,16 +1,16 @@
-// Coherent layers: pictures of parts of the scene, shown again by other cameras.
-// The card warps a picture to where its surface is now, and gives each pixel the depth that the
-// place it shows has now, so that layers and all others hide each other as surfaces do.
+// Coherent layers: images of parts of the scene, shown again by other cameras.
+// The card warps an image to the current view and writes the current depth of each pixel's surface
+// point, so that layers occlude each other and the rest of the scene.
 // Source: Lengyel and Snyder, "Rendering with Coherent Layers", SIGGRAPH 1997.
-// Spaces: uv = the picture, 0 to 1; clip = VTK's DC times w, of the camera of now.
+// Spaces: uv = the image, 0 to 1; clip = VTK's DC times w, of the current camera.
 
 //@vertex.declare
 uniform mat3 ibr_clip_from_uv;    // x, y and w
-uniform mat4 ibr_depth_from_uv;   // of (u, v, depth, 1): z, w, and twice nothing
-uniform vec4 ibr_crop;            // part of the picture that shows anything
+uniform mat4 ibr_depth_from_uv;   // rows z and w, from (u, v, depth, 1); the others are 0
+uniform vec4 ibr_crop;            // part of the image that shows anything
 out vec2 ibr_uv;
-out vec2 ibr_zw;                  // clip z and w where depth is 0
-flat out vec2 ibr_zw_step;        // and what a depth of 1 adds
+out vec2 ibr_zw;                  // clip z and w at depth 0
+flat out vec2 ibr_zw_step;        // and their change per unit of depth
 out vec3 ibr_at;                  // clip x, y and w
 
 //@vertex.position
@@ -27,10 +27,10 @@ out vec3 ibr_at;                  // clip x, y and w
 
 //@fragment.declare
 uniform sampler2D ibr_picture;    // colour times coverage, coverage
-uniform sampler2D ibr_deep;       // depth, of the picture's own camera
+uniform sampler2D ibr_deep;       // depth of the image's own camera
 uniform vec3 ibr_part;            // coverages from, to; opacity: below 0 the coverage
-uniform vec4 ibr_eye_from_clip;   // x and y of the view over those of clip space; z from clip z, w
-uniform vec4 ibr_eye_shift;       // shifts of x and y; constants of z from clip z, w
+uniform vec4 ibr_eye_from_clip;   // eye x and y over clip x and y; eye z from clip z, w
+uniform vec4 ibr_eye_shift;       // offsets of x and y; constants of eye z
 uniform int ibr_is_parallel;
 in vec2 ibr_uv;
 in vec2 ibr_zw;
@@ -41,9 +41,9 @@ in vec3 ibr_at;
   vec4 ibr_color = texture(ibr_picture, ibr_uv);
   if (ibr_color.a < ibr_part.x || ibr_color.a >= ibr_part.y) { discard; }
   float ibr_d = texture(ibr_deep, ibr_uv).r;
-  vec2 ibr_deepened = ibr_zw + ibr_d * ibr_zw_step;
-  float ibr_z = ibr_deepened.x / ibr_deepened.y;
-  // Only features and passes that ask for places and normals have these computed.
+  vec2 ibr_depth_zw = ibr_zw + ibr_d * ibr_zw_step;
+  float ibr_z = ibr_depth_zw.x / ibr_depth_zw.y;
+  // The compiler drops position and normal unless features or passes read them.
   float ibr_along = ibr_is_parallel == 1 ? ibr_z * ibr_eye_from_clip.z + ibr_eye_shift.z
     : ibr_eye_from_clip.w / (ibr_z + ibr_eye_shift.w);
   vec3 ibr_place = vec3((ibr_at.xy / ibr_at.z + ibr_eye_shift.xy) * ibr_eye_from_clip.xy
@@ -63,7 +63,7 @@ in vec3 ibr_at;
   gl_FragData[0] = vec4(ibr_color.rgb / ibr_color.a, ibr_part.z < 0.0 ? ibr_color.a : ibr_part.z);
 
 //@range
-// Least and greatest depth of each block of a picture, 2 and -1 where it shows nothing.
+// Least and greatest depth of each block of an image, 2 and -1 if empty.
 uniform sampler2D deep;
 uniform int side;                 // texels along a side of a block
 void main()
@@ -81,7 +81,7 @@ void main()
 }
 
 //@spread
-// Depth for linear filters: beside what is covered it goes on, where nothing is it would be 1.
+// Depth for linear filters: extended by a texel beyond the covered ones, not 1 there.
 uniform sampler2D deep;
 void main()
 {
@@ -101,10 +101,10 @@ void main()
 // A Gaussian along one axis of colour times coverage, and of depth times coverage. Its weights
 // come from each other: Turkowski, "Incremental Computation of the Gaussian", GPU Gems 3, 2007.
 uniform sampler2D picture;
-uniform sampler2D deep;           // depth; then depth times coverage, and coverage in full
+uniform sampler2D deep;           // depth; in the second pass depth times coverage, and coverage
 uniform vec2 axis;                // a texel
 uniform float sigma;              // texels
-uniform int last;                 // whether depth itself goes out
+uniform int last;                 // 1 in the second pass: divide by coverage
 void main()
 {
   vec4 sum = vec4(0.0);

@@ -1,4 +1,4 @@
-"""Image layers: parts of the scene cached as images that are warped to each frame."""
+"""Image layers: parts of the scene cached as images and warped to each frame."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pvibr.core.params import Param
 from pvibr.core.plotters import put_inner
 from pvibr.gl.drawer import Drawer
 from pvibr.image_layers.card import LayerCard
-from pvibr.image_layers.layer import Layer, Now, numbers_by_depth
+from pvibr.image_layers.layer import FrameState, Layer, numbers_by_depth
 from pvibr.image_layers.members import Lighting, Member
 from pvibr.image_layers.picture import Settings
 from pvibr.projection.live_texture import LiveTexture
@@ -19,37 +19,36 @@ from pvibr.scene.casters import Surfaces, listed
 from pvibr.scene.substitute import Substitute, addresses
 from pvibr.scene.thing import Thing, joined_bounds
 
-# The eye may go this share of the way to the nearest middle until a split by depth is made anew.
+# Eye motion that renews a split by depth, relative to the distance of the nearest box.
 _NEAR = 0.25
-_FRONT = 100  # row in the draw order, after those of all other cards
+_FRONT = 100  # place in the draw order after all other cards
 
 
 class ImageLayers(Substitute):
     """Parts of the scene cached as images, which are warped to each frame.
 
-    An image shows the lit actors of a layer with overscan. In every frame it is warped by the
-    best fit of its characteristic points, the nearest and farthest of each block, and it is
-    depth-tested. It is rendered again once a point is displaced by more than `max_error`,
-    something becomes visible that it lacks, its resolution is too low, its actors changed, or
-    their shading did by more than `max_shade`. The actors themselves can still be picked, moved,
-    hidden and removed.
+    An image shows a layer's lit actors with overscan. Each frame warps it by the best fit to its
+    characteristic points, the nearest and farthest of each block, and depth-tests it. It is
+    rendered again once a point is displaced by more than `max_error`, it lacks something visible,
+    its resolution is too low, its actors change, or their shading changes by more than
+    `max_shade`. The actors themselves can still be picked, moved, hidden and removed.
 
     Parameters
     ----------
     groups : sequence of vtkActor or sequences of them, optional
-        Actors of each layer, all in the subplot that this is added to; by default all actors of
-        the subplot, later ones included, are split by depth.
+        Actors of each layer, all in the same subplot; by default all actors of the subplot, later
+        ones included, are split by depth.
     name : str, optional
         Name in reports.
     **settings
-        Settings of the class.
+        Settings.
 
     Raises
     ------
     TypeError
-        If `groups` has something that is not an actor.
+        If an item of `groups` is not an actor.
     ValueError
-        If a layer is empty, an actor is given twice, or a setting is out of range.
+        If a layer is empty, an actor occurs twice, or a setting is out of range.
 
     Examples
     --------
@@ -64,37 +63,35 @@ class ImageLayers(Substitute):
     >>> pl.close()
     """
 
-    max_shade = Param(
-        0.02,
-        'Maximum error of the brightness, as a share of white.',
-        range='(0, 1]',
-    )
+    max_shade = Param(0.02, 'Maximum error of brightness, as a share of white.', range='(0, 1]')
     warp = Param(
         'projective',
-        'Warp by an affine map alone, or after the homography of the best-fit plane, which is '
-        'exact for a camera that only turns.',
+        'Affine warp alone, or after the homography of the best-fit plane, which is exact for a '
+        'camera that only turns.',
         choices=('affine', 'projective'),
     )
     overscan = Param(
         0.15,
-        'Margin rendered beyond each side of the screen, as a share of its size.',
+        'Margin rendered beyond each side of the screen, relative to its size; raise it for a '
+        'camera that turns.',
         range='[0, 1]',
     )
     resolution = Param(
         (),
-        'Texels per pixel along a side, of all layers or each; 1 by default, 2 if anti-aliased.',
+        'Texels per pixel along a side, for all layers or each; by default 1, or 2 if the window '
+        'is anti-aliased.',
         range='[0.05, 4]',
     )
     blur = Param(
         (),
-        'Standard deviation of a Gaussian blur, of all layers or each; none by default.',
+        'Standard deviation of a Gaussian blur, for all layers or each: a cheap depth of field.',
         range='[0, 100]',
         unit='px',
     )
-    count = Param(4, 'Maximum number of layers if split by depth.', range='[1, 16]')
+    count = Param(4, 'Maximum number of layers when split by depth.', range='[1, 16]')
     memory = Param(
         2**29,
-        'Maximum GPU memory of the images, which limits their resolution.',
+        'Maximum GPU memory for images; limits their resolution.',
         range='[65536, inf)',
         unit='bytes',
     )
@@ -125,13 +122,13 @@ class ImageLayers(Substitute):
     def __len__(self):
         return len(self._layers)
 
-    # -- what it is to others ---------------------------------------------------------------------
+    # -- seen from other things -------------------------------------------------------------------
 
     def _contents(self) -> str:
         return f'{len(self)} layers of {len(self._members)} actors'
 
     def actors(self) -> list:
-        """Return the actors that are in layers."""
+        """Return the actors of all layers."""
         return [m.actor for m in self._members.values()]
 
     def _stood_for(self) -> list:
@@ -139,14 +136,14 @@ class ImageLayers(Substitute):
 
     @property
     def props(self) -> tuple:
-        """Its own actor and the quads that show its layers."""
+        """Itself and the quads that show its layers."""
         return (self, *self._card_actors())
 
     def _cards(self) -> list:
         return self._layer_cards
 
     def solids(self) -> list:
-        """Return the actors whose meshes cast its shadow volumes."""
+        """Return the actors whose meshes cast shadow volumes."""
         return [m.actor for m in self._members.values() if m.why != 'hidden']
 
     @property
@@ -156,7 +153,7 @@ class ImageLayers(Substitute):
             self._update()
         return super().bounds
 
-    # -- the life of an effect --------------------------------------------------------------------
+    # -- attaching --------------------------------------------------------------------------------
 
     def _claimed(self) -> list:
         return self.actors() if self._groups is not None else []
@@ -181,15 +178,15 @@ class ImageLayers(Substitute):
         self._watch.show()
 
     def needed(self, frame) -> bool | str:
-        """Return True if images may replace actors in a frame, else why not."""
+        """Return True if images may replace actors in a frame, else the reason why not."""
         if frame.scale != 1:
-            return 'a screenshot larger than the window is drawn from the actors'
+            return 'screenshots larger than the window draw the actors'
         return super().needed(frame)
 
-    # -- what is in which layer -------------------------------------------------------------------
+    # -- members ----------------------------------------------------------------------------------
 
     def _update(self):
-        """Update all members; forget actors that left the subplot."""
+        """Update all members, without actors that left the subplot."""
         self._gather()
         members = list(self._members.values())
         changed = [members[i].update() for i in self._watch.changed()]
@@ -199,103 +196,108 @@ class ImageLayers(Substitute):
     def _gather(self):
         if self.pipeline is None:
             return
-        # What another thing stands for is its own from then on.
-        free, _ = self._surfaces.chosen(None, [t for t in self.pipeline.things if t is not self])
-        own = addresses(self.props)
-        present = {k: a for k, a in free.items() if k not in own}
-        new = present.keys() - self._members.keys() if self._groups is None else set()
-        gone = self._members.keys() - present.keys()
-        if not new and not gone:
+        # Actors that another thing replaces belong to that.
+        other_things = [t for t in self.pipeline.things if t is not self]
+        free_actors, _ = self._surfaces.chosen(None, other_things)
+        own_addresses = addresses(self.props)
+        present_actors = {k: a for k, a in free_actors.items() if k not in own_addresses}
+        new_keys = present_actors.keys() - self._members.keys() if self._groups is None else set()
+        gone_keys = self._members.keys() - present_actors.keys()
+        if not new_keys and not gone_keys:
             return
-        for key in new:
-            self._members[key] = Member(present[key])
-        for key in gone:
+        for key in new_keys:
+            self._members[key] = Member(present_actors[key])
+        for key in gone_keys:
             del self._members[key]
-        for layer in self._layers if gone else ():
+        for layer in self._layers if gone_keys else ():
             layer.keep(self._members)
-        self._version += bool(gone)
+        self._version += bool(gone_keys)
         self._watch = ActorWatch(self.actors(), self._watch)
 
     def _by_depth(self, frame):
         """Split all actors by depth, again if the camera moved far."""
-        fit = {m.key: m for m in self._members.values() if not m.why}
+        eligible = {m.key: m for m in self._members.values() if not m.why}
         if self._split:
             keys, count, eye, room = self._split
-            went = np.linalg.norm(frame.eye - eye)
-            if keys == fit.keys() and count == self.count and went <= room:
+            eye_moved = np.linalg.norm(frame.eye - eye)
+            if keys == eligible.keys() and count == self.count and eye_moved <= room:
                 return
-        numbers, away = numbers_by_depth(frame, [m.bounds for m in fit.values()], self.count)
-        # What reaches over all has its middle anywhere.
-        room = min((a for a, n in zip(away, numbers, strict=True) if n < self.count), default=0.0)
-        self._split = set(fit), self.count, frame.eye, _NEAR * room
-        groups: dict[int, list] = {}
-        for number, member in zip(numbers, fit.values(), strict=True):
-            groups.setdefault(number, []).append(member)
-        old = {frozenset(m.key for m in layer.members): layer for layer in self._layers}
-        made = []
-        for number in sorted(groups):
-            key = frozenset(m.key for m in groups[number])
-            made.append(old.pop(key) if key in old else Layer(groups[number]))
-        for layer in old.values():
+        boxes = [m.bounds for m in eligible.values()]
+        layer_numbers, eye_distances = numbers_by_depth(frame, boxes, self.count)
+        # The last layer holds what spans all depths: its middle does not count.
+        counted = zip(eye_distances, layer_numbers, strict=True)
+        room = min((distance for distance, n in counted if n < self.count), default=0.0)
+        self._split = set(eligible), self.count, frame.eye, _NEAR * room
+        groups_by_depth: dict[int, list] = {}
+        for number, member in zip(layer_numbers, eligible.values(), strict=True):
+            groups_by_depth.setdefault(number, []).append(member)
+        reusable = {frozenset(m.key for m in layer.members): layer for layer in self._layers}
+        new_layers = []
+        for _, group in sorted(groups_by_depth.items()):
+            key = frozenset(m.key for m in group)
+            new_layers.append(reusable.pop(key) if key in reusable else Layer(group))
+        for layer in reusable.values():
             layer.picture.release()
-        self._layers = made
+        self._layers = new_layers
 
-    # -- one frame --------------------------------------------------------------------------------
+    # -- frames -----------------------------------------------------------------------------------
 
     def _prepare(self, frame):
         if self._groups is None:
             self._by_depth(frame)
         limits = self.max_error, self.max_shade, self.warp, self.only_if_faster
-        light = Lighting(frame.renderer)
-        now = Now(frame, frame.view, light, *self._scene(), *limits)
+        now = FrameState(frame, Lighting(frame.renderer), *self._scene(), *limits)
         for k, layer in enumerate(self._layers):
             layer.judge(now, self._settings(frame, k))
         self._take(now)
         self._show(frame)
 
     def _settings(self, frame, k) -> Settings:
-        values = self.resolution, self.blur
-        smooth = 2.0 if _smooths(frame) else 1.0
-        resolution, blur = (
-            v[min(k, len(v) - 1)] if v else d for v, d in zip(values, (smooth, 0.0), strict=True)
+        resolutions = self.resolution or (2.0 if _is_smoothed(frame) else 1.0,)
+        resolution, blur = (v[min(k, len(v) - 1)] for v in (resolutions, self.blur or (0.0,)))
+        needs_hdr = any(e.enabled and e.needs_hdr for e in self.pipeline.effects)
+        color_format = 'rgba16f' if needs_hdr else 'rgba8'
+        return Settings(
+            resolution, blur, self.overscan, color_format, self.memory / len(self._layers)
         )
-        wide = any(e.enabled and e.needs_hdr for e in self.pipeline.effects)
-        share = self.memory / len(self._layers)
-        return Settings(resolution, blur, self.overscan, 'rgba16f' if wide else 'rgba8', share)
 
     def _scene(self) -> tuple[list, tuple]:
         """Return the effects that surfaces depend on, and a key of their state."""
-        lives = [e for e in self.pipeline.effects if isinstance(e, LiveTexture)]
         effects = [
             e
             for e in self.pipeline.effects
-            if e.enabled and not e.is_image_effect and e not in (*self.pipeline.things, *lives)
+            if e.enabled
+            and not (e.is_image_effect or e in self.pipeline.things or isinstance(e, LiveTexture))
         ]
         if not effects:
             return [], ()
-        key = tuple((id(e), e.content_key(), _draws(e.lives)) for e in effects)
+        lives = [tuple((id(live), live.draws) for live in e.lives) for e in effects]
+        effects_key = tuple(
+            (id(e), e.content_key(), k) for e, k in zip(effects, lives, strict=True)
+        )
         things = [t for t in self.pipeline.things if t.enabled]
-        others = self.pipeline.surfaces.casters(None, things)
-        others.things.remove(self)
-        return effects, (key, others.key(), self._version)
+        casters = self.pipeline.surfaces.casters(None, things)
+        casters.things.remove(self)
+        return effects, (effects_key, casters.key(), self._version)
 
     def _take(self, now):
         """Renew invalid images within the budget, the worst first."""
-        wrong = [k for k in self._layers if k.wrong]
-        wrong.sort(key=lambda k: -k.residual)
-        left, taken = self._budget(), 0
-        for layer in wrong:
-            if taken and layer.seconds > left:
+        invalid_layers = [k for k in self._layers if k.is_invalid]
+        invalid_layers.sort(key=lambda k: -k.residual)
+        seconds_left, taken_count = self._budget(), 0
+        for layer in invalid_layers:
+            if taken_count and layer.seconds > seconds_left:
                 layer.late()
                 continue
-            left, taken = left - self._take_one(now, layer), taken + 1
-        if not taken or self._drawer is None:
+            seconds_left -= self._take_one(now, layer)
+            taken_count += 1
+        if not taken_count or self._drawer is None:
             return
         self._drawer.done()
         now.frame.renderer.UpdateLightsGeometryToFollowCamera()
 
     def _take_one(self, now, layer) -> float:
-        """Renew an image; return the seconds that it took."""
+        """Renew an image; return the seconds spent."""
         self._drawer = self._drawer or Drawer(now.frame.renderer)
         seconds = layer.take(now, self._drawer)
         for member in layer.members:
@@ -304,26 +306,28 @@ class ImageLayers(Substitute):
         return seconds
 
     def _show(self, frame):
-        """Draw the images, from far to near, in place of their actors."""
-        shown = [(k, k.fit) for k in self._layers if k.fit is not None and k.fit.seen]
-        shown.sort(key=lambda pair: -pair[0].away(pair[1]))
-        cards, deep = self._layer_cards, self._depth_is_read(frame)
-        while len(cards) < len(shown):
-            cards.append(LayerCard())
-            for actor in cards[-1].actors:
+        """Draw the images from far to near in place of their actors."""
+        visible_layers = [(k, k.fit) for k in self._layers if k.fit is not None and k.fit.seen]
+        visible_layers.sort(key=lambda pair: -pair[0].away(pair[1]))
+        layer_cards, reads_depth = self._layer_cards, self._depth_is_read(frame)
+        while len(layer_cards) < len(visible_layers):
+            layer_cards.append(LayerCard())
+            for actor in layer_cards[-1].actors:
                 put_inner(frame.renderer, actor)
-        for card, (layer, fit) in zip(cards, shown, strict=False):
-            card.show(frame, layer.picture, fit, joined_bounds(layer.bounds.tolist()), deep=deep)
-        # Soft edges come before those of others; after them only those of blurred layers that
-        # are nearer than all sharp ones.
-        sharp = [k for k, (layer, _) in enumerate(shown) if not layer.picture.blurred]
-        front = sharp[-1] + 1 if sharp else 0
-        rows = [k - front if k < front else _FRONT + k for k in range(len(cards))]
-        self.order = tuple(
-            pair for card, row in zip(cards, rows, strict=True) for pair in card.order(row)
-        )
-        hidden = {m.key for k in self._layers if k.fit is not None for m in k.members if not m.why}
-        self._watch.hide([i for i, key in enumerate(self._members) if key in hidden])
+        for card, (layer, fit) in zip(layer_cards, visible_layers, strict=False):
+            bounds = joined_bounds(layer.bounds.tolist())
+            card.show(frame, layer.picture, fit, bounds, deep=reads_depth)
+        # Layers precede the fringes of other things, except blurred ones nearer than all sharp.
+        is_sharp = [not layer.picture.blurred for layer, _ in visible_layers]
+        sharp_end = len(is_sharp) - is_sharp[::-1].index(True) if any(is_sharp) else 0
+        order: list = []
+        for k, card in enumerate(layer_cards):
+            order += card.order(k - sharp_end if k < sharp_end else _FRONT + k)
+        self.order = tuple(order)
+        hidden_keys = {
+            m.key for k in self._layers if k.fit is not None for m in k.members if not m.why
+        }
+        self._watch.hide([i for i, key in enumerate(self._members) if key in hidden_keys])
 
     # -- memory -----------------------------------------------------------------------------------
 
@@ -340,44 +344,37 @@ class ImageLayers(Substitute):
         self._drawer = None
 
     def report(self) -> dict:
-        """Return how often, how wrong, and why each layer's image was renewed."""
-        told = {f'layer {k}': layer.report() for k, layer in enumerate(self._layers)}
+        """Return error, renewals and their reasons for each layer."""
         return {
             'bytes': sum(layer.picture.nbytes for layer in self._layers),
             'taken': sum(layer.taken for layer in self._layers),
             'residual_px': max((layer.residual_shown for layer in self._layers), default=0.0),
-            **told,
+            **{f'layer {k}': layer.report() for k, layer in enumerate(self._layers)},
         }
 
 
-def _draws(lives) -> tuple:
-    """Return how often live textures were drawn."""
-    return tuple((id(live), live.draws) for live in lives)
-
-
 def _several(name, value):
-    """Return one number as a tuple for settings of single layers."""
-    own = name in ('resolution', 'blur') and isinstance(value, (int, float))
-    return (value,) if own and not isinstance(value, bool) else value
+    """Return a number as a tuple for settings that may differ between layers."""
+    is_scalar = name in ('resolution', 'blur') and isinstance(value, (int, float))
+    return (value,) if is_scalar and not isinstance(value, bool) else value
 
 
 def _checked_groups(groups) -> list:
-    found = [listed(group) for group in listed(groups)]
-    for actor in (a for group in found for a in group):
+    group_actors = [listed(group) for group in listed(groups)]
+    for actor in (a for group in group_actors for a in group):
         if not isinstance(actor, _vtk.vtkActor) or isinstance(actor, Thing):
-            what = type(actor).__name__
             raise TypeError(
-                f'groups holds a {what}: each must be an actor, as add_mesh returns it'
+                f'groups must contain actors (from add_mesh), got {type(actor).__name__}'
             )
-    keys = [address(a) for group in found for a in group]
-    if not all(found) or not found or len(set(keys)) < len(keys):
-        raise ValueError(
-            f'groups = {groups!r}: each must hold an actor or more, and each actor be in one'
-        )
-    return found
+    actor_keys = [address(a) for group in group_actors for a in group]
+    if not all(group_actors) or not group_actors or len(set(actor_keys)) < len(actor_keys):
+        raise ValueError(f'groups must be non-empty and share no actor, got {groups!r}')
+    return group_actors
 
 
-def _smooths(frame) -> bool:
-    """Return True if a window is anti-aliased."""
-    chosen = frame.renderer.GetPass()
-    return frame.window.GetMultiSamples() > 1 or (chosen is not None and chosen.IsA('vtkSSAAPass'))
+def _is_smoothed(frame) -> bool:
+    """Return True if the window is anti-aliased."""
+    render_pass = frame.renderer.GetPass()
+    return frame.window.GetMultiSamples() > 1 or (
+        render_pass is not None and render_pass.IsA('vtkSSAAPass')
+    )

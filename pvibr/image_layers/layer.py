@@ -15,21 +15,20 @@ from pvibr.core.frame import Frame
 from pvibr.image_layers.members import Lighting
 from pvibr.image_layers.picture import Fit, LayerPicture, Settings
 from pvibr.maths.layers import split_by_depth
-from pvibr.maths.views import View, may_see
+from pvibr.maths.views import may_see
 from pvibr.scene.casters import sized
 from pvibr.scene.thing import joined_bounds
 
-#: Frames that a layer is left to VTK at most.
+#: Most frames that a layer is left to VTK.
 REST = 64
-# What layers gain before they are used, as a factor.
+# Least speed-up at which a layer is used.
 _GAIN = 1.1
 
 
-class Now(NamedTuple):
+class FrameState(NamedTuple):
     """The state of a frame that layers depend on."""
 
     frame: Frame
-    view: View
     light: Lighting
     effects: list
     key: tuple
@@ -40,78 +39,78 @@ class Now(NamedTuple):
 
 
 class Layer:
-    """Some actors, their image, and its error."""
+    """Actors, their image, and its error."""
 
-    _want: Settings
+    _settings: Settings
     _light: Lighting
 
     def __init__(self, members):
         self.members, self.picture = members, LayerPicture()
         self.fit: Fit | None = None
-        self.wrong, self.residual = False, 0.0
+        self.is_invalid, self.residual = False, 0.0
         self.residual_shown = 0.0
         self.why, self.state = '', 'new'
         self.taken = self.frames = 0
         self.reasons: Counter = Counter()
-        self._rate, self._seconds = RunningMean(1.0), RunningMean()
-        self._alone = RunningMean()  # seconds of the actors in it
+        self._renewal_rate, self._seconds = RunningMean(1.0), RunningMean()
+        self._actor_seconds = RunningMean()  # seconds of the actors in it
         self._pause = Backoff(4, REST)
         self._key: tuple = ()
-        self._start: list = []
-        self._used: Settings | None = None
+        self._start_matrices: list = []
+        self._image_settings: Settings | None = None
 
-    # -- its actors -------------------------------------------------------------------------------
+    # -- actors -----------------------------------------------------------------------------------
 
     @property
     def bounds(self) -> np.ndarray:
-        """World bounds of the actors that it shows, shape (n, 6)."""
+        """World bounds of the visible members, shape (n, 6)."""
         return np.array([m.bounds for m in self.members if not m.why]).reshape(-1, 6)
 
     def keep(self, members):
-        """Keep only these members."""
+        """Drop all but these members."""
         self.members = [m for m in self.members if m.key in members]
 
     def _motion(self):
         """Return the rigid motion of all actors, None without any; False if they differ."""
-        now = [m.matrix for m in self.members if not m.why]
-        if all(map(np.array_equal, now, self._start)):
+        current = [m.matrix for m in self.members if not m.why]
+        start = self._start_matrices
+        if all(map(np.array_equal, current, start)):
             return None
-        motion = now[0] @ np.linalg.inv(self._start[0])
-        scale = max(np.abs(now[0]).max(), 1.0)
-        alike = all(
-            np.allclose(motion @ a, b, rtol=0, atol=1e-9 * scale)
-            for a, b in zip(self._start, now, strict=True)
-        )
-        square = motion[:3, :3] @ motion[:3, :3].T
-        rigid = np.allclose(square, np.eye(3), atol=1e-6) and np.linalg.det(motion[:3, :3]) > 0
-        return motion if alike and rigid else False
+        motion = current[0] @ np.linalg.inv(start[0])
+        tolerance = 1e-9 * max(np.abs(current[0]).max(), 1.0)
+        pairs = zip(start, current, strict=True)
+        same_motion = all(np.allclose(motion @ a, b, rtol=0, atol=tolerance) for a, b in pairs)
+        rotation = motion[:3, :3]
+        is_orthogonal = np.allclose(rotation @ rotation.T, np.eye(3), atol=1e-6)
+        is_rigid = is_orthogonal and np.linalg.det(rotation) > 0
+        return motion if same_motion and is_rigid else False
 
-    # -- whether its picture serves ---------------------------------------------------------------
+    # -- validity ---------------------------------------------------------------------------------
 
     def judge(self, now, settings):
-        """Warp the image to a frame, and judge whether it is valid."""
-        self._want, self.wrong, self.fit = settings, False, None
+        """Warp the image to a frame and decide whether it is valid."""
+        self._settings, self.is_invalid, self.fit = settings, False, None
         self.residual = self.residual_shown = 0.0
         bounds = self.bounds
         if not len(bounds):
             self.state = 'empty'
             return
-        if not may_see(now.view, bounds).any():
+        if not may_see(now.frame.view, bounds).any():
             self.state = 'out of view'
             return
         self.frames += 1
         if not settings.blur and self._pause.waits():
             return
-        if now.only_if_faster and not settings.blur and self._is_dear():
+        if now.only_if_faster and not settings.blur and self._is_too_costly():
             self._rest()
             return
         self.why = self._stale(now)
-        self.wrong = bool(self.why)
+        self.is_invalid = bool(self.why)
         if self.why in ('new', 'changed', 'settings'):
             self.residual = np.inf
-        self._rate.add(float(self.wrong))
+        self._renewal_rate.add(float(self.is_invalid))
         self.residual_shown = 0.0 if self.fit is None else self.fit.residual
-        if not self.wrong:
+        if not self.is_invalid:
             self._pause.succeeded()
             self.state = 'warped'
 
@@ -122,7 +121,7 @@ class Layer:
         """Return why the image is invalid, empty if it is valid."""
         if not self.picture.alive:
             return 'new'
-        if self._want != self._used:
+        if self._settings != self._image_settings:
             return 'settings'
         motion = self._motion() if self._content_key(now) == self._key else False
         if motion is False or (motion is not None and now.key):
@@ -142,46 +141,47 @@ class Layer:
         gloss = max((m.gloss for m in self.members if not m.why), default=0.0)
         if not dull and not gloss:
             return 0.0
-        box = np.reshape(joined_bounds(self.bounds.tolist()), (3, 2))
-        radius = np.linalg.norm(np.ptp(box, axis=1)) / 2
-        color, turned = now.light.change(self._light, box.mean(1), radius)
-        if color == np.inf:  # of which a share of none is none
-            return color
+        scene_box = np.reshape(joined_bounds(self.bounds.tolist()), (3, 2))
+        radius = np.linalg.norm(np.ptp(scene_box, axis=1)) / 2
+        color_change, angle_change = now.light.change(self._light, scene_box.mean(1), radius)
+        if color_change == np.inf:  # times 0 would be NaN
+            return color_change
         if motion is not None:
-            turned += now.light.strength * _angle(motion)
-        return dull * (color + turned) + gloss * (turned + self._seen_otherwise(now, turn))
+            angle_change += now.light.strength * _angle(motion)
+        highlight_change = angle_change + self._view_change(now, turn)
+        return dull * (color_change + angle_change) + gloss * highlight_change
 
-    def _seen_otherwise(self, now, turn) -> float:
+    def _view_change(self, now, turn) -> float:
         """Return the change of the view direction, radians times light."""
         if now.frame.parallel:
             return now.light.strength * _angle(turn)
         if self.picture.empty:
             return 0.0
-        went = np.linalg.norm(turn[:3, 3]) / max(self.picture.nearest, 1e-300)
-        return now.light.strength * min(float(went), np.pi)
+        eye_angle = np.linalg.norm(turn[:3, 3]) / max(self.picture.nearest, 1e-300)
+        return now.light.strength * min(float(eye_angle), np.pi)
 
-    # -- taking it --------------------------------------------------------------------------------
+    # -- rendering --------------------------------------------------------------------------------
 
     def late(self):
-        """Keep an invalid image: the budget of the frame is spent."""
+        """Keep an invalid image, as the frame's budget is spent."""
         self.state = 'late'
 
     def take(self, now, drawer) -> float:
-        """Renew the image, warp it to the frame, and return the seconds that it took."""
-        shown = [m for m in self.members if not m.why]
+        """Renew the image and warp it to the frame; return the seconds spent."""
+        shown_members = [m for m in self.members if not m.why]
         self.reasons[self.why] += 1
-        start = time.perf_counter()
-        view, alone = self.picture.aim(now.frame, self.bounds, self._want), 0.0
+        start_time = time.perf_counter()
+        view, actor_seconds = self.picture.aim(now.frame, self.bounds, self._settings), 0.0
         if view is not None:
-            alone = self._draw(now, drawer, view, [m.actor for m in shown])
-        spent = elapsed(start, alone)
+            actor_seconds = self._draw(now, drawer, view, [m.actor for m in shown_members])
+        spent = elapsed(start_time, actor_seconds)
         self.taken += 1
-        # The first ones upload meshes and build shaders.
+        # The first images upload meshes and build shaders.
         weight = 1.0 if self.taken <= 2 else None
         self._seconds.add(spent, weight)
-        self._alone.add(alone, weight)
-        self._key, self._start = self._content_key(now), [m.matrix for m in shown]
-        self._light, self._used = now.light, self._want
+        self._actor_seconds.add(actor_seconds, weight)
+        self._key, self._start_matrices = self._content_key(now), [m.matrix for m in shown_members]
+        self._light, self._image_settings = now.light, self._settings
         self.fit = self.picture.fit(now.frame, None, now.warp)
         self.residual_shown = self.fit.residual
         self.state = 'taken'
@@ -189,26 +189,27 @@ class Layer:
 
     def _draw(self, now, drawer, view, actors) -> float:
         picture, frame = self.picture, now.frame
-        seen = replace(frame, size=tuple(picture.texels), origin=(0, 0), view=view)
-        effects = [e for e in now.effects if e.needed(seen) is True]
+        image_frame = replace(frame, size=tuple(picture.texels), origin=(0, 0), view=view)
+        effects = [e for e in now.effects if e.needed(image_frame) is True]
         for effect in effects:
-            effect.prepare(seen)
-        with sized(actors if picture.scale != 1 else (), frame, seen, 1.0):
+            effect.prepare(image_frame)
+        with sized(actors if picture.scale != 1 else (), frame, image_frame, 1.0):
             seconds = picture.draw(drawer, view, actors)
         for effect in effects:
-            effect.finish(seen)
+            effect.finish(image_frame)
         return seconds
 
-    def _is_dear(self) -> bool:
-        """Return True if the image costs more than it saves."""
-        draws = 2 if self.picture.blends else 1  # core and fringe
-        cost = self._rate.value * self.seconds + draws * self.picture.pixel * self.picture.area
-        return self.taken > 1 and cost * _GAIN > self._alone.value
+    def _is_too_costly(self) -> bool:
+        """Return True if the image costs more than its actors."""
+        draw_count = 2 if self.picture.blends else 1  # core and fringe
+        card_cost = draw_count * self.picture.pixel * self.picture.area
+        image_cost = self._renewal_rate.value * self.seconds + card_cost
+        return self.taken > 1 and image_cost * _GAIN > self._actor_seconds.value
 
     def _rest(self):
-        """Leave the layer to VTK for a while, longer each time."""
+        """Leave the layer to VTK for some frames, more each time."""
         self._pause.failed()
-        self._rate.value, self.state = 0.5, 'left to VTK'
+        self._renewal_rate.value, self.state = 0.5, 'left to VTK'
 
     @property
     def seconds(self) -> float:
@@ -216,14 +217,11 @@ class Layer:
         return self._seconds.value
 
     def away(self, fit) -> float:
-        """Return how far the layer reaches along the view.
-
-        By this they are sorted: what lies around or under the others is behind them.
-        """
+        """Return the layer's farthest depth, by which layers are sorted: ground comes last."""
         return -float(fit.turn[2] @ [0, 0, -self.picture.farthest, 1])
 
     def report(self) -> dict:
-        """Return how often the image is renewed and why, and its error."""
+        """Return state, error and renewals with their reasons."""
         return {
             'actors': len(self.members),
             'state': self.state,
@@ -243,17 +241,18 @@ def _angle(matrix) -> float:
 
 def numbers_by_depth(frame, bounds, count) -> tuple[list, list]:
     """Split boxes into layers by their distance from the eye."""
-    ends = np.reshape(bounds, (-1, 3, 2)).astype(float)
-    if not len(ends):
+    box_ends = np.reshape(bounds, (-1, 3, 2)).astype(float)
+    if not len(box_ends):
         return [], []
-    middle, half = ends.mean(2) - frame.eye, np.ptp(ends, axis=2) / 2
+    box_center, half_size = box_ends.mean(2) - frame.eye, np.ptp(box_ends, axis=2) / 2
     if frame.parallel:
-        along = -(middle @ frame.view_from_world[2, :3])
-        reach = half @ np.abs(frame.view_from_world[2, :3])
-        numbers = split_by_depth(along - reach, along + reach, count, ratio=False)
-        return numbers.tolist(), [np.inf] * len(ends)
-    nearest = np.linalg.norm(np.maximum(np.abs(middle) - half, 0), axis=1)
-    farthest = np.linalg.norm(np.abs(middle) + half, axis=1)
+        center_depth = -(box_center @ frame.view_from_world[2, :3])
+        half_depth = half_size @ np.abs(frame.view_from_world[2, :3])
+        ends = center_depth - half_depth, center_depth + half_depth
+        numbers = split_by_depth(*ends, count, ratio=False)
+        return numbers.tolist(), [np.inf] * len(box_ends)
+    nearest = np.linalg.norm(np.maximum(np.abs(box_center) - half_size, 0), axis=1)
+    farthest = np.linalg.norm(np.abs(box_center) + half_size, axis=1)
     nearest = np.clip(nearest, frame.near, None)
     numbers = split_by_depth(nearest, np.maximum(farthest, nearest), count)
-    return numbers.tolist(), np.linalg.norm(middle, axis=1).tolist()
+    return numbers.tolist(), np.linalg.norm(box_center, axis=1).tolist()

@@ -1,4 +1,4 @@
-"""Images of objects, several views of each, in a pool of tiles, and their errors."""
+"""Images of objects, several per object, in a pool of tiles, and their errors."""
 
 from __future__ import annotations
 
@@ -8,106 +8,105 @@ from pvibr.gl.drawer import Drawer
 from pvibr.impostors.tile_pool import TilePool
 from pvibr.maths.impostors import Card, card_view, displacement, stretch_of
 
-#: Texels of an image for each that the screen needs: room to come nearer.
+#: Texels per pixel of a new image, so that it still serves from nearer.
 RESERVE = 1.15
-#: An image is drawn again where this many of its texels or more fall on a pixel, along a side.
+#: Texels per pixel, along a side, at which an image is rendered again.
 FINEST = 4.0
 _SHAPES: tuple = ((3,), (3,), (3, 3), (2,), (2,), (), ())  # of a card's fields
 
 
 class Images:
-    """The views of n objects."""
+    """Images of n objects, `views` each."""
 
     _pool: TilePool  # while `_is_open`
     _is_open = False
 
     def __init__(self, count, views, drawer: Drawer):
         self.count, self.views = count, views
-        total = count * views
-        self.card = Card(*(np.zeros((total, *shape)) for shape in _SHAPES))
-        self.alive = np.zeros(total, bool)
-        self.parallel = np.zeros(total, bool)
-        self.texel = np.zeros(total)
-        self.planes = np.zeros((total, 2))
-        self.tile = np.zeros((total, 3), int)  # corner and side
-        self.size = np.zeros((total, 2), int)
-        self.used = np.full(total, -1)  # the last frame that showed it
-        self.taken = np.full(total, -1)  # the frame that drew it
+        view_count = count * views
+        self.card = Card(*(np.zeros((view_count, *shape)) for shape in _SHAPES))
+        self.alive = np.zeros(view_count, bool)
+        self.parallel = np.zeros(view_count, bool)
+        self.texel = np.zeros(view_count)
+        self.planes = np.zeros((view_count, 2))
+        self.tile = np.zeros((view_count, 3), int)  # corner and side
+        self.size = np.zeros((view_count, 2), int)
+        self.shown_frame = np.full(view_count, -1)  # last frame that showed it
+        self.rendered_frame = np.full(view_count, -1)  # frame that rendered it
         self.drawer = drawer
 
     def grow(self, objects):
-        """Have places for more objects, before which others have theirs."""
-        at = np.repeat(objects, self.views) * self.views
+        """Insert places for new objects before the given ones."""
+        insert_at = np.repeat(objects, self.views) * self.views
         self.count += len(objects)
-        self.card = Card(*(np.insert(field, at, 0, axis=0) for field in self.card))
+        self.card = Card(*(np.insert(field, insert_at, 0, axis=0) for field in self.card))
         for name in ('alive', 'parallel', 'texel', 'planes', 'tile', 'size'):
-            setattr(self, name, np.insert(getattr(self, name), at, 0, axis=0))
-        self.used, self.taken = (np.insert(a, at, -1) for a in (self.used, self.taken))
+            setattr(self, name, np.insert(getattr(self, name), insert_at, 0, axis=0))
+        self.shown_frame, self.rendered_frame = (
+            np.insert(a, insert_at, -1) for a in (self.shown_frame, self.rendered_frame)
+        )
 
-    # -- how wrong they are ----------------------------------------------------------------------
+    # -- errors ----------------------------------------------------------------------------------
 
     def errors(self, objects, eyes):
-        """Return the best image of each of some objects, and its errors."""
-        every = objects[:, None] * self.views + np.arange(self.views)
-        flat = every[self.alive[every] & (self.parallel[every] == eyes.parallel)]
-        moved = np.full(every.shape, np.inf)
-        coarse = np.full(every.shape, np.inf)
-        if len(flat):
-            place = np.flatnonzero(self.alive[every] & (self.parallel[every] == eyes.parallel))
-            card = self.card.rows(flat)
-            scale = eyes.pixels(card.center, np.maximum(card.depth, 0.0))
-            moved.flat[place] = displacement(card, eyes.eye, eyes.toward) * scale
-            away = eyes.away(card.center)
-            coarse.flat[place] = self.texel[flat] * scale / away
-        worst = np.maximum(moved, coarse)
-        best = worst.argmin(axis=1)
-        rows = np.arange(len(objects))
-        none = ~np.isfinite(worst[rows, best])
-        view = np.where(none, -1, every[rows, best])
-        return view, moved[rows, best], coarse[rows, best]
+        """Return each object's best image, -1 if none, its displacement and texel size in px."""
+        view_ids = objects[:, None] * self.views + np.arange(self.views)
+        usable = self.alive[view_ids] & (self.parallel[view_ids] == eyes.parallel)
+        errors = np.full((2, *view_ids.shape), np.inf)  # displacement, texel size
+        if usable.any():
+            card = self.card.rows(view_ids[usable])
+            px_per_radian = eyes.pixels(card.center, np.maximum(card.depth, 0.0))
+            errors[0, usable] = displacement(card, eyes.eye, eyes.toward) * px_per_radian
+            texel_angle = self.texel[view_ids[usable]] / eyes.away(card.center)
+            errors[1, usable] = texel_angle * px_per_radian
+        best = np.arange(len(objects)), errors.max(0).argmin(axis=1)
+        displaced, texel_px = errors[:, best[0], best[1]]
+        has_image = np.isfinite(np.maximum(displaced, texel_px))
+        return np.where(has_image, view_ids[best], -1), displaced, texel_px
 
-    # -- making them -----------------------------------------------------------------------------
+    # -- rendering -------------------------------------------------------------------------------
 
     @property
     def pool(self) -> TilePool | None:
-        """The tiles on the GPU, None before they are needed."""
+        """The tiles on the GPU; None before the first image."""
         return self._pool if self._is_open else None
 
     def open(self, frame, area, memory) -> TilePool:
-        """Return the pool, created if needed."""
+        """Return the pool, created on first use."""
         if not self._is_open:
             self._pool, self._is_open = TilePool(frame.window, area, memory), True
         return self._pool
 
     def sizes(self, card, eyes, max_error) -> np.ndarray:
-        """Return the texels of cards at screen resolution, shape (n, 2), with margins."""
-        # As large as they are now, or will be where the image is taken from.
-        away = np.minimum(eyes.away(card.center), np.linalg.norm(card.eye, axis=1))
-        scale = eyes.pixels(card.center, card.depth) / away
-        sides = (card.high - card.low) * scale[:, None]
-        return np.ceil(np.minimum(sides * RESERVE / max_error, 1e6)).astype(int) + 2
+        """Return image sizes at screen resolution, margins included, shape (n, 2)."""
+        # The larger of the sizes seen now and from the image's own eye.
+        eye_distance = np.minimum(eyes.away(card.center), np.linalg.norm(card.eye, axis=1))
+        pixels_per_unit = eyes.pixels(card.center, card.depth) / eye_distance
+        side_px = (card.high - card.low) * pixels_per_unit[:, None]
+        return np.ceil(np.minimum(side_px * RESERVE / max_error, 1e6)).astype(int) + 2
 
-    def room(self, obj, side, now) -> int | None:
-        """Return the index of a new image of an object with a tile, None without room."""
-        own = obj * self.views + np.arange(self.views)
-        free = own[~self.alive[own]]
-        view = int(free[0] if len(free) else own[self.used[own].argmin()])
+    def reserve(self, obj, side, frame_index) -> int | None:
+        """Return the index of a new image with a tile, None if the pool is full."""
+        own_views = obj * self.views + np.arange(self.views)
+        free_views = own_views[~self.alive[own_views]]
+        oldest_view = own_views[self.shown_frame[own_views].argmin()]
+        view = int(free_views[0] if len(free_views) else oldest_view)
         if self.alive[view]:
             self.drop([view])
         tiles = self._pool.tiles
         side = tiles.fits(side)
         corner = tiles.take(side)
         while corner is None:
-            alive = np.flatnonzero(self.alive & (self.used < now))
-            if not len(alive) or side > tiles.side:
+            older_views = np.flatnonzero(self.alive & (self.shown_frame < frame_index))
+            if not len(older_views) or side > tiles.side:
                 return None
-            self.drop([alive[self.used[alive].argmin()]])
+            self.drop([older_views[self.shown_frame[older_views].argmin()]])
             corner = tiles.take(side)
         self.tile[view] = *corner, side
         return view
 
     def drop(self, views):
-        """Forget images and free their tiles."""
+        """Discard images and free their tiles."""
         for view in views:
             if self.alive[view]:
                 x, y, side = self.tile[view].tolist()
@@ -115,48 +114,49 @@ class Images:
                 self.alive[view] = False
 
     def drop_objects(self, objects):
-        """Forget all images of some objects."""
+        """Discard all images of some objects."""
         self.drop((np.asarray(objects, int)[:, None] * self.views + np.arange(self.views)).ravel())
 
-    def draw(self, view, card, k, size, sources, *, parallel):
-        """Draw an image; within ``pool.target.drawing()``."""
-        size = np.asarray(size)
-        texel = (card.high[k] - card.low[k]) / (size - 2)
-        seen = card_view(card, k, texel, parallel=parallel)
+    def draw(self, view, card, index, image_size, sources, *, parallel):
+        """Render an image, within ``pool.target.drawing()``."""
+        image_size = np.asarray(image_size)
+        texel_size = (card.high[index] - card.low[index]) / (image_size - 2)
+        image_view = card_view(card, index, texel_size, parallel=parallel)
         x, y, _ = self.tile[view].tolist()
-        self.drawer.look(seen, (x, y, *size.tolist()))
+        self.drawer.look(image_view, (x, y, *image_size.tolist()))
         self.drawer.have_a_light()
         self.drawer.fill((0.0, 0.0, 0.0, 0.0))
-        # GL reads columns: the rows of view from world are those of its inverse.
-        turned = seen.view_from_world[:3, :3].ravel().tolist()
+        # GL reads columns, so the rows of view from world give its transpose.
+        world_from_view = image_view.view_from_world[:3, :3].ravel().tolist()
         for source in sources:
-            source.draw(self.drawer.inner, turned, float(texel.min()))
-        for mine, made in zip(self.card, card, strict=True):
-            mine[view] = made[k]
-        self.card.low[view] -= texel
-        self.card.high[view] += texel
-        self.texel[view], self.size[view] = texel.max(), size
-        self.planes[view] = seen.near, seen.far
+            source.draw(self.drawer.inner, world_from_view, float(texel_size.min()))
+        for field, new_field in zip(self.card, card, strict=True):
+            field[view] = new_field[index]
+        self.card.low[view] -= texel_size
+        self.card.high[view] += texel_size
+        self.texel[view], self.size[view] = texel_size.max(), image_size
+        self.planes[view] = image_view.near, image_view.far
         self.parallel[view], self.alive[view] = parallel, True
 
-    # -- showing them ----------------------------------------------------------------------------
+    # -- drawing ---------------------------------------------------------------------------------
 
-    def rows(self, frame, views) -> np.ndarray:
-        """Return the table of some images, see :meth:`ImpostorCards.show`."""
-        card, turn = self.card.rows(views), frame.view_from_world[:3, :3]
-        middle = _in_view(frame, card.center)
-        right, up, back = (card.axes[:, k] @ turn.T for k in range(3))
-        wide, high = (card.high - card.low).T
-        parallel = self.parallel[views]
-        rows = np.zeros((len(views), 5, 4))
-        rows[:, 0, :3] = middle + card.low[:, :1] * right + card.low[:, 1:] * up
-        rows[:, 0, 3] = np.where(parallel, self.planes[views].mean(1), card.away)
-        rows[:, 1, :3], rows[:, 2, :3] = wide[:, None] * right, high[:, None] * up
-        rows[:, 1:3, 3] = self.planes[views]
-        rows[:, 3, :3] = np.where(parallel[:, None], -back, middle + card.eye @ turn.T)
-        rows[:, 3, 3] = parallel
-        rows[:, 4, :2], rows[:, 4, 2:] = self.tile[views, :2], self.size[views]
-        return rows
+    def card_rows(self, frame, views) -> np.ndarray:
+        """Return the texels of some images for :meth:`ImpostorCards.show`, shape (n, 5, 4)."""
+        card, view_rotation = self.card.rows(views), frame.view_from_world[:3, :3]
+        card_center = _in_view(frame, card.center)
+        right, up, back = (card.axes[:, k] @ view_rotation.T for k in range(3))
+        card_width, card_height = (card.high - card.low).T
+        is_parallel = self.parallel[views]
+        table = np.zeros((len(views), 5, 4))
+        table[:, 0, :3] = card_center + card.low[:, :1] * right + card.low[:, 1:] * up
+        table[:, 0, 3] = np.where(is_parallel, self.planes[views].mean(1), card.away)
+        table[:, 1, :3], table[:, 2, :3] = card_width[:, None] * right, card_height[:, None] * up
+        table[:, 1:3, 3] = self.planes[views]
+        image_eye = card_center + card.eye @ view_rotation.T
+        table[:, 3, :3] = np.where(is_parallel[:, None], -back, image_eye)
+        table[:, 3, 3] = is_parallel
+        table[:, 4, :2], table[:, 4, 2:] = self.tile[views, :2], self.size[views]
+        return table
 
     @property
     def nbytes(self) -> int:
@@ -164,7 +164,7 @@ class Images:
         return self._pool.nbytes if self._is_open else 0
 
     def close_pool(self):
-        """Forget all images and free the pool; the context is current."""
+        """Discard all images and free the pool; the context is current."""
         if self._is_open:
             self._pool.release()
         self._is_open = False
@@ -177,15 +177,15 @@ class Images:
 
 
 class Eyes:
-    """The camera of a frame, and sizes on its screen."""
+    """The camera of a frame, and projected sizes."""
 
     def __init__(self, frame):
         self.frame, self.eye, self.parallel = frame, frame.eye, frame.parallel
         self.up = frame.view_from_world[1, :3]
         self.toward = frame.view_from_world[2, :3] if frame.parallel else None
         clip = frame.clip_from_view
-        across = [(1 + abs(clip[k, 2])) / clip[k, k] for k in range(2)]
-        self._corner = float(np.hypot(*across))
+        half_widths = [(1 + abs(clip[k, 2])) / clip[k, k] for k in range(2)]
+        self._corner = float(np.hypot(*half_widths))
 
     def away(self, places) -> np.ndarray:
         """Return the distances of points, 1 in a parallel view."""
@@ -202,5 +202,5 @@ class Eyes:
 
 
 def _in_view(frame, places):
-    # Less the eye first: places may be far from the origin.
+    # Subtract the eye first for precision far from the origin.
     return (places - frame.eye) @ frame.view_from_world[:3, :3].T

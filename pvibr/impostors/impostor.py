@@ -14,7 +14,7 @@ from pvibr.impostors.costs import Costs
 from pvibr.impostors.images import FINEST, Eyes, Images
 from pvibr.impostors.instance_sets import InstanceSet
 from pvibr.impostors.leaves import Leaves
-from pvibr.impostors.members import checked, is_actor
+from pvibr.impostors.members import checked_members, is_actor
 from pvibr.impostors.nodes import FARTHEST, NEAREST, Nodes
 from pvibr.impostors.sources import Materials, Source
 from pvibr.instances.instances import Instances
@@ -22,40 +22,40 @@ from pvibr.maths.views import may_see_boxes
 from pvibr.scene.casters import listed
 from pvibr.scene.substitute import Substitute, addresses
 
-#: Side of an image in texels above which there is none.
+#: Largest side of an image in texels.
 LARGEST = 1024
-# World units a frame, of the radius of everything.
-_SLOW = 1e-4
-# What was drawn one way goes on so unless another is cheaper by this.
-_KEPT = 0.8
-# Places for actors that may come, at least, once one did.
-_SPARE = 64
+# Least camera speed assumed, in scene radii per frame.
+_SLOWEST = 1e-4
+# Cost factor of last frame's choice, so that it does not flicker.
+_HYSTERESIS = 0.8
+# Least number of places added at once.
+_SPARE_PLACES = 64
 
 
 class Impostor(Substitute):
     """Actors cached as images, which are rendered again once an error bound is exceeded.
 
-    An image lies on a card through the centre of its actor, perpendicular to the line of sight,
-    with depth. It is valid while no point of the actor's bounding box is displaced by more than
-    `max_error`. It is lit in every frame. The actors themselves can still be picked, moved,
+    Each image, with depth, lies on a card through its actor's centre, perpendicular to the line
+    of sight. It is valid while no point of the actor's bounding box is displaced by more than
+    `max_error`, and is lit in every frame. The actors themselves can still be picked, moved,
     hidden and removed.
 
     Parameters
     ----------
     actors : vtkActor, pvibr.Instances, or sequence of these
-        Actors of the subplot that this is added to; instances require `hierarchical`.
+        Actors in the same subplot; instances require `hierarchical`.
     name : str, optional
         Name in reports.
     **settings
-        Settings of the class.
+        Settings.
 
     Raises
     ------
     TypeError
-        If `actors` has something that is neither an actor nor instances.
+        If an item of `actors` is neither an actor nor instances.
     ValueError
-        If `actors` is empty or has one twice, instances are given without `hierarchical`, or a
-        setting is out of range.
+        If `actors` is empty, contains duplicates, or contains instances without `hierarchical`,
+        or if a setting is out of range.
 
     Examples
     --------
@@ -70,43 +70,50 @@ class Impostor(Substitute):
     """
 
     presets = {'fine': {'max_error': 0.5}, 'fast': {'max_error': 3.0, 'budget_ms': 10.0}}
-    depth = Param(True, 'Depth-test images per pixel, as their actors are.')
-    hierarchical = Param(False, 'Let neighbouring actors share images.')
-    memory = Param(2**28, 'Maximum GPU memory of the images.', range='[65536, inf)', unit='bytes')
-    views = Param(2, 'Maximum number of images per actor.', range='[1, 16]')
+    depth = Param(
+        True,
+        'Depth-test images per pixel so that they intersect as their meshes do; off is faster.',
+    )
+    hierarchical = Param(
+        False, 'Let neighbouring actors share images: for many small ones; required for instances.'
+    )
+    memory = Param(2**28, 'Maximum GPU memory for images.', range='[65536, inf)', unit='bytes')
+    views = Param(
+        2, 'Maximum number of images per actor; more serve several cameras.', range='[1, 16]'
+    )
 
     things: list
     _leaves: Leaves
-    _nodes: Nodes  # both while `_built`
+    _nodes: Nodes  # both while `_is_built`
     _images: Images
-    _built = _fitted = False
+    _is_built = _is_fitted = False
 
     def __init__(self, actors, *, name=None, **settings):
-        found = checked(actors)
+        things = checked_members(actors)
         super().__init__(**settings)
-        if not self.hierarchical and any(isinstance(thing, Instances) for thing in found):
+        if not self.hierarchical and any(isinstance(thing, Instances) for thing in things):
             raise ValueError(
-                'actors has Instances, which are drawn as images of their own: give '
-                'hierarchical=True to have images of many of them, or leave them out'
+                'actors must not contain Instances unless hierarchical=True, got Instances: '
+                'set hierarchical=True to group them into images, or remove them'
             )
         self.name = name
         self._materials = Materials()
-        self._stand_for(found)
-        self._card = ImpostorCards()
+        self._set_things(things)
+        self._image_cards = ImpostorCards()
         self._share_material()
         self._costs = Costs()
-        self._last = np.zeros(0, int)
+        self._last_cut = np.zeros(0, int)
         self._props_time = -1
-        self._told: dict = {}
-        self._why = self._leaves.why
+        self._frame_report: dict = {}
+        self._mesh_reasons = self._leaves.mesh_reasons
         self._drawn_frames = self._frames = 0
-        self._want = 0
+        self._missing_area = 0
         self.rendered = 0
 
-    # -- what it is to others --------------------------------------------------------------------
+    # -- seen from other things ------------------------------------------------------------------
 
     def is_gone(self, renderer) -> bool:
-        """Return True if it or the last of its actors was removed from the scene."""
+        """Return True if the impostor or its last actor was removed from the scene."""
         return super().is_gone(renderer) or not any(map(renderer.HasViewProp, self.things))
 
     def _contents(self) -> str:
@@ -116,21 +123,21 @@ class Impostor(Substitute):
         return self.things
 
     def actors(self) -> list:
-        """Return the actor of all cards, and the replaced actors."""
-        return [self._card.actor, *self._stood_for()]
+        """Return the actor of the cards, and the replaced actors."""
+        return [self._image_cards.actor, *self._stood_for()]
 
     def _stood_for(self) -> list:
         return [thing for thing in self.things if is_actor(thing)]
 
     def _cards(self) -> list:
-        return [self._card]
+        return [self._image_cards]
 
     def solids(self) -> list:
-        """Return the actors whose meshes cast its shadow volumes."""
+        """Return the actors whose meshes cast shadow volumes."""
         return self._leaves.shown()
 
     def draws(self, frame, *, depth=False) -> list:
-        """Return the actors themselves that may be seen in a frame that is not its own."""
+        """Return the actors that may be visible in a frame other than its own."""
         if self._frame is None:
             self._update()
         return super().draws(frame, depth=depth)
@@ -140,30 +147,30 @@ class Impostor(Substitute):
 
     @property
     def images(self) -> Images | None:
-        """The images with their pool of tiles; None before the first frame."""
-        return self._images if self._built else None
+        """The images and their tile pool; None before the first frame."""
+        return self._images if self._is_built else None
 
     @property
     def nodes(self) -> Nodes | None:
-        """Tree over what images show; None before the first frame."""
-        return self._nodes if self._built else None
+        """The tree over actors and blocks; None before the first frame."""
+        return self._nodes if self._is_built else None
 
-    # -- actors that come and go -----------------------------------------------------------------
+    # -- adding and removing actors --------------------------------------------------------------
 
     def add(self, actors):
-        """Stand for more actors, at the cost of these.
+        """Replace more actors; the images of the others stay.
 
         Parameters
         ----------
         actors : vtkActor, pvibr.Instances, or sequence of these
-            Actors of its subplot; adding instances renews all images.
+            Actors in the same subplot; adding instances renews all images.
 
         Raises
         ------
         TypeError
-            If `actors` has something that is neither an actor nor instances.
+            If an item of `actors` is neither an actor nor instances.
         ValueError
-            If an impostor replaces one already, or one is in another subplot.
+            If one is already replaced by an impostor, or is in another subplot.
 
         Examples
         --------
@@ -174,88 +181,86 @@ class Impostor(Substitute):
         >>> impostor.add(later)
         >>> len(impostor.things)
         2
-        >>> impostor.remove(later)
-        >>> impostor.things == [later]
-        False
         >>> pl.close()
         """
-        found = self._refused_none(checked(actors))
-        self.things = [*self.things, *found]
-        if not all(map(is_actor, found)):
-            self._begin_again(self.things)
+        new_things = checked_members(actors)
+        self._check_new(new_things)
+        self.things = [*self.things, *new_things]
+        if not all(map(is_actor, new_things)):
+            self._restart(self.things)
             return
-        missing = len(found) - self._leaves.sources.count(None)
-        if missing > 0:
-            self._grow(max(missing, _SPARE, len(self._leaves) // 4))
-        for actor in found:
+        missing_places = len(new_things) - self._leaves.sources.count(None)
+        if missing_places > 0:
+            self._grow(max(missing_places, _SPARE_PLACES, len(self._leaves) // 4))
+        for actor in new_things:
             self._leaves.add(Source(actor, self._materials))
 
     def remove(self, actors=None):
-        """Stand no more for some actors, which are drawn themselves; or remove the impostor.
+        """Draw some actors as meshes again, or remove the impostor.
 
         Parameters
         ----------
         actors : vtkActor, pvibr.Instances, or sequence of these, optional
-            Some of its actors. Without any it is removed from its plotter, as it is once the last
-            of its actors was.
+            Some of its actors; by default the impostor is removed from its plotter, as it is once
+            its last actor is removed.
 
         Raises
         ------
         ValueError
-            If it does not replace one of them.
+            If the impostor does not replace one of them.
         """
         if actors is None:
             super().remove()
             return
-        found = listed(actors)
-        mine = {id(thing) for thing in self.things}
-        for place, thing in enumerate(found):
-            if id(thing) not in mine:
+        removed_things = listed(actors)
+        own_ids = {id(thing) for thing in self.things}
+        for index, thing in enumerate(removed_things):
+            if id(thing) not in own_ids:
                 raise ValueError(
-                    f'actors[{place}] is none of the {len(mine)} that {self.name} stands for'
+                    f'actors[{index}] must be one of the {len(own_ids)} that {self.name} replaces'
                 )
         if self.pipeline is not None:
             self.pipeline.make_current()
-        self._forget(found)
+        self._forget(removed_things)
 
-    def _refused_none(self, found):
-        mine = addresses(self.things)
-        for place, thing in enumerate(found):
-            if address(thing) in mine:
+    def _check_new(self, new_things):
+        replaced = addresses(self.things)
+        for index, thing in enumerate(new_things):
+            if address(thing) in replaced:
                 raise ValueError(
-                    f'actors[{place}] is one that {self.name} stands for already: leave it out'
+                    f'actors[{index}] must be new, got one that {self.name} replaces: remove it'
                 )
         if self.pipeline is not None:
-            self._claim(self.pipeline, found)
-        return found
+            self._claim(self.pipeline, new_things)
 
-    def _grow(self, more):
-        before = len(self._leaves)
-        self._leaves.grow(more)
-        if self._built:
-            inner = len(self._nodes.tree.children)
-            self._nodes.grow(more)
-            added = [before] * more, [before + inner] * (len(self._nodes) - before - inner - more)
-            self._images.grow(np.concatenate(added).astype(int))
-            self._costs.grow(more)
-            self._last = self._last + more * (self._last >= before)
+    def _grow(self, count):
+        """Add empty places for leaves; existing leaves and inner nodes keep their images."""
+        leaf_count = len(self._leaves)
+        self._leaves.grow(count)
+        if self._is_built:
+            node_count = len(self._nodes)
+            self._nodes.grow(count)
+            extra_inner = len(self._nodes) - node_count - count
+            insert_at = [leaf_count] * count + [node_count] * extra_inner
+            self._images.grow(np.array(insert_at, int))
+            self._costs.grow(count)
+            self._last_cut = self._last_cut + count * (self._last_cut >= leaf_count)
 
-    def _forget(self, gone):
-        """Let go of some things."""
-        away = {id(thing) for thing in gone}
-        self.things = [thing for thing in self.things if id(thing) not in away]
-        if not all(map(is_actor, gone)):
-            self._begin_again(self.things)
+    def _forget(self, gone_things):
+        gone_ids = {id(thing) for thing in gone_things}
+        self.things = [thing for thing in self.things if id(thing) not in gone_ids]
+        if not all(map(is_actor, gone_things)):
+            self._restart(self.things)
             return
-        for actor in gone:
+        for actor in gone_things:
             leaf = self._leaves.remove(actor, self.pipeline and self.pipeline.window)
-            if self._built:
+            if self._is_built:
                 self._costs.changed([])
                 self._images.drop_objects(self._nodes.remove(leaf))
         self._version += 1
-        self._fitted = False
+        self._is_fitted = False
 
-    # -- the life of an effect -------------------------------------------------------------------
+    # -- frames ----------------------------------------------------------------------------------
 
     def _conflicts(self, other, props) -> bool:
         return isinstance(other, Impostor) and bool(addresses(props) & addresses(other.things))
@@ -266,236 +271,228 @@ class Impostor(Substitute):
         self._leaves.deactivate()
 
     def _give_back(self):
-        self._card.hide()
+        self._image_cards.hide()
         self._leaves.watch.show()
 
     def _prepare(self, frame):
         if not len(self._leaves):
-            return  # instances, none of them
-        if not self._built or self._nodes.has_levels != self._is_deep():
+            return  # empty instances
+        if not self._is_built or self._nodes.has_levels != self.hierarchical:
             self._build(frame)
         self._fit()
         if self._images.views != self.views:
             self._images.release()
             self._images = Images(len(self._nodes), self.views, Drawer(frame.renderer))
         eyes = Eyes(frame)
-        self._allowed = self.max_error / frame.quality
+        self._allowed_error = self.max_error / frame.quality
         self._costs.move(frame)
-        nodes, why = self._cut(eyes)
-        shown = self._draw_images(frame, eyes, nodes, why)
-        self._show(frame, eyes, shown, why)
+        nodes, reasons = self._cut(eyes)
+        shown_images = self._render_invalid(frame, eyes, nodes, reasons)
+        self._show(frame, eyes, shown_images, reasons)
         self._frames += 1
 
-    # -- what the actors are now -----------------------------------------------------------------
+    # -- updates ---------------------------------------------------------------------------------
 
-    def _stand_for(self, things):
+    def _set_things(self, things):
         self.things = things
         actors = [thing for thing in things if is_actor(thing)]
-        sets = [InstanceSet(t, self._materials) for t in things if not is_actor(t)]
-        self._leaves = Leaves([Source(actor, self._materials) for actor in actors], sets)
+        instance_sets = [InstanceSet(t, self._materials) for t in things if not is_actor(t)]
+        self._leaves = Leaves([Source(actor, self._materials) for actor in actors], instance_sets)
 
     def _update(self):
         self._forget_removed()
         if any(owner.outgrown() for owner in self._leaves.sets):
-            self._begin_again(self.things)
-        changed = self._leaves.update()
-        if not changed:
+            self._restart(self.things)
+        changed_leaves = self._leaves.update()
+        if not changed_leaves:
             return
         self._version += 1
-        self._fitted = False
-        if self._built:
+        self._is_fitted = False
+        if self._is_built:
             tree = self._nodes.tree
-            for leaf in changed:
+            for leaf in changed_leaves:
                 if not tree.has(leaf):
                     self._images.drop_objects(self._nodes.insert(leaf))
-            self._costs.changed(changed)
-            self._images.drop_objects(tree.above(changed))
+            self._costs.changed(changed_leaves)
+            self._images.drop_objects(tree.above(changed_leaves))
 
     def _forget_removed(self):
-        time = self.pipeline.renderer.GetViewProps().GetMTime()
-        if time == self._props_time:
+        props = self.pipeline.renderer.GetViewProps()
+        if props.GetMTime() == self._props_time:
             return
-        self._props_time = time
-        present = set(map(id, self.pipeline.renderer.GetViewProps()))
-        gone = [thing for thing in self.things if id(thing) not in present]
-        if gone:
-            self._forget(gone)
+        self._props_time = props.GetMTime()
+        present_ids = set(map(id, props))
+        gone_things = [thing for thing in self.things if id(thing) not in present_ids]
+        if gone_things:
+            self._forget(gone_things)
 
-    def _begin_again(self, kept):
+    def _restart(self, things):
         self._leaves.release(self.pipeline.window)
-        self._stand_for(kept)
+        self._set_things(things)
         self._version += 1
         self._forget_tree()
 
-    def _is_deep(self) -> bool:
-        return bool(self.hierarchical)
-
     def _forget_tree(self):
-        if self._built:
+        if self._is_built:
             self._images.release()
-        self._built = False
-        self._last = np.zeros(0, int)
+        self._is_built = False
+        self._last_cut = np.zeros(0, int)
 
     def _build(self, frame):
         self._forget_tree()
-        self._nodes = Nodes(self._leaves, self._is_deep())
+        self._nodes = Nodes(self._leaves, self.hierarchical)
         self._images = Images(len(self._nodes), self.views, Drawer(frame.renderer))
         self._costs.count(len(self._leaves))
-        self._built, self._fitted = True, False
+        self._is_built, self._is_fitted = True, False
 
     def _fit(self):
-        """Fit the boxes of the tree to changed actors."""
-        if self._fitted:
+        if self._is_fitted:
             return
-        self._fitted = True
+        self._is_fitted = True
         self._nodes.fit()
         if self._nodes.live.any():
-            self._card.fit(len(self._leaves), self._nodes.bounds)
+            self._image_cards.fit(len(self._leaves), self._nodes.bounds)
 
-    # -- what is drawn how -----------------------------------------------------------------------
+    # -- choosing and rendering images -----------------------------------------------------------
 
     def _cut(self, eyes):
-        """Return the nodes to draw as images, and why other actors are not."""
-        nodes, n = self._nodes, len(self._leaves)
-        why = self._leaves.why.copy()
-        before, behind = nodes.span(eyes)
-        here = nodes.live & may_see_boxes(eyes.frame.view, nodes.low, nodes.high)
-        here &= behind > eyes.frame.view.near
-        why[nodes.live[:n] & ~here[:n]] = 'out of view'
-        away = eyes.away(nodes.center)
-        scale = eyes.pixels(nodes.center, nodes.radius) / away
-        pixels = 2 * nodes.radius * scale
-        ahead = (away > NEAREST * nodes.radius) | eyes.parallel
-        # Where the near plane cuts a mesh, it shows what no image has.
-        ahead &= before >= eyes.frame.view.near
-        usable = ahead & (pixels * 1.2 / self._allowed < min(LARGEST, self._side()))
-        seconds = self._costs.meshes(self._leaves, nodes)
-        own = self._own_costs(eyes, seconds, scale, away)
-        cost = np.where(usable, own, np.inf)
-        # A mesh is an actor's other choice, and the only one of those that are near.
-        plain = self._leaves.plain(seconds[:n], pixels[:n], self._area[:n], self._costs.pixel)
-        near = ~usable[:n]
-        dear = (cost[:n] > plain) & self.only_if_faster
-        cost[:n] = np.where(near | dear, plain, cost[:n])
-        found = nodes.tree.cheapest(cost, here)
-        leaves = found[found < n]
-        why[leaves[near[leaves]]] = 'near'
-        why[leaves[dear[leaves] & ~near[leaves]]] = 'cheaper as a mesh'
-        self._last = found
-        keep = (found >= n) | ~(near | dear)[np.minimum(found, n - 1)]
-        return found[keep], why
+        """Return the nodes to draw as images, and why other leaves are not."""
+        nodes, leaves, view = self._nodes, slice(len(self._leaves)), eyes.frame.view
+        reasons = self._leaves.mesh_reasons.copy()
+        near_end, far_end = nodes.span(eyes)
+        in_view = nodes.live & may_see_boxes(view, nodes.low, nodes.high) & (far_end > view.near)
+        reasons[nodes.live[leaves] & ~in_view[leaves]] = 'out of view'
+        eye_distance = eyes.away(nodes.center)
+        px_per_unit = eyes.pixels(nodes.center, nodes.radius) / eye_distance
+        size_px = 2 * nodes.radius * px_per_unit
+        in_front = (eye_distance > NEAREST * nodes.radius) | eyes.parallel
+        # A mesh cut by the near plane shows its inside, which no image has.
+        in_front &= near_end >= view.near
+        pool = self._images.pool
+        largest = LARGEST if pool is None else min(LARGEST, pool.largest)
+        usable = in_front & (size_px * 1.2 / self._allowed_error < largest)
+        mesh_cost = self._costs.meshes(self._leaves, nodes)
+        image_cost = self._image_costs(eyes, mesh_cost, px_per_unit, eye_distance)
+        cost = np.where(usable, image_cost, np.inf)
+        # The alternative is the mesh, and the only choice for leaves near the eye.
+        plain_cost = self._leaves.plain(
+            mesh_cost[leaves], size_px[leaves], self._card_areas[leaves], self._costs.pixel
+        )
+        too_near = ~usable[leaves]
+        too_costly = (cost[leaves] > plain_cost) & self.only_if_faster & ~too_near
+        as_mesh = np.zeros(len(nodes), bool)
+        as_mesh[leaves] = too_near | too_costly
+        cost[leaves] = np.where(as_mesh[leaves], plain_cost, cost[leaves])
+        self._last_cut = cut = nodes.tree.cheapest(cost, in_view)
+        cut_leaves = cut[cut < leaves.stop]
+        reasons[cut_leaves[too_near[cut_leaves]]] = 'near'
+        reasons[cut_leaves[too_costly[cut_leaves]]] = 'cheaper as a mesh'
+        return cut[~as_mesh[cut]], reasons
 
-    def _own_costs(self, eyes, seconds, scale, away):
+    def _image_costs(self, eyes, mesh_cost, px_per_unit, eye_distance):
         """Return the seconds per frame of each node's image."""
         nodes = self._nodes
-        depth, self._area = nodes.faces(eyes)
-        self._area *= scale**2
-        # Who stands still may go on: slowly, by the size of the scene.
-        speed = max(self._costs.speed, _SLOW * nodes.radius.max())
-        rate = 0.0 if eyes.parallel else speed * depth * scale / away / self._allowed
-        there = self._images.alive.reshape(len(nodes), -1).any(1)
-        rate = rate + np.where(there, 0.0, 1 / FARTHEST)  # an image that there is costs nothing
-        own = self._costs.images(seconds, rate, self._costs.often(nodes.tree), self._area)
-        own[self._last] *= _KEPT
-        return own
+        box_depth, self._card_areas = nodes.faces(eyes)
+        self._card_areas *= px_per_unit**2
+        # A camera at rest may start again.
+        speed = max(self._costs.speed, _SLOWEST * nodes.radius.max()) * (not eyes.parallel)
+        renewal_rate = speed * box_depth * px_per_unit / eye_distance / self._allowed_error
+        has_image = self._images.alive.reshape(len(nodes), -1).any(1)
+        renewal_rate += np.where(has_image, 0.0, 1 / FARTHEST)
+        change_rate = self._costs.often(nodes.tree)
+        image_cost = self._costs.images(mesh_cost, renewal_rate, change_rate, self._card_areas)
+        image_cost[self._last_cut] *= _HYSTERESIS
+        return image_cost
 
-    def _side(self):
-        """Return the side of the largest pool that the memory allows."""
-        pool = self._images.pool
-        return LARGEST if pool is None else pool.largest
-
-    def _draw_images(self, frame, eyes, nodes, why):
-        """Renew invalid images; return images and nodes to show, (k, 2)."""
-        images = self._images
-        view, moved, coarse = images.errors(nodes, eyes)
-        worst = np.maximum(moved, coarse)
-        wrong = ~(worst <= self._allowed) | (coarse * FINEST < min(self._allowed, 1.0))
-        images.used[view[~wrong]] = frame.index
-        queue = np.flatnonzero(wrong)
-        queue = queue[np.argsort(-worst[queue], kind='stable')]
+    def _render_invalid(self, frame, eyes, nodes, reasons):
+        """Renew invalid images; return the images and nodes to show, shape (k, 2)."""
+        images, limit = self._images, self._allowed_error
+        view, displacement, texel_size = images.errors(nodes, eyes)
+        error = np.maximum(displacement, texel_size)
+        is_invalid = ~(error <= limit) | (texel_size * FINEST < min(limit, 1.0))
+        images.shown_frame[view[~is_invalid]] = frame.index
+        queue = np.flatnonzero(is_invalid)
+        queue = queue[np.argsort(-error[queue], kind='stable')]
         if len(queue):
-            new = self._take(frame, eyes, nodes[queue])
-            view[queue] = np.where(new >= 0, new, view[queue])
-            made = new >= 0
-            _, moved[queue[made]], coarse[queue[made]] = images.errors(nodes[queue[made]], eyes)
-            worst = np.maximum(moved, coarse)
-        # Others' tiles may have been taken meanwhile.
-        gone = (view < 0) | ~images.alive[view]
-        for node in nodes[gone]:
-            why[self._nodes.tree.below(node)] = 'no room' if self._want else 'no time'
-        images.used[view[~gone]] = frame.index
-        self._told['error_px'] = float(worst[~gone].max(initial=0.0))
-        return np.stack([view[~gone], nodes[~gone]], 1)
+            new_view = self._render_images(frame, eyes, nodes[queue])
+            rendered, new_view = queue[new_view >= 0], new_view[new_view >= 0]
+            view[rendered] = new_view
+            error[rendered] = np.maximum(*images.errors(nodes[rendered], eyes)[1:])
+        # Rendering may have evicted other images.
+        is_shown = (view >= 0) & images.alive[view]
+        for node in nodes[~is_shown]:
+            reasons[self._nodes.tree.below(node)] = 'no room' if self._missing_area else 'no time'
+        images.shown_frame[view[is_shown]] = frame.index
+        self._frame_report['error_px'] = float(error[is_shown].max(initial=0.0))
+        return np.stack([view[is_shown], nodes[is_shown]], 1)
 
-    def _take(self, frame, eyes, nodes):
-        """Render images of nodes within the budget; return their indices, -1 for the others."""
-        images, found = self._images, np.full(len(nodes), -1)
-        card = self._nodes.cards(nodes, eyes, self._costs.step, self._allowed)
-        sizes = images.sizes(card, eyes, self._allowed)
-        if self._want and images.pool is not None and images.pool.may_grow:
+    def _render_images(self, frame, eyes, nodes):
+        """Render images of nodes within the budget; return their indices, -1 if not rendered."""
+        images, new_views = self._images, np.full(len(nodes), -1)
+        card = self._nodes.cards(nodes, eyes, self._costs.step, self._allowed_error)
+        tile_sizes = images.sizes(card, eyes, self._allowed_error)
+        if self._missing_area and images.pool is not None and images.pool.may_grow:
             images.close_pool()
-        area = int((4.0 ** np.ceil(np.log2(sizes.max(1).clip(8, LARGEST)))).sum())
-        pool = images.open(frame, max(area, self._want), self.memory)
-        self._want = 0
-        left = self._budget()
-        drawn = 0
+        total_area = int((4.0 ** np.ceil(np.log2(tile_sizes.max(1).clip(8, LARGEST)))).sum())
+        pool = images.open(frame, max(total_area, self._missing_area), self.memory)
+        self._missing_area = 0
+        seconds_left = self._budget()
+        rendered_count = 0
         with pool.target.drawing():
             for k, node in enumerate(nodes.tolist()):
-                below = self._nodes.below(node)
-                if drawn and self._costs.expected(self._leaves, below) > left:
+                leaf_ids = self._nodes.below(node)
+                if rendered_count and self._costs.expected(self._leaves, leaf_ids) > seconds_left:
                     break
-                index = images.room(node, sizes[k].max(), frame.index)
+                index = images.reserve(node, tile_sizes[k].max(), frame.index)
                 if index is None:
-                    self._want = max(2 * area, 2 * pool.side**2)
+                    self._missing_area = max(2 * total_area, 2 * pool.side**2)
                     continue
-                with self._costs.timed(frame.window, self._leaves, below) as spent:
-                    sources = [self._leaves.sources[i] for i in below]
-                    images.draw(index, card, k, sizes[k], sources, parallel=eyes.parallel)
-                images.used[index] = images.taken[index] = frame.index
-                found[k] = index
-                left -= spent.seconds
-                drawn += 1
+                with self._costs.timed(frame.window, self._leaves, leaf_ids) as spent:
+                    sources = [self._leaves.sources[i] for i in leaf_ids]
+                    images.draw(index, card, k, tile_sizes[k], sources, parallel=eyes.parallel)
+                images.shown_frame[index] = images.rendered_frame[index] = frame.index
+                new_views[k] = index
+                seconds_left -= spent.seconds
+                rendered_count += 1
         images.drawer.done()
         frame.renderer.UpdateLightsGeometryToFollowCamera()
-        self.rendered += drawn
-        self._drawn_frames += drawn > 0
-        return found
+        self.rendered += rendered_count
+        self._drawn_frames += rendered_count > 0
+        return new_views
 
-    def _show(self, frame, eyes, shown, why):
-        self._card.attach(depth=self.depth, materials=self._materials)
-        if len(shown):
-            rows = self._images.rows(frame, shown[:, 0])
-            self._card.show(frame, rows, self._images.pool)
-            area = float(self._area[shown[:, 1]].sum())
-            self._costs.measure(frame, self._card, self._images.drawer, area)
+    def _show(self, frame, eyes, shown_images, reasons):
+        self._image_cards.attach(depth=self.depth, materials=self._materials)
+        if len(shown_images):
+            card_rows = self._images.card_rows(frame, shown_images[:, 0])
+            self._image_cards.show(frame, card_rows, self._images.pool)
+            card_area = float(self._card_areas[shown_images[:, 1]].sum())
+            self._costs.measure(frame, self._image_cards, self._images.drawer, card_area)
         else:
-            self._card.hide()
-        for thing in self._leaves.hide(why):
+            self._image_cards.hide()
+        for thing in self._leaves.hide(reasons):
             if thing.enabled and thing.needed(frame) is True:
-                thing.prepare(frame)  # it may have been before
-        self._told['shown'] = len(shown)
-        self._why = why
+                thing.prepare(frame)  # again, if its turn came before
+        self._frame_report['shown'], self._mesh_reasons = len(shown_images), reasons
 
     # -- memory ----------------------------------------------------------------------------------
 
     def release(self):
         """Free GPU memory; the context is current."""
         window = None if self.pipeline is None else self.pipeline.window
-        self._card.release(window)
+        self._image_cards.release(window)
         self._forget_tree()
         self._leaves.release(window)
         self._frame = None
 
     def report(self) -> dict:
-        """Return what is drawn how, the largest error, and how often images were rendered."""
+        """Return counts of images, meshes by reason, the largest error and GPU memory."""
         images = self.images
-        held = 0 if images is None else images.nbytes + self._card.nbytes
         return {
-            'bytes': held,
+            'bytes': 0 if images is None else images.nbytes + self._image_cards.nbytes,
             'images': 0 if images is None else int(images.alive.sum()),
             'rendered': self.rendered,
             'frames_with_rendering': self._drawn_frames / max(self._frames, 1),
-            **self._told,
-            'meshes': dict(Counter(w for w in self._why if w and w != 'hidden')),
-            'meshes_ms': self._costs.by_reason(self._leaves, self._why),
+            **self._frame_report,
+            'meshes': dict(Counter(w for w in self._mesh_reasons if w and w != 'hidden')),
+            'meshes_ms': self._costs.by_reason(self._leaves, self._mesh_reasons),
         }

@@ -1,4 +1,4 @@
-"""Instances that impostors stand for, in blocks."""
+"""Instances that impostors replace, in blocks."""
 
 from __future__ import annotations
 
@@ -12,28 +12,28 @@ from pvibr.meshes.materials import copy_property
 from pvibr.scene import looks as look
 from pvibr.scene.actor_watch import ineligibility
 
-#: Blocks of a set at most: what is asked of each in a frame takes its time.
+#: Most blocks of a set: each costs time in every frame.
 MOST = 4096
-#: Seconds that a card of an instance takes beside its pixels.
+# Overhead in seconds of an instance's card beyond its pixels.
 _CARD = 1e-6
 
 
 class InstanceSet:
-    """A set of instances, in blocks of neighbours that are the leaves of an impostor."""
+    """A set of instances in blocks of neighbours, which are leaves of an impostor."""
 
     def __init__(self, thing, materials):
         self.thing, self.materials = thing, materials
-        self.per = 1
-        while len(thing) > MOST * self.per:
-            self.per *= 2
+        self.items_per_block = 1
+        while len(thing) > MOST * self.items_per_block:
+            self.items_per_block *= 2
         self.blocks = [
-            Block(self, number, slice(first, first + self.per))
+            Block(self, number, slice(start, start + self.items_per_block))
             for number, group in enumerate(thing.groups)
-            for first in range(0, len(group), self.per)
+            for start in range(0, len(group), self.items_per_block)
         ]
         self._counts = [len(group) for group in thing.groups]
         self._content_key: tuple | None = None
-        self._imaged = b''
+        self._image_key = b''
         self._pools: dict = {}
         self.looks: np.ndarray | None = None
 
@@ -43,64 +43,65 @@ class InstanceSet:
         return content_key != self._content_key
 
     def outgrown(self) -> bool:
-        """Return True if the set has other instances in its blocks."""
+        """Return True if the number of instances changed."""
         return [len(group) for group in self.thing.groups] != self._counts
 
     def update(self):
         """Update positions and looks of the instances."""
         thing = self.thing
         self.looks = look.merge(len(thing), thing.colors, thing.visible)
-        shown = thing.visibility
-        visible = self.looks[:, 3] > 0
+        set_visible = thing.visibility
+        is_visible = self.looks[:, 3] > 0
         for number, group in enumerate(thing.groups):
             blocks = [block for block in self.blocks if block.number == number]
-            why = next(
+            mesh_reason = next(
                 (w for p in group.levels[0].parts if (w := ineligibility(p.actor, relit=True))),
                 'translucent' if thing.is_translucent else '',
             )
-            fields = _placed(group, self.per)
-            cells = sum(part.mesh.n_cells for part in group.levels[-1].parts)
+            bounds = _block_bounds(group, self.items_per_block)
+            cells_per_item = sum(part.mesh.n_cells for part in group.levels[-1].parts)
             for k, block in enumerate(blocks):
-                block.why = why
-                block.center, block.half, block.corners, block.radius = (f[k] for f in fields)
-                block.slots = np.flatnonzero(visible[group.ids[block.span]]) + block.span.start
-                block.shown = shown and len(block.slots) > 0
-                block.cells = cells * len(block.slots)
+                block.why = mesh_reason
+                block.center, block.half, block.corners, block.radius = (b[k] for b in bounds)
+                block.slots = np.flatnonzero(is_visible[group.ids[block.span]]) + block.span.start
+                block.shown = set_visible and len(block.slots) > 0
+                block.cells = cells_per_item * len(block.slots)
 
     def pool(self, number, texels) -> MeshPool:
-        """Return the mesh pool of the level that is within the error at a size."""
+        """Return the mesh pool of the level for a size in texels."""
         group = self.thing.groups[number]
-        limits = self.thing.limits[number].mesh_to.min(1)
-        level = max(k for k, limit in enumerate(limits) if k == 0 or texels <= limit)
-        key = number, level
-        if key not in self._pools:
-            self._pools[key] = _Pool(group.levels[level], self.materials)
-        pool = self._pools[key]
+        level_limits = self.thing.limits[number].meshes.min(1)
+        level = max(k for k, limit in enumerate(level_limits) if k == 0 or texels <= limit)
+        pool_key = number, level
+        if pool_key not in self._pools:
+            self._pools[pool_key] = _Pool(group.levels[level], self.materials)
+        pool = self._pools[pool_key]
         pool.multiply = self.thing.multiplies
         return pool
 
-    def plain(self, meshes, pixels, area, pixel) -> np.ndarray:
+    def plain(self, mesh_cost, size_px, card_area, pixel_cost) -> np.ndarray:
         """Return the seconds of blocks drawn by the set itself."""
-        limits = [limit.mesh_from.min() for limit in self.thing.limits]
-        limit = np.array([limits[block.number] for block in self.blocks])
-        cards = self.per * _CARD + pixel * area
-        # The larger a block is beside its instances, the smaller these are.
-        return np.where(pixels < limit * self.per ** (1 / 3), np.minimum(cards, meshes), meshes)
+        group_limits = [limits.mesh.min() for limits in self.thing.limits]
+        card_limits = np.array([group_limits[block.number] for block in self.blocks])
+        card_cost = self.items_per_block * _CARD + pixel_cost * card_area
+        # A block of n instances is about n^(1/3) times as large as each.
+        has_cards = size_px < card_limits * self.items_per_block ** (1 / 3)
+        return np.where(has_cards, np.minimum(card_cost, mesh_cost), mesh_cost)
 
-    def hide(self, imaged) -> bool:
-        """Hide the blocks that images show."""
-        key = imaged.tobytes()
-        if key == self._imaged:
+    def hide(self, as_image) -> bool:
+        """Hide the blocks that images show; return True if they changed."""
+        image_key = as_image.tobytes()
+        if image_key == self._image_key:
             return False
-        self._imaged = key
-        chosen = [b for b, yes in zip(self.blocks, imaged.tolist(), strict=True) if yes]
-        ids = [self.thing.groups[b.number].ids[b.span] for b in chosen]
+        self._image_key = image_key
+        hidden_blocks = [self.blocks[k] for k in np.flatnonzero(as_image)]
+        ids = [self.thing.groups[b.number].ids[b.span] for b in hidden_blocks]
         self.thing.covered = np.concatenate(ids) if ids else None
         return True
 
     def show(self):
         """Show all blocks."""
-        self._imaged = b''
+        self._image_key = b''
         self.thing.covered = None
 
     def release(self, window):
@@ -114,7 +115,7 @@ class InstanceSet:
 
 
 class Block:
-    """Some instances of one mesh, with the interface of :class:`Source`."""
+    """Neighbouring instances of one mesh, with the interface of :class:`Source`."""
 
     tries: int = 0
     seconds: float = np.inf
@@ -126,12 +127,12 @@ class Block:
         self.corners = np.zeros((80, 3))
         self.slots = np.zeros(0, int)
 
-    def draw(self, renderer, world_from_view, texel):
-        """Draw its surface, see :meth:`Source.draw`."""
+    def draw(self, renderer, world_from_view, texel_size):
+        """Draw the unlit surfaces, see :meth:`Source.draw`."""
         owner = self.owner
         group = owner.thing.groups[self.number]
         for slot in self.slots.tolist():
-            pool = owner.pool(self.number, 2 * float(group.radii[slot]) / texel)
+            pool = owner.pool(self.number, 2 * float(group.radii[slot]) / texel_size)
             shade = tuple(float(v) for v in owner.looks[group.ids[slot]] / 255.0)
             pool.show([slot], group.matrix, lambda _, shade=shade: shade)
             for actor in pool.lent[slot]:
@@ -160,33 +161,33 @@ class _Pool(MeshPool):
         return actor
 
 
-def _placed(group, per):
-    """Return centres, half edges, corners and radii of blocks of a group."""
+def _block_bounds(group, items_per_block):
+    """Return centres, half edges, corners and radii of the blocks of a group."""
     parts = group.levels[0].parts
     points = np.concatenate([part.mesh.points for part in parts]).astype(float)
     low, high = points.min(0), points.max(0)
-    middle = (low + high) / 2
-    length = np.linalg.norm(points - middle, axis=1).max()
-    corners = dop_corners(points - middle)
+    mesh_center = (low + high) / 2
+    mesh_radius = np.linalg.norm(points - mesh_center, axis=1).max()
+    item_corners = dop_corners(points - mesh_center)
     poses = group.poses[group.ids]
     if poses.ndim == 2:
         poses = np.eye(4) + np.zeros((len(poses), 1, 1))
         poses[:, :3, 3] = group.poses[group.ids]
-    axes = poses[:, :3, :3]
-    center = axes @ middle + poses[:, :3, 3]
-    half = np.diag((high - low) / 2) @ np.swapaxes(axes, 1, 2)
-    corners = corners @ np.swapaxes(axes, 1, 2)
-    radius = length * np.linalg.norm(axes, 2, axis=(1, 2))
-    if per == 1:
-        return center, half, corners, radius
-    return _joined(center, np.abs(corners).max(1), per)
+    item_axes = poses[:, :3, :3]
+    item_center = item_axes @ mesh_center + poses[:, :3, 3]
+    half_edges = np.diag((high - low) / 2) @ np.swapaxes(item_axes, 1, 2)
+    item_corners = item_corners @ np.swapaxes(item_axes, 1, 2)
+    item_radius = mesh_radius * np.linalg.norm(item_axes, 2, axis=(1, 2))
+    if items_per_block == 1:
+        return item_center, half_edges, item_corners, item_radius
+    return _joined(item_center, np.abs(item_corners).max(1), items_per_block)
 
 
-def _joined(center, reach, per):
+def _joined(center, reach, items_per_block):
     """Return the same for blocks of several instances, as axis-aligned boxes."""
-    first = np.arange(0, len(center), per)
-    low = np.minimum.reduceat(center - reach, first)
-    high = np.maximum.reduceat(center + reach, first)
+    block_starts = np.arange(0, len(center), items_per_block)
+    low = np.minimum.reduceat(center - reach, block_starts)
+    high = np.maximum.reduceat(center + reach, block_starts)
     half = ((high - low) / 2)[:, :, None] * np.eye(3)
     corners = np.tile(box_corners(half), (1, 10, 1))
     return (low + high) / 2, half, corners, np.linalg.norm(high - low, axis=1) / 2

@@ -1,4 +1,4 @@
-"""What may be given to an impostor."""
+"""Arguments of impostors: actors and instances."""
 
 from __future__ import annotations
 
@@ -8,25 +8,25 @@ from pvibr.scene.casters import listed
 from pvibr.scene.thing import Thing
 
 
-def checked(actors) -> list:
+def checked_members(actors) -> list:
     """Return actors and instances as a checked list."""
-    found = listed(actors)
-    for thing in found:
+    things = listed(actors)
+    for thing in things:
         if not is_actor(thing) and type(thing) is not Instances:
             raise TypeError(
-                f'actors holds a {type(thing).__name__}: each must be an actor, as add_mesh '
-                'returns it, or Instances, as add_instances does'
+                'actors must be actors (from add_mesh) or Instances (from add_instances), '
+                f'got {type(thing).__name__}'
             )
-    if not found:
-        raise ValueError('actors is empty: give one or more')
-    seen: set = set()
-    for place, thing in enumerate(found):
-        if id(thing) in seen:
-            raise ValueError(f'actors[{place}] is there twice: give each of them once')
-        seen.add(id(thing))
-    return found
+    if not things:
+        raise ValueError('actors must have one or more, got none')
+    known_ids: set = set()
+    for index, thing in enumerate(things):
+        if id(thing) in known_ids:
+            raise ValueError(f'actors must not repeat, got actors[{index}] twice')
+        known_ids.add(id(thing))
+    return things
 
 
 def is_actor(thing) -> bool:
-    """Return True for an actor of the user, which no thing is."""
+    """Return True for a plain VTK actor, False for one of our things."""
     return isinstance(thing, _vtk.vtkActor) and not isinstance(thing, Thing)

@@ -1,42 +1,46 @@
-"""Square tiles, sides powers of two, in one shared render target."""
+"""Square power-of-two tiles in one render target."""
 
 from __future__ import annotations
 
 from pvibr.gl import Target, texture_limit
 
-#: What a texel holds: colour and coverage, normal and material, depth.
+# Colour and coverage, normal and material; depth beside them.
 FORMATS = ('rgba8', 'rgba8')
 TEXEL_BYTES = 12
 
 
 class Tiles:
-    """Allocation of squares in a larger one, a buddy system."""
+    """A buddy allocator of squares in a larger one."""
 
-    def __init__(self, side, least=8):
-        self.side, self.least = side, least
+    def __init__(self, side, smallest_side=8):
+        self.side, self.smallest_side = side, smallest_side
         self._free: dict[int, set] = {side: {(0, 0)}}
 
     def fits(self, size) -> int:
         """Return the side of the tile that holds an image."""
-        return max(self.least, 1 << (int(size) - 1).bit_length())
+        return max(self.smallest_side, 1 << (int(size) - 1).bit_length())
 
     def take(self, side) -> tuple[int, int] | None:
-        """Take a free tile; return its corner, None without any."""
-        larger = side
-        while not self._free.get(larger):
-            larger *= 2
-            if larger > self.side:
+        """Take a free tile; return its corner, None if there is none."""
+        free_side = side
+        while not self._free.get(free_side):
+            free_side *= 2
+            if free_side > self.side:
                 return None
-        x, y = min(self._free[larger])
-        self._free[larger].remove((x, y))
-        while larger > side:
-            larger //= 2
-            rest = {(x + larger, y), (x, y + larger), (x + larger, y + larger)}
-            self._free.setdefault(larger, set()).update(rest)
+        x, y = min(self._free[free_side])
+        self._free[free_side].remove((x, y))
+        while free_side > side:
+            free_side //= 2
+            other_quarters = {
+                (x + free_side, y),
+                (x, y + free_side),
+                (x + free_side, y + free_side),
+            }
+            self._free.setdefault(free_side, set()).update(other_quarters)
         return x, y
 
     def give(self, corner, side):
-        """Give a tile back."""
+        """Free a tile and merge it with its free buddies."""
         while side < self.side:
             x, y = (c // (2 * side) * 2 * side for c in corner)
             buddies = {(x + i * side, y + j * side) for i in (0, 1) for j in (0, 1)} - {corner}
@@ -72,7 +76,7 @@ class TilePool:
 
     @property
     def textures(self) -> dict:
-        """Textures by the names of their samplers."""
+        """Textures by sampler name."""
         colors = dict(zip(('ibr_albedo', 'ibr_shape'), self.target.colors, strict=True))
         return colors | {'ibr_depth': self.target.depth}
 

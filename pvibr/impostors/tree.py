@@ -1,4 +1,4 @@
-"""A bounding volume hierarchy over what may share an image."""
+"""A bounding volume hierarchy over objects that may share an image."""
 
 from __future__ import annotations
 
@@ -6,138 +6,133 @@ import numpy as np
 
 
 class Tree:
-    """A binary tree over boxes that come and go.
+    """A binary tree over a changing set of boxes.
 
-    Nodes below `leaves` are places of boxes, the others join two. A node keeps its number for as
-    long as it is there. Insertion and balance: Catto, "Dynamic Bounding Volume Hierarchies",
-    GDC 2019; without a hierarchy there are boxes only.
+    Nodes below `leaves` are boxes, the others join two; node numbers are stable. Catto, "Dynamic
+    Bounding Volume Hierarchies", GDC 2019.
     """
 
     def __init__(self, centers, hierarchical, present=None):
-        self.leaves = n = len(centers)
+        self.leaves = box_count = len(centers)
         self.hierarchical = bool(hierarchical)
-        inner = max(n - 1, 0) if hierarchical else 0
-        self.children = np.full((inner, 2), -1)
-        self.parent = np.full(n + inner, -1)
-        self.height = np.zeros(n + inner, int)
-        self.root = -1  # of no box, or of no hierarchy
+        inner_count = max(box_count - 1, 0) if hierarchical else 0
+        self.children = np.full((inner_count, 2), -1)
+        self.parent = np.full(box_count + inner_count, -1)
+        self.height = np.zeros(box_count + inner_count, int)
+        self.root = -1  # if empty or flat
         self._levels: list | None = None
-        rows = np.arange(n) if present is None else np.asarray(present, int)
-        if hierarchical and len(rows):
-            self._split(np.asarray(centers, float), rows)
+        box_ids = np.arange(box_count) if present is None else np.asarray(present, int)
+        if hierarchical and len(box_ids):
+            self._split(np.asarray(centers, float), box_ids)
 
     def __len__(self):
         return self.leaves + len(self.children)
 
-    def _split(self, centers, rows):
-        """Split at the median of the longest side top-down."""
-        free = self.leaves
-        self.root = free if len(rows) > 1 else int(rows[0])
-        stack: list = [(rows, -1, 0)]
+    def _split(self, centers, box_ids):
+        """Split top-down at the median along the longest side."""
+        next_node = self.leaves
+        self.root = next_node if len(box_ids) > 1 else int(box_ids[0])
+        stack: list = [(box_ids, -1, 0)]
         while stack:
-            rows, parent, side = stack.pop()
-            node = int(rows[0])
-            if len(rows) > 1:
-                node, free = free, free + 1
-                axis = np.ptp(centers[rows], axis=0).argmax()
-                order = rows[np.argsort(centers[rows, axis], kind='stable')]
-                cut = (len(order) + 1) // 2
-                stack += [(order[cut:], node, 1), (order[:cut], node, 0)]
-                self.height[node] = (len(rows) - 1).bit_length()
+            box_ids, parent, side = stack.pop()
+            node = int(box_ids[0])
+            if len(box_ids) > 1:
+                node, next_node = next_node, next_node + 1
+                axis = np.ptp(centers[box_ids], axis=0).argmax()
+                sorted_ids = box_ids[np.argsort(centers[box_ids, axis], kind='stable')]
+                cut = (len(sorted_ids) + 1) // 2
+                stack += [(sorted_ids[cut:], node, 1), (sorted_ids[:cut], node, 0)]
+                self.height[node] = (len(box_ids) - 1).bit_length()
             self.parent[node] = parent
             if parent >= 0:
                 self.children[parent - self.leaves, side] = node
 
-    # -- boxes that come and go ------------------------------------------------------------------
+    # -- insertion and removal -------------------------------------------------------------------
 
-    def grow(self, more):
-        """Have places for more boxes: the numbers of nodes that join others rise by as many."""
-        n, inner = self.leaves, more if self.hierarchical else 0
-        self.parent = np.insert(self.parent, n, np.full(more, -1))
-        self.height = np.insert(self.height, n, np.zeros(more, int))
+    def grow(self, extra):
+        """Make room for more boxes, which shifts the numbers of inner nodes."""
+        old_count, extra_inner = self.leaves, extra if self.hierarchical else 0
+        self.parent = np.insert(self.parent, old_count, np.full(extra, -1))
+        self.height = np.insert(self.height, old_count, np.zeros(extra, int))
         for array in (self.parent, self.children):
-            array[array >= n] += more
-        self.root += more if self.root >= n else 0
-        self.leaves += more
-        self.parent = np.append(self.parent, np.full(inner, -1))
-        self.height = np.append(self.height, np.zeros(inner, int))
-        self.children = np.append(self.children, np.full((inner, 2), -1), axis=0)
+            array[array >= old_count] += extra
+        self.root += extra if self.root >= old_count else 0
+        self.leaves += extra
+        self.parent = np.append(self.parent, np.full(extra_inner, -1))
+        self.height = np.append(self.height, np.zeros(extra_inner, int))
+        self.children = np.append(self.children, np.full((extra_inner, 2), -1), axis=0)
         self._levels = None
 
     def has(self, leaf) -> bool:
-        """Return True if a box is in it."""
+        """Return True if a box is in the tree."""
         return not self.hierarchical or leaf == self.root or self.parent[leaf] >= 0
 
     def insert(self, leaf, low, high) -> list[int]:
-        """Put a box in, given the corners of all nodes; return the nodes that are others now."""
+        """Insert a box, given the corners of all nodes; return the nodes that changed."""
         if self.root < 0:
             self.root = leaf
             return [leaf]
-        beside, above = self._nearest(leaf, low, high), self._free()
-        self._replace(beside, above)
-        self._join(above, beside, leaf)
-        return [leaf, *self._mend(above, low, high)]
+        sibling = self._nearest(leaf, low, high)
+        new_parent = self.leaves + int(np.flatnonzero(self.children[:, 0] < 0)[0])
+        self._replace(sibling, new_parent)
+        self._join(new_parent, sibling, leaf)
+        return [leaf, *self._rebalance(new_parent, low, high)]
 
     def remove(self, leaf, low, high) -> list[int]:
-        """Take a box out; return the nodes that are others now."""
+        """Remove a box; return the nodes that changed."""
         if not self.hierarchical or not self.has(leaf):
             return [leaf]
-        above = int(self.parent[leaf])
-        if above < 0:
+        old_parent = int(self.parent[leaf])
+        if old_parent < 0:
             self.root = -1
             return [leaf]
-        pair = self.children[above - self.leaves]
-        beside, over = int(pair[pair != leaf][0]), int(self.parent[above])
-        self._replace(above, beside)
-        self.children[above - self.leaves] = self.parent[[leaf, above]] = -1
-        return [leaf, above, *self._mend(over, low, high)]
-
-    def _free(self) -> int:
-        """Return a number that no node has."""
-        return self.leaves + int(np.flatnonzero(self.children[:, 0] < 0)[0])
+        pair = self.children[old_parent - self.leaves]
+        sibling, grand_parent = int(pair[pair != leaf][0]), int(self.parent[old_parent])
+        self._replace(old_parent, sibling)
+        self.children[old_parent - self.leaves] = self.parent[[leaf, old_parent]] = -1
+        return [leaf, old_parent, *self._rebalance(grand_parent, low, high)]
 
     def _nearest(self, leaf, low, high) -> int:
-        """Return the node beside which a box enlarges the boxes least."""
+        """Return the best sibling of a box: the one whose union with it grows least."""
         node = self.root
         while node >= self.leaves:
             pair = self.children[node - self.leaves]
-            sides = np.maximum(high[pair], high[leaf]) - np.minimum(low[pair], low[leaf])
-            node = int(pair[np.argmin((sides - (high - low)[pair]).sum(1))])
+            joined_sides = np.maximum(high[pair], high[leaf]) - np.minimum(low[pair], low[leaf])
+            node = int(pair[np.argmin((joined_sides - (high - low)[pair]).sum(1))])
         return node
 
-    def _replace(self, node, other):
-        """Put a node in the place of another."""
-        above = self.parent[other] = self.parent[node]
-        if above < 0:
-            self.root = other
+    def _replace(self, old_node, new_node):
+        parent = self.parent[new_node] = self.parent[old_node]
+        if parent < 0:
+            self.root = new_node
         else:
-            pair = self.children[above - self.leaves]
-            pair[pair == node] = other
+            pair = self.children[parent - self.leaves]
+            pair[pair == old_node] = new_node
 
     def _join(self, node, *pair):
         self.children[node - self.leaves] = pair
         self.parent[list(pair)] = node
 
-    def _mend(self, node, low, high) -> list[int]:
-        """Balance a node and those above it, and fit their boxes; return which changed."""
-        changed = []
+    def _rebalance(self, node, low, high) -> list[int]:
+        """Balance and refit a node and its ancestors; return the changed nodes."""
+        changed_nodes = []
         self._levels = None
         while node >= 0:
-            changed += [*self._balance(node, low, high), node]
+            changed_nodes += [*self._balance(node, low, high), node]
             self._fit(node, low, high)
             node = int(self.parent[node])
-        return changed
+        return changed_nodes
 
     def _balance(self, node, low, high) -> list[int]:
-        """Exchange a child for a grandchild where one side is the higher by two or more."""
-        flat, tall = self._by_height(node)
-        if self.height[tall] - self.height[flat] < 2:
+        """Rotate a grandchild up if the heights of the children differ by two or more."""
+        low_child, high_child = self._by_height(node)
+        if self.height[high_child] - self.height[low_child] < 2:
             return []
-        flatter, taller = self._by_height(tall)
-        self._join(tall, flat, flatter)
-        self._join(node, taller, tall)
-        self._fit(tall, low, high)
-        return [tall]
+        low_grandchild, high_grandchild = self._by_height(high_child)
+        self._join(high_child, low_child, low_grandchild)
+        self._join(node, high_grandchild, high_child)
+        self._fit(high_child, low, high)
+        return [high_child]
 
     def _by_height(self, node) -> list[int]:
         return sorted(self.children[node - self.leaves].tolist(), key=lambda k: self.height[k])
@@ -147,62 +142,62 @@ class Tree:
         self.height[node] = self.height[pair].max() + 1
         low[node], high[node] = low[pair].min(0), high[pair].max(0)
 
-    # -- what is asked of it ---------------------------------------------------------------------
+    # -- queries ---------------------------------------------------------------------------------
 
     @property
     def levels(self) -> list:
-        """The nodes that join others, and their children, from the bottom."""
+        """Inner nodes with their children, bottom-up by height."""
         if self._levels is None:
-            inner = self.leaves + np.flatnonzero(self.children[:, 0] >= 0)
-            heights = self.height[inner]
+            inner_nodes = self.leaves + np.flatnonzero(self.children[:, 0] >= 0)
+            heights = self.height[inner_nodes]
             order = np.argsort(heights, kind='stable')
             edges = np.flatnonzero(np.diff(heights[order])) + 1
-            rows = np.split(inner[order], edges) if len(inner) else []
-            self._levels = [(r, *self.children[r - self.leaves].T) for r in rows]
+            nodes_by_level = np.split(inner_nodes[order], edges) if len(inner_nodes) else []
+            self._levels = [(r, *self.children[r - self.leaves].T) for r in nodes_by_level]
         return self._levels
 
-    def gather(self, values, join) -> np.ndarray:
-        """Return values of all nodes from those of the boxes."""
-        out = np.zeros((len(self), *values.shape[1:]), values.dtype)
-        out[: self.leaves] = values
-        for rows, first, second in self.levels:
-            out[rows] = join(out[first], out[second])
-        return out
+    def gather(self, box_values, join) -> np.ndarray:
+        """Reduce values of the boxes up the tree; return those of all nodes."""
+        node_values = np.zeros((len(self), *box_values.shape[1:]), box_values.dtype)
+        node_values[: self.leaves] = box_values
+        for parents, left_child, right_child in self.levels:
+            node_values[parents] = join(node_values[left_child], node_values[right_child])
+        return node_values
 
-    def cheapest(self, cost, here) -> np.ndarray:
-        """Return the nodes that cover all boxes at minimum cost."""
-        least = np.where(here, cost, 0.0)
-        whole = np.ones(len(self), bool)
-        for rows, first, second in self.levels:
-            parts = least[first] + least[second]
-            whole[rows] = least[rows] <= parts
-            least[rows] = np.minimum(least[rows], parts)
-        wanted = np.full(len(self), not self.hierarchical)
+    def cheapest(self, cost, in_view) -> np.ndarray:
+        """Return the nodes that cover all boxes in view at minimum cost."""
+        best_cost = np.where(in_view, cost, 0.0)
+        keep_whole = np.ones(len(self), bool)
+        for parents, left_child, right_child in self.levels:
+            split_cost = best_cost[left_child] + best_cost[right_child]
+            keep_whole[parents] = best_cost[parents] <= split_cost
+            best_cost[parents] = np.minimum(best_cost[parents], split_cost)
+        in_cut = np.full(len(self), not self.hierarchical)
         if self.root >= 0:
-            wanted[self.root] = True
-        for rows, first, second in reversed(self.levels):
-            opened = wanted[rows] & ~whole[rows]
-            wanted[first[opened]] = wanted[second[opened]] = True
-            wanted[rows[opened]] = False
-        return np.flatnonzero(wanted & here)
+            in_cut[self.root] = True
+        for parents, left_child, right_child in reversed(self.levels):
+            is_split = in_cut[parents] & ~keep_whole[parents]
+            in_cut[left_child[is_split]] = in_cut[right_child[is_split]] = True
+            in_cut[parents[is_split]] = False
+        return np.flatnonzero(in_cut & in_view)
 
     def below(self, node) -> list[int]:
         """Return the boxes under a node."""
-        found, stack = [], [int(node)]
+        box_ids, stack = [], [int(node)]
         while stack:
             node = stack.pop()
             if node < self.leaves:
-                found.append(node)
+                box_ids.append(node)
             else:
                 stack += self.children[node - self.leaves].tolist()
-        return found
+        return box_ids
 
     def above(self, nodes) -> np.ndarray:
         """Return nodes and their ancestors."""
-        found = set(np.asarray(nodes, int).tolist())
-        for node in list(found):
+        node_ids = set(np.asarray(nodes, int).tolist())
+        for node in list(node_ids):
             node = self.parent[node]
-            while node >= 0 and node not in found:
-                found.add(int(node))
+            while node >= 0 and node not in node_ids:
+                node_ids.add(int(node))
                 node = self.parent[node]
-        return np.array(sorted(found), int)
+        return np.array(sorted(node_ids), int)

@@ -1,4 +1,4 @@
-"""2D overlays of a subplot: lines, filled boxes, text, and a view of a texture."""
+"""2D overlays of a subplot: lines, filled boxes, text and a view of a texture."""
 
 from __future__ import annotations
 
@@ -6,9 +6,8 @@ import numpy as np
 
 from pvibr.core import _vtk
 
-_FONT = 14.0  # pixels at most
-_LEAST = 8.0  # and at least
-_WIDE = 0.62  # width of a letter of the fixed font over its size
+_FONT, _SMALLEST_FONT = 14.0, 8.0  # px
+_LETTER = 0.62  # width of a letter over the font size
 _PITCH = 1.4  # line spacing
 _PAD = 6.0
 _PANEL = (0, 0, 0, 190)
@@ -16,41 +15,35 @@ _PICTURE = 0.34  # side of the texture view, relative to the subplot's shorter s
 
 
 def edges(low, high) -> np.ndarray:
-    """Return the edges of boxes."""
+    """Return the edges of boxes, shape (n, 12, 2, 3)."""
     corners = np.array(list(np.ndindex(2, 2, 2)))
-    pairs = np.array([(a, b) for a in range(8) for b in range(a) if (a ^ b) in (1, 2, 4)])
-    places = np.where(corners[None] == 1, high[:, None], low[:, None])
-    return places[:, pairs]
+    corner_pairs = np.array([(a, b) for a in range(8) for b in range(a) if (a ^ b) in (1, 2, 4)])
+    corner_points = np.where(corners[None] == 1, high[:, None], low[:, None])
+    return corner_points[:, corner_pairs]
 
 
 def projected(frame, ends):
-    """Return projected lines, clipped at the near plane."""
+    """Project lines, clipped at the near plane; return those in view and their indices."""
     view = frame.view_from_world
-    # Subtract the eye first: points may be far from the origin.
-    eye = (ends - frame.eye) @ view[:3, :3].T
-    clip = eye @ frame.clip_from_view[:, :3].T + frame.clip_from_view[:, 3]
-    w = clip[..., 3]
-    least = 1e-3 * frame.near if not frame.parallel else 0.5
-    kept = np.flatnonzero(w.max(1) > least)
-    clip, w = clip[kept], w[kept]
-    far, near = (np.take_along_axis(clip, k[:, None, None], 1)[:, 0] for k in _order(w))
-    share = (far[:, 3] - least) / np.maximum(far[:, 3] - near[:, 3], 1e-300)
-    near = np.where((near[:, 3] < least)[:, None], far + share[:, None] * (near - far), near)
-    flat = np.stack([c[:, :2] / c[:, 3:] for c in (far, near)], 1)
-    inside = ((flat.min(1) <= 1) & (flat.max(1) >= -1)).all(1)
-    left, bottom, right, top = frame.tile
-    corner, sides = np.array([left, bottom]), np.array([right - left, top - bottom])
-    return corner + (flat[inside] + 1) / 2 * sides, kept[inside]
-
-
-def _order(w):
-    """Return the far and the near end of each line."""
-    farther = w.argmax(1)
-    return farther, 1 - farther
+    # Subtract the eye first for precision far from the origin.
+    eye_points = (ends - frame.eye) @ view[:3, :3].T
+    clip_points = eye_points @ frame.clip_from_view[:, :3].T + frame.clip_from_view[:, 3]
+    w = clip_points[..., 3]
+    least_w = 1e-3 * frame.near if not frame.parallel else 0.5
+    line_ids = np.flatnonzero(w.max(1) > least_w)
+    clip_points, w = clip_points[line_ids], w[line_ids]
+    line, farther = np.arange(len(w)), w.argmax(1)
+    far, near = clip_points[line, farther], clip_points[line, 1 - farther]
+    share = (far[:, 3:] - least_w) / np.maximum(far[:, 3:] - near[:, 3:], 1e-300)
+    near = np.where(near[:, 3:] < least_w, far + share * (near - far), near)
+    ndc_lines = np.stack([c[:, :2] / c[:, 3:] for c in (far, near)], 1)
+    in_view = ((ndc_lines.min(1) <= 1) & (ndc_lines.max(1) >= -1)).all(1)
+    low, high = np.reshape(frame.tile, (2, 2))
+    return low + (ndc_lines[in_view] + 1) / 2 * (high - low), line_ids[in_view]
 
 
 class Shapes:
-    """Lines or quads with a colour each."""
+    """Lines or quads, one colour each."""
 
     def __init__(self, corners, width=1.0):
         self.corners = corners
@@ -64,28 +57,28 @@ class Shapes:
         """Show these items."""
         places = np.asarray(places, float).reshape(-1, 2)
         mesh = _mesh(places, self.corners)
-        table = np.ascontiguousarray(colors, np.uint8).reshape(-1, 4)
-        mesh.GetCellData().SetScalars(_vtk.numpy_to_vtk(table, deep=True))
+        color_table = np.ascontiguousarray(colors, np.uint8).reshape(-1, 4)
+        mesh.GetCellData().SetScalars(_vtk.numpy_to_vtk(color_table, deep=True))
         self.mapper.SetInputData(mesh)
         self.actor.SetVisibility(len(places) > 0)
 
 
 class Words:
-    """Lines of monospaced text, created on demand."""
+    """Lines of monospaced text."""
 
     def __init__(self, count):
         self._scale = 1
         self.actors = [_vtk.vtkTextActor() for _ in range(count)]
         for actor in self.actors:
             actor.GetPositionCoordinate().SetCoordinateSystemToNormalizedViewport()
-            how = actor.GetTextProperty()
-            how.SetFontFamilyToCourier()
-            how.SetColor(1.0, 1.0, 1.0)
-            how.SetVerticalJustificationToCentered()
+            text_property = actor.GetTextProperty()
+            text_property.SetFontFamilyToCourier()
+            text_property.SetColor(1.0, 1.0, 1.0)
+            text_property.SetVerticalJustificationToCentered()
 
     def show(self, lines, font, scale=1):
         """Show these items."""
-        again, self._scale = scale != self._scale, scale
+        scale_changed, self._scale = scale != self._scale, scale
         for k, actor in enumerate(self.actors):
             actor.SetVisibility(k < len(lines))
             if k < len(lines):
@@ -93,7 +86,7 @@ class Words:
                 actor.SetInput(text)
                 actor.GetTextProperty().SetFontSize(font)
                 actor.SetPosition(x, y)
-                if again:  # VTK caches rendered text of any size
+                if scale_changed:  # VTK caches rendered text regardless of scale
                     actor.GetTextProperty().Modified()
 
 
@@ -143,17 +136,17 @@ class Marks:
         for actor in self.actors:
             actor.VisibilityOff()
 
-    def write(self, size, rows, titled, scale=1):
-        """Show a panel of text with colour patches, and the frame of a texture view."""
+    def write(self, size, text_rows, picture_title, scale=1):
+        """Show text with colour patches, and a frame; return the corners of the texture view."""
         sheet = _Sheet(size)
-        sheet.write(rows)
-        box = None if titled is None else sheet.frame(*titled)
+        sheet.write(text_rows)
+        picture_box = None if picture_title is None else sheet.frame(*picture_title)
         self.panels.show(np.array(sheet.quads).reshape(-1, 4, 2) / size, sheet.colors)
         self.words.show(sheet.lines[: len(self.words.actors)], round(sheet.font), scale)
-        return None if box is None else box / size
+        return None if picture_box is None else picture_box / size
 
     def release(self, window):
-        """Release GPU resources; the OpenGL context must exist."""
+        """Free GPU memory; the context is current."""
         self.picture.hide()
         for actor in self.actors:
             actor.ReleaseGraphicsResources(window)
@@ -164,21 +157,22 @@ class _Sheet:
 
     def __init__(self, size):
         self.size = np.asarray(size, float)
-        self.font = float(np.clip(self.size.min() / 36, _LEAST, _FONT))
+        self.font = float(np.clip(self.size.min() / 36, _SMALLEST_FONT, _FONT))
         self.quads: list[np.ndarray] = []
         self.colors: list[tuple] = []
         self.lines: list[tuple[str, float, float]] = []
 
-    def write(self, rows):
-        """Lay out rows in the upper left corner; rows that do not fit are omitted."""
-        pitch, top = self.font * _PITCH, self.size[1] - _PAD
-        rows = rows[: max(int((top - 2 * _PAD) / pitch), 0)]
-        if not rows:
+    def write(self, text_rows):
+        """Lay out rows in the upper left corner; omit those that do not fit."""
+        line_pitch, top = self.font * _PITCH, self.size[1] - _PAD
+        text_rows = text_rows[: max(int((top - 2 * _PAD) / line_pitch), 0)]
+        if not text_rows:
             return
-        wide = max(len(text) for text, _ in rows) * self.font * _WIDE + 2.5 * self.font
-        self._quad((_PAD, top - len(rows) * pitch - _PAD), (_PAD + wide, top), _PANEL)
-        for k, (text, color) in enumerate(rows):
-            x, y = 2 * _PAD, top - (k + 0.5) * pitch - _PAD / 2
+        width = max(len(text) for text, _ in text_rows) * self.font * _LETTER + 2.5 * self.font
+        bottom = top - len(text_rows) * line_pitch - _PAD
+        self._quad((_PAD, bottom), (_PAD + width, top), _PANEL)
+        for k, (text, color) in enumerate(text_rows):
+            x, y = 2 * _PAD, top - (k + 0.5) * line_pitch - _PAD / 2
             if color is not None:
                 half = 0.4 * self.font
                 patch = *np.rint(np.multiply(color, 255)), 255
@@ -187,13 +181,13 @@ class _Sheet:
 
     def frame(self, title, ratio):
         """Lay out a panel in the lower right corner and return its corners."""
-        side, pitch = _PICTURE * self.size.min(), self.font * _PITCH
-        sides = side * np.array([min(1.0, 1 / ratio), min(1.0, ratio)])
-        high = np.array([self.size[0] - 2 * _PAD, 2 * _PAD + sides[1]])
-        box = np.array([high - sides, high])
-        room = int(sides[0] / (self.font * _WIDE))
-        self._quad(box[0] - _PAD, box[1] + (_PAD, pitch + _PAD / 2), (0, 0, 0, 255))
-        self._line(title[:room], box[0, 0], box[1, 1] + 0.6 * pitch)
+        longest_side, line_pitch = _PICTURE * self.size.min(), self.font * _PITCH
+        picture_size = longest_side * np.array([min(1.0, 1 / ratio), min(1.0, ratio)])
+        high_corner = np.array([self.size[0] - 2 * _PAD, 2 * _PAD + picture_size[1]])
+        box = np.array([high_corner - picture_size, high_corner])
+        letter_count = int(picture_size[0] / (self.font * _LETTER))
+        self._quad(box[0] - _PAD, box[1] + (_PAD, line_pitch + _PAD / 2), (0, 0, 0, 255))
+        self._line(title[:letter_count], box[0, 0], box[1, 1] + 0.6 * line_pitch)
         return box
 
     def _quad(self, low, high, color):
@@ -218,7 +212,7 @@ def outlines(low, high) -> np.ndarray:
 
 
 def _mapper():
-    """Return a mapper of points in normalized viewport coordinates."""
+    """Return a mapper in normalized viewport coordinates."""
     mapper = _vtk.vtkPolyDataMapper2D()
     place = _vtk.vtkCoordinate()
     place.SetCoordinateSystemToNormalizedViewport()

@@ -1,4 +1,4 @@
-"""The atlas or image that a thing is drawn from, and its tiles in use."""
+"""The atlas or tile pool of a thing, and its tiles in use."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from pvibr.instances.cards import FADE
 from pvibr.maths import octahedral
 from pvibr.meshes.turntable import SIDE_ELEVATION
 
-#: Of images that were drawn for this frame.
+#: Colour of images rendered for this frame.
 FLASH = (1.0, 0.0, 1.0)
-_ONE = ('splat', 'flat', 'parallax')  # shaders that show one view
+_SINGLE = ('splat', 'flat', 'parallax')  # shaders that show one view
 
 
 class Sheet:
-    """The image texture of a thing and its relevant tiles."""
+    """The image texture of a thing, and the tiles to outline."""
 
     def __init__(self, thing, frame):
         if isinstance(thing, Impostor):
@@ -37,12 +37,12 @@ class Sheet:
     def _of_pool(self, images, frame):
         self.texture, self.part, self.ratio = images.pool.textures['ibr_albedo'], (1.0, 1.0), 1.0
         alive = np.flatnonzero(images.alive)
-        tile, side = images.tile[alive], images.pool.side
-        self.low = tile[:, :2] / side
-        self.high = (tile[:, :2] + tile[:, 2:]) / side
+        tile_rects, pool_side = images.tile[alive], images.pool.side
+        self.low = tile_rects[:, :2] / pool_side
+        self.high = (tile_rects[:, :2] + tile_rects[:, 2:]) / pool_side
         self.colors = np.tile((128, 128, 128, 255), (len(alive), 1))
-        self.colors[images.used[alive] == frame.index, :3] = 255
-        self.colors[images.taken[alive] == frame.index, :3] = as_bytes(FLASH)
+        self.colors[images.shown_frame[alive] == frame.index, :3] = 255
+        self.colors[images.rendered_frame[alive] == frame.index, :3] = as_bytes(FLASH)
 
 
 def has_images(thing) -> bool:
@@ -62,31 +62,32 @@ def used_views(group, frame) -> np.ndarray:
     slots = group.visible_slots()
     if not len(slots):
         return np.zeros((0, 2), int)
-    toward, rise, away = group.toward_eye(slots, frame)
-    size = 2 * group.radii[slots] * frame.pixel_scale / away
-    cells = octahedral.cells(toward, PATCH_SIDE, group.atlas.half)[0]
-    three = _drawn(group, 'blended', cells, size) | _drawn(group, 'fine', cells, size)
-    others = [_drawn(group, name, cells, size) for name in _ONE]
+    eye_direction, eye_height, eye_distance = group.toward_eye(slots, frame)
+    size = 2 * group.radii[slots] * frame.pixel_scale / eye_distance
+    cells = octahedral.cells(eye_direction, PATCH_SIDE, group.atlas.half)[0]
+    blends_three = _drawn(group, 'blended', cells, size) | _drawn(group, 'fine', cells, size)
+    single_layers = [_drawn(group, name, cells, size) for name in _SINGLE]
     if group.atlas.turntable is not None:
-        others = [drawn & (rise >= SIDE_ELEVATION) for drawn in others]
-        three &= rise >= SIDE_ELEVATION
-    grid = (octahedral.encode(toward, group.atlas.half) * 0.5 + 0.5) * (group.atlas.views - 1)
-    one = np.any(others, 0)
-    found = np.concatenate([_blended(grid[three], group.atlas.views), np.rint(grid[one])])
-    grid = np.zeros((group.atlas.views, group.atlas.views), bool)
-    grid[tuple(found.astype(int).T)] = True
-    return np.argwhere(grid)
+        single_layers = [drawn & (eye_height >= LEVEL) for drawn in single_layers]
+        blends_three &= eye_height >= LEVEL
+    views = group.atlas.views
+    grid = (octahedral.encode(eye_direction, group.atlas.half) * 0.5 + 0.5) * (views - 1)
+    nearest_views = np.rint(grid[np.any(single_layers, 0)])
+    used_cells = np.concatenate([_blended(grid[blends_three], views), nearest_views])
+    is_used = np.zeros((views, views), bool)
+    is_used[tuple(used_cells.astype(int).T)] = True
+    return np.argwhere(is_used)
 
 
 def _drawn(group, name, cells, size):
-    """Return which instances a shader draws, by the patches that they are seen from."""
-    low, high = group.cards.layers[name].ranges[cells, :2].T
-    return (size >= low) & (size < high * FADE)
+    """Return which instances a shader draws, by the patch they are seen from and their size."""
+    least_size, greatest_size = group.cards.layers[name].ranges[cells, :2].T
+    return (size >= least_size) & (size < greatest_size * FADE)
 
 
 def _blended(grid, views):
     """Return the three views around each point of the grid."""
-    base = np.clip(np.floor(grid), 0, views - 2)
-    part = grid - base
-    side = np.where((part[:, 0] > part[:, 1])[:, None], (1.0, 0.0), (0.0, 1.0))
-    return np.concatenate([base, base + side, base + 1])
+    cell = np.clip(np.floor(grid), 0, views - 2)
+    fraction = grid - cell
+    in_lower_half = fraction[:, :1] > fraction[:, 1:]
+    return np.concatenate([cell, cell + np.where(in_lower_half, (1, 0), (0, 1)), cell + 1])

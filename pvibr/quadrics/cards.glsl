@@ -1,44 +1,41 @@
-// Spheres, ellipsoids and cylinders, each on a card that holds it tightly; rays from the eye are
-// met with it exactly. What they are says a file of each shape:
-//   vec3 ibr_offset(int i)                           vertex: its middle less that of its block
-//   bool ibr_place(int i, vec3 c, out IbrCard card)  vertex: fetches one; c its middle, eye space;
-//     false: not drawn
+// Spheres, ellipsoids and cylinders, each ray-cast exactly on a tight card. spheres.glsl,
+// ellipsoids.glsl and cylinders.glsl define for their shape:
+//   vec3 ibr_offset(int i)                           vertex: its middle relative to its block's
+//   bool ibr_place(int i, vec3 c, out IbrCard card)  vertex: its card; c its middle, eye space;
+//     false if not drawn
 //   void ibr_meet(vec3 from, vec3 ray, out vec2 t, out bvec2 hits, out vec3 enters, out vec3 leaves)
 //     fragment: where a ray enters and leaves it, and the outward normals there
-//   vec4 ibr_painted(vec3 place)                          fragment: its look there
-// Rays start from the foot of the perpendicular, not from the difference of two large squares
-// (Haines et al., "Precision Improvements for Ray/Sphere Intersection", Ray Tracing Gems, 2019,
-// chapter 7). Middles are relative to those of blocks, which come in eye space, subtracted in
-// double precision.
-// GAPS is 1 where entries may have a second texel, from double precision: what is left of the
-// equation at the eye, the heights of both ends there, and whether to use it; then the first has
-// the item's own middle. A giant beside the eye is as far as a difference of two numbers that
-// floats cannot tell apart.
-// CORNERS is 4, or 1 for point sprites. DEPTH is 1 where each pixel has its own: then drivers light
-// also what is hidden. The others, a few pixels large, are as deep as the mean of their front.
-// HIDES is 1 where only depth is drawn, to find what is hidden: nowhere more than will be covered,
-// by samples anywhere in a pixel too, and not nearer.
-// ibr_first, the first slot of a draw, and ibr_end, the entry after its last, are an actor's custom
-// uniforms: VTK declares them.
+//   vec4 ibr_painted(vec3 place)                     fragment: its look at a point
+// Intersections start from the foot of the perpendicular, which avoids cancellation (Haines et al.,
+// "Precision Improvements for Ray/Sphere Intersection", Ray Tracing Gems, 2019, chapter 7). Middles
+// are relative to those of blocks, which come in eye space, subtracted in double precision.
+// Defines: RESIDUALS, 1 if entries may have a second texel, computed in double precision for giants
+// beside the eye: the residual of the equation at the eye, the heights of both ends, and whether to
+// use them; the first texel then has the item's own middle. CORNERS, 4 or 1 for point sprites.
+// DEPTH, 1 if each pixel has its own depth, which disables early depth tests; small items have the
+// mean depth of their front. HIDES, 1 in the depth prepass, which covers no more pixels, and none
+// nearer, than the item does.
+// ibr_first, a draw's first slot, and ibr_end, the entry after its last, are custom uniforms of the
+// actor, declared by VTK.
 
 //@vertex.declare
-uniform sampler2D ibr_items;      // TEXELS of each
-uniform sampler2D ibr_looks;      // LOOKS of each; see pvibr.quadrics.quadrics
-uniform sampler2D ibr_entries;     // of each entry: middle of its block, eye space; its number
+uniform sampler2D ibr_items;      // TEXELS per item
+uniform sampler2D ibr_looks;      // LOOKS per item; alpha as _OPAQUE in quadrics.py says
+uniform sampler2D ibr_entries;    // middle of the block, eye space; its number
 uniform int ibr_count;
-uniform int ibr_unit;             // items of an entry
+uniform int ibr_unit;             // items per entry
 uniform int ibr_parallel;
-uniform vec2 ibr_size;            // of the picture, pixels
-uniform float ibr_margin;         // pixels: half of one where a pixel has samples besides its middle
+uniform vec2 ibr_size;            // of the target, pixels
+uniform float ibr_margin;         // pixels: a half if multisampled
 uniform float ibr_pixel;          // a pixel in world units, in perspective at a distance of 1
 uniform float ibr_near;
 uniform vec4 ibr_ndc_from_slope;  // factors and offsets of x / -z and y / -z, or of x and y
 uniform vec4 ibr_zw_from_z;       // factor and offset of clip z, of clip w
 uniform mat3 ibr_eye_from_world;
-flat out vec4 ibr_look;           // alpha below 0 where it fills its pixel
-#if GAPS == 1
-uniform int ibr_stride;           // texels of an entry
-flat out vec4 ibr_gap;
+flat out vec4 ibr_look;           // alpha negated if the item is drawn as a whole pixel
+#if RESIDUALS == 1
+uniform int ibr_stride;           // texels per entry
+flat out vec4 ibr_residual;
 #else
 const int ibr_stride = 1;
 #endif
@@ -47,9 +44,9 @@ const float ibr_none = 1e9;
 
 struct IbrCard
 {
-  vec4 bounds;     // low and high along `way`, low and high across it, slopes or parallel x and y
+  vec4 bounds;     // low and high along `way`, and across it; slopes, or x and y if parallel
   vec2 way;        // of length 1; (1, 0) for point sprites
-  float front;     // z of the whole where pixels have none of their own
+  float front;     // z of all pixels if DEPTH is 0
   float back;      // the least z
   bool dot_sized;  // smaller than a pixel
 };
@@ -59,7 +56,7 @@ vec4 ibr_fetched(sampler2D rows, int at)
   return texelFetch(rows, ivec2(at % 1024, at / 1024), 0);
 }
 
-// At least a pixel large: what is smaller would come and go as the eye moves.
+// Half the size of a pixel at a depth: smaller items would flicker.
 float ibr_half_pixel(float z)
 {
   return 0.5 * ibr_pixel * (ibr_parallel == 1 ? 1.0 : max(-z, 0.0));
@@ -78,7 +75,7 @@ vec2 ibr_tangents(vec2 c, float r)
     high.y > 0.0 ? high.x / high.y : ibr_none);
 }
 
-// Low and high of a sphere's picture along a way.
+// Extent of a projected sphere along a direction.
 vec2 ibr_span(vec3 c, float r, vec2 way)
 {
   float x = dot(c.xy, way);
@@ -93,7 +90,7 @@ vec2 ibr_ndc(vec2 p, vec2 way)
 
 //@vertex.position
   {
-    gl_Position = vec4(2.0, 2.0, 2.0, 1.0); // outside: an empty slot
+    gl_Position = vec4(2.0, 2.0, 2.0, 1.0); // outside the clip volume: an empty slot
 #if CORNERS == 1
     gl_PointSize = 1.0;
 #endif
@@ -102,8 +99,8 @@ vec2 ibr_ndc(vec2 p, vec2 way)
     bool live = entry < ibr_end;
     entry = (live ? entry : 0) * ibr_stride;
     vec4 block = ibr_fetched(ibr_entries, entry);
-#if GAPS == 1
-    ibr_gap = ibr_stride == 2 ? ibr_fetched(ibr_entries, entry + 1) : vec4(0.0);
+#if RESIDUALS == 1
+    ibr_residual = ibr_stride == 2 ? ibr_fetched(ibr_entries, entry + 1) : vec4(0.0);
 #endif
     int i = int(block.w) * ibr_unit + slot % ibr_unit;
     live = live && i < ibr_count;
@@ -114,8 +111,8 @@ vec2 ibr_ndc(vec2 p, vec2 way)
     if (ibr_place(i, c, card) && live && ibr_look.a > 0.0)
     {
       if (card.dot_sized) ibr_look.a = -ibr_look.a;
-#if GAPS == 1
-      if (ibr_gap.w > 0.0) card.bounds = vec4(-ibr_none, ibr_none, -ibr_none, ibr_none);
+#if RESIDUALS == 1
+      if (ibr_residual.w > 0.0) card.bounds = vec4(-ibr_none, ibr_none, -ibr_none, ibr_none);
 #endif
       vec2 middle = ibr_ndc(0.5 * (card.bounds.xz + card.bounds.yw), card.way);
       vec2 pixel = floor((0.5 * middle + 0.5) * ibr_size);
@@ -129,7 +126,7 @@ vec2 ibr_ndc(vec2 p, vec2 way)
 #else
       int corner = gl_VertexID % 4;
       vec2 unit = vec2(corner == 1 || corner == 2 ? 1.0 : 0.0, corner >= 2 ? 1.0 : 0.0);
-      // A little larger, and not far beyond the picture.
+      // With a margin, and clamped to a little beyond the screen.
       vec2 scale = 1.0 / ibr_ndc_from_slope.xy, across = vec2(-card.way.y, card.way.x);
       float wide = HIDES == 1 ? -0.9 : 0.1 + 2.0 * ibr_margin * (abs(card.way.x) + abs(card.way.y));
       vec2 margin = vec2(-wide, wide) * scale.y / ibr_size.y;
@@ -146,20 +143,20 @@ vec2 ibr_ndc(vec2 p, vec2 way)
   }
 
 //@fragment.declare
-uniform vec3 ibr_eye;              // where rays leave in VTK's eye space: beside 0 in stereo
+uniform vec3 ibr_eye;              // origin of rays in VTK's eye space: not 0 in stereo
 uniform int ibr_parallel;
 uniform float ibr_near;
 uniform vec4 ibr_slope_from_pixel; // factors and offsets of gl_FragCoord.xy
 uniform vec4 ibr_zw_from_z;
 flat in vec4 ibr_look;
-#if GAPS == 1
-flat in vec4 ibr_gap;
+#if RESIDUALS == 1
+flat in vec4 ibr_residual;
 #else
-const vec4 ibr_gap = vec4(0.0);
+const vec4 ibr_residual = vec4(0.0);
 #endif
 
-// The roots of a t^2 - 2 b t + q, the lower first, without cancellation (Press et al., "Numerical
-// Recipes", 2007, section 5.6); less than none: the last is below 0.
+// The roots of a t^2 - 2 b t + q in order, without cancellation (Press et al., "Numerical Recipes",
+// 2007, section 5.6), and the discriminant, negative if there are none.
 vec3 ibr_roots(float a, float b, float q)
 {
   float square = b * b - a * q, root = sqrt(max(square, 0.0));
@@ -179,7 +176,7 @@ vec3 ibr_roots(float a, float b, float q)
   float ibr_along = ibr_t.x;
   bool ibr_met = ibr_hits.x;
 #if INSIDES == 1
-  // What the near plane or others cut open, or what is open, shows its inside.
+  // Items cut open by the near plane or clipping planes, and open cylinders, show their inside.
   bool ibr_front = ibr_hits.x && ibr_t.x >= ibr_near;
 #if CLIPS == 1
   ibr_front = ibr_front && ibr_kept(ibr_eye + ibr_from + ibr_t.x * ibr_ray);
@@ -195,7 +192,7 @@ vec3 ibr_roots(float a, float b, float q)
 #if CLIPS == 1
   if (!ibr_kept(vertexVC.xyz)) discard;
 #endif
-  // For features that ask where the surface is.
+  // For features that need the surface point.
 #define IBR_PLACE vertexVC.xyz
 #define IBR_NORMAL ibr_normal
 

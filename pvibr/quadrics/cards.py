@@ -1,4 +1,4 @@
-"""Quadrics on the GPU: draw modes, and the choice of one for each block."""
+"""Quadrics on the GPU: draw modes and the choice of one for each block."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ from pvibr.scene.clipping import KEPT
 from pvibr.scene.draw_order import PARTS
 from pvibr.scene.shader_draws import DULL, ShaderDraws
 
-_GIANT = 300.0  # largest size over the distance of the near plane: floats are good to 1e-5
-_LARGEST_SMALL = 4.0  # px: those are edges all over, and their depths differ by two pixels
+_GIANT = 300.0  # largest size over the near distance at which floats are good to 1e-5
+_LARGEST_SMALL = 4.0  # px, up to which one depth serves all pixels
 
 
 @dataclass(frozen=True)
@@ -46,44 +46,49 @@ class DrawMode:
     dots: bool = False
     blends: bool = False
     hides: bool = False
-    gaps: bool = False
+    residuals: bool = False
 
     def feature(self, shape, *, clips=False) -> Feature:
         """Return the shader text by VTK's tags."""
-        part, own = (sections(shader_source(__file__, stem)) for stem in (None, shape.name))
-        values = {
+        shared_parts = sections(shader_source(__file__))
+        shape_parts = sections(shader_source(__file__, shape.name))
+        define_values = {
             'HIDES': int(self.hides),
             'CORNERS': self.corners,
             'DEPTH': int(self.depth),
-            'GAPS': int(self.gaps),
+            'RESIDUALS': int(self.residuals),
             'TEXELS': shape.texels,
             'LOOKS': shape.looks,
             'INSIDES': int(shape.open or self.corners == 4 or clips),
             'CLIPS': int(clips),
             **dict(shape.defines),
         }
-        defines = ''.join(f'#define {name} {value}\n' for name, value in values.items())
+        defines = ''.join(f'#define {name} {value}\n' for name, value in define_values.items())
         vertex = {
-            'VTK::PositionVC::Dec': defines + part['vertex.declare'] + own['vertex.declare'],
-            'VTK::PositionVC::Impl': part['vertex.position'],
+            'VTK::PositionVC::Dec': defines
+            + shared_parts['vertex.declare']
+            + shape_parts['vertex.declare'],
+            'VTK::PositionVC::Impl': shared_parts['vertex.position'],
         }
         fragment = {
             'VTK::PositionVC::Dec': defines
             + (KEPT if clips else '')
-            + part['fragment.declare']
-            + own['fragment.declare'],
-            'VTK::PositionVC::Impl': part['fragment.meet'],
-            'VTK::Color::Impl': '//VTK::Color::Impl\n' + part['fragment.color'],
+            + shared_parts['fragment.declare']
+            + shape_parts['fragment.declare'],
+            'VTK::PositionVC::Impl': shared_parts['fragment.meet'],
+            'VTK::Color::Impl': '//VTK::Color::Impl\n' + shared_parts['fragment.color'],
             'VTK::Normal::Impl': 'vec3 normalVCVSOutput = ibr_normal;\n',
         }
         if self.hides:
             fragment |= dict.fromkeys(('VTK::Color::Impl', 'VTK::Normal::Impl'), '\n')
-            # VTK discards where alpha is 0, and some drivers take what is not written for 0.
+            # VTK discards alpha 0, which some drivers also read from an unwritten output.
             fragment['VTK::Light::Impl'] = 'gl_FragData[0] = vec4(1.0);\n'
         if not self.dots:
-            cut = part['fragment.cut'] + (part['fragment.depth'] if self.depth else '')
-            # Depth peeling sets that of the card first.
-            fragment['VTK::Depth::Impl'] = '//VTK::Depth::Impl\n' + cut
+            discard_code = shared_parts['fragment.cut'] + (
+                shared_parts['fragment.depth'] if self.depth else ''
+            )
+            # After depth peeling's own, which sets the depth of the card.
+            fragment['VTK::Depth::Impl'] = '//VTK::Depth::Impl\n' + discard_code
         name = f'{shape.name}_{self.name}' + '_clipped' * clips
         return Feature(name, vertex, fragment)
 
@@ -92,15 +97,15 @@ DOTS = DrawMode('dots', 1, 65_536, depth=False, dots=True)
 SMALL = DrawMode('small', 1, 65_536, depth=False)
 POINTS = DrawMode('points', 1, 65_536)
 QUADS = DrawMode('quads', 4, 16_384)
-BLENDED = DrawMode('blended', 4, 65_536, blends=True, gaps=True)
-#: Giants beside the eye, and what is in their blocks; one draw of them.
-GIANTS = DrawMode('giants', 4, 4096, gaps=True)
+BLENDED = DrawMode('blended', 4, 65_536, blends=True, residuals=True)
+#: Giants beside the eye and all items of their blocks, in one draw.
+GIANTS = DrawMode('giants', 4, 4096, residuals=True)
 #: Depth prepass of point sprites and of quads.
 HIDING = (
     DrawMode('hiding_points', 1, 65_536, depth=False, hides=True),
     DrawMode('hiding_quads', 4, 16_384, depth=False, hides=True),
 )
-#: Near ones first: they hide much, and hidden fragments are not lit.
+#: Near ones first: they hide the most, and hidden fragments are not lit.
 DRAW_MODES = (GIANTS, QUADS, POINTS, SMALL, DOTS)
 _DULL = Feature('dull', fragment={'VTK::Light::Impl': '//VTK::Light::Impl\n'.join(DULL)})
 
@@ -110,11 +115,11 @@ class Layer(ShaderDraws):
 
     def __init__(self, quadrics, mode):
         self._owner, self.mode = weakref.proxy(quadrics), mode
-        slots = max(-(-len(quadrics) // BLOCK), 1) * BLOCK
-        chunk = min(mode.chunk, slots)
-        draws = 1 if mode is GIANTS else -(-slots // chunk)
+        slot_count = max(-(-len(quadrics) // BLOCK), 1) * BLOCK
+        chunk = min(mode.chunk, slot_count)
+        draw_count = 1 if mode is GIANTS else -(-slot_count // chunk)
         super().__init__(
-            draws=draws + (PARTS if mode.blends else 0),
+            draws=draw_count + (PARTS if mode.blends else 0),
             chunk=chunk,
             prop=pv.Property(lighting=False) if mode.hides else quadrics.prop,
             feature=mode.feature(quadrics.shape, clips=quadrics.clips),
@@ -130,7 +135,7 @@ class Layer(ShaderDraws):
         self.place_cards(bounds, self.mode.corners)
 
     def clip(self):
-        """Have a shader that clips, or one that does not."""
+        """Use the shader with or without clipping."""
         self.set_feature(self.mode.feature(self._owner.shape, clips=self._owner.clips))
 
     def set_shiny(self, shiny):
@@ -142,87 +147,86 @@ class Layer(ShaderDraws):
                 (_DULL.detach if shiny else _DULL.attach)(actor)
             self._shiny = shiny
 
-    def show(self, entries, unit=BLOCK, cuts=(), gaps=None):
-        """Draw items; return the actors of the parts between cuts."""
+    def show(self, entries, unit=BLOCK, cuts=(), residuals=None):
+        """Draw entries of `unit` items; return the actors of the parts between cuts."""
         self.drawn = min(len(entries) * unit, len(self._owner))
-        self._unit, self._stride = unit, 1 if gaps is None else 2
-        rows = entries if gaps is None else np.concatenate([entries, gaps], 1).reshape(-1, 4)
-        self.upload(self._owner.window, rows.astype(np.float32))
+        self._unit, self._stride = unit, 1 if residuals is None else 2
+        texels = entries
+        if residuals is not None:
+            texels = np.concatenate([entries, residuals], 1).reshape(-1, 4)
+        self.upload(self._owner.window, texels.astype(np.float32))
         return self.show_parts((0, *cuts, len(entries)), unit)
 
     def _inputs(self):
         owner = self._owner
-        pixels = _pixel_uniforms(owner.window.GetState(), owner.uniforms)
-        own = {'ibr_unit': self._unit, 'ibr_stride': self._stride}
-        return owner.textures, owner.uniforms | pixels | own
+        pixel_uniforms = _pixel_uniforms(owner.window.GetState(), owner.uniforms)
+        entry_uniforms = {'ibr_unit': self._unit, 'ibr_stride': self._stride}
+        return owner.textures, owner.uniforms | pixel_uniforms | entry_uniforms
 
 
 @dataclass
-class Seen:
+class VisibleBlocks:
     """Blocks in view, nearest first."""
 
     entries: np.ndarray
     modes: np.ndarray
-    around: np.ndarray
+    radii: np.ndarray
     areas: np.ndarray
 
 
-def seen_blocks(blocks, frame, shape) -> Seen:
+def visible_blocks(blocks, frame, shape) -> VisibleBlocks:
     """Return the blocks in view, nearest first, with their draw modes."""
-    with np.errstate(divide='ignore', invalid='ignore'):  # the eye may be in the middle of one
-        index, origins, small, large = (a[::-1] for a in blocks.seen(frame))
-    around = (blocks.reach + blocks.largest)[index]
+    with np.errstate(divide='ignore', invalid='ignore'):  # the eye may be in a centre
+        block_ids, origins, smallest_px, largest_px = (a[::-1] for a in blocks.seen(frame))
+    block_radii = (blocks.reach + blocks.largest)[block_ids]
     planes = frustum_planes(frame.clip_from_view)
-    inside = (planes[:, :3] @ origins.T + planes[:, 3:]).min(0) > around
-    modes = np.where(
-        inside & (large <= shape.largest_point), DRAW_MODES.index(POINTS), DRAW_MODES.index(QUADS)
-    )
-    modes[inside & (large <= _LARGEST_SMALL)] = DRAW_MODES.index(SMALL)
-    modes[inside & (large <= 1.0)] = DRAW_MODES.index(DOTS)
-    if has_shadows(frame.renderer):  # VTK draws its shadow maps with the actors of the frame
+    is_inside = (planes[:, :3] @ origins.T + planes[:, 3:]).min(0) > block_radii
+    modes = np.full(len(block_ids), DRAW_MODES.index(QUADS))
+    limits = (POINTS, shape.largest_point), (SMALL, _LARGEST_SMALL), (DOTS, 1.0)
+    for mode, limit_px in limits:
+        modes[is_inside & (largest_px <= limit_px)] = DRAW_MODES.index(mode)
+    if has_shadows(frame.renderer):  # VTK's shadow maps draw the actors of the frame
         modes[:] = DRAW_MODES.index(QUADS)
-    modes[giant_blocks(blocks, frame, origins, index)] = DRAW_MODES.index(GIANTS)
-    areas = shape.fill * BLOCK * np.pi / 16 * (small + np.minimum(large, frame.size[1])) ** 2
-    return Seen(np.column_stack([origins, index]), modes, around, areas)
+    modes[giant_blocks(blocks, frame, origins, block_ids)] = DRAW_MODES.index(GIANTS)
+    mean_px = (smallest_px + np.minimum(largest_px, frame.size[1])) / 2
+    areas = shape.fill * BLOCK * np.pi / 4 * mean_px**2
+    return VisibleBlocks(np.column_stack([origins, block_ids]), modes, block_radii, areas)
 
 
 def giant_blocks(blocks, frame, origins, index) -> np.ndarray:
-    """Return the numbers of blocks with surfaces beside the eye that are too large for floats."""
+    """Return the blocks with surfaces beside the eye too large for float precision."""
     largest = blocks.largest[index]
-    scene = frame.far - frame.near if frame.parallel else frame.near
-    near = np.linalg.norm(origins, axis=1) < blocks.reach[index] + 1.01 * largest
-    return np.flatnonzero(near & (largest > _GIANT * scene))[: GIANTS.chunk // BLOCK]
+    scene_depth = frame.far - frame.near if frame.parallel else frame.near
+    is_near = np.linalg.norm(origins, axis=1) < blocks.reach[index] + 1.01 * largest
+    return np.flatnonzero(is_near & (largest > _GIANT * scene_depth))[: GIANTS.chunk // BLOCK]
 
 
-def from_its_eye(frame):
-    """Return a frame whose view space has the eye at its origin.
-
-    In stereo, VTK shears the projection instead: rays leave from beside the origin.
-    """
+def with_eye_at_origin(frame):
+    """Return a frame with the eye at the origin of view space, as VTK's stereo shifts it."""
     clip = frame.clip_from_view
     if frame.parallel or not clip[:2, 3].any():
         return frame
-    shift = np.eye(4)
-    shift[:2, 3] = clip[:2, 3] / np.diag(clip)[:2]
+    eye_shift = np.eye(4)
+    eye_shift[:2, 3] = clip[:2, 3] / np.diag(clip)[:2]
     view = replace(
         frame.view,
-        view_from_world=shift @ frame.view_from_world,
-        clip_from_view=clip @ np.linalg.inv(shift),
+        view_from_world=eye_shift @ frame.view_from_world,
+        clip_from_view=clip @ np.linalg.inv(eye_shift),
     )
     return replace(frame, view=view)
 
 
 def eye_of(frame) -> np.ndarray:
-    """Return the origin of eye space, world units."""
+    """Return the eye in world space."""
     view = frame.view_from_world
     return -view[:3, :3].T @ view[:3, 3]
 
 
-def gap_rows(gaps, scale, heights=0.0) -> np.ndarray:
-    """Return rows of gaps at the eye, to be used within or a little outside of what they are."""
-    rows = np.zeros((len(gaps), 4))
-    rows[:, 0], rows[:, 1:3], rows[:, 3] = gaps, heights, gaps < 0.05 * scale
-    return rows
+def residual_texels(residuals, scale, heights=0.0) -> np.ndarray:
+    """Return texels of residuals, heights of both ends, and 1 if the eye is inside or near."""
+    texels = np.zeros((len(residuals), 4))
+    texels[:, 0], texels[:, 1:3], texels[:, 3] = residuals, heights, residuals < 0.05 * scale
+    return texels
 
 
 def view_uniforms(frame, count) -> dict:
@@ -241,17 +245,17 @@ def view_uniforms(frame, count) -> dict:
 
 
 def _pixel_uniforms(state, uniforms) -> dict:
-    """Return the uniforms of the target's pixels, whose size differs between passes."""
-    found, samples = [0, 0, 0, 0], [0]
-    state.vtkglGetIntegerv(gl.VIEWPORT, found)
-    state.vtkglGetIntegerv(gl.SAMPLES, samples)
-    corner, size = np.array(found[:2], float), np.array(found[2:], float)
+    """Return uniforms of the target's pixels, whose size differs between passes."""
+    viewport, sample_count = [0, 0, 0, 0], [0]
+    state.vtkglGetIntegerv(gl.VIEWPORT, viewport)
+    state.vtkglGetIntegerv(gl.SAMPLES, sample_count)
+    corner, size = np.array(viewport[:2], float), np.array(viewport[2:], float)
     scale, offset = np.reshape(uniforms['ibr_ndc_from_slope'], (2, 2))
-    factors = 2 / size / scale
-    offsets = (-1 - offset) / scale - corner * factors
+    slope_factors = 2 / size / scale
+    slope_offsets = (-1 - offset) / scale - corner * slope_factors
     return {
         'ibr_size': tuple(size.tolist()),
-        # A fragment is met at its middle and covers the samples that its card covers.
-        'ibr_margin': 0.5 if samples[0] > 1 else 0.0,
-        'ibr_slope_from_pixel': (*factors.tolist(), *offsets.tolist()),
+        # Rays pass through pixel centres, but cards must cover all samples.
+        'ibr_margin': 0.5 if sample_count[0] > 1 else 0.0,
+        'ibr_slope_from_pixel': (*slope_factors.tolist(), *slope_offsets.tolist()),
     }

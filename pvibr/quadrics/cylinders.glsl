@@ -1,12 +1,11 @@
-// Cylinders for quadric_cards.glsl. Two texels of each: middle less that of its block, world axes,
-// and radius; the axis, of length 1, and half its length. Two looks: of the first half and of the
-// second. CAPS is 0 for none, 1 for flat and 2 for round ones; BLEND is 1 where both looks are mixed
-// along the axis.
-// The card is a rectangle along the picture of the axis that holds the spheres about both ends.
+// Cylinders for cards.glsl. Two texels each: middle relative to its block's, world axes, and radius;
+// unit axis and half its length. Two looks: of the first half and of the second.
+// Defines: CAPS, 0 open, 1 flat, 2 round; BLEND, 1 if both looks are mixed along the axis.
+// The card is a rectangle along the projected axis that contains the spheres about both ends.
 
 //@vertex.declare
 flat out vec4 ibr_middle; // eye space; radius
-flat out vec4 ibr_axis;   // of length 1, eye space; half the length
+flat out vec4 ibr_axis;   // unit, eye space; half the length
 flat out vec4 ibr_second; // the other end's look
 
 vec3 ibr_offset(int i)
@@ -34,7 +33,7 @@ bool ibr_place(int i, vec3 c, out IbrCard card)
   vec2 run = b.xy - a.xy;
   if (ibr_parallel == 0)
   {
-    // What of it is behind the near plane does not count.
+    // Clip at the near plane.
     float last = r - ibr_near;
     if (a.z > last) a = mix(b, a, (last - b.z) / (a.z - b.z));
     if (b.z > last) b = mix(a, b, (last - a.z) / (b.z - a.z));
@@ -56,12 +55,12 @@ flat in vec4 ibr_middle;
 flat in vec4 ibr_axis;
 flat in vec4 ibr_second;
 
-// Where a ray meets the sphere about an end, `gap` its equation's rest; x below 0 where it does not.
-vec2 ibr_ball(vec3 off, vec3 ray, float sign_of_t, float gap)
+// Discriminant, negative for a miss, and distance of a ray's hit on the sphere about an end.
+vec2 ibr_ball(vec3 off, vec3 ray, float sign_of_t, float residual)
 {
-  if (ibr_gap.w > 0.0)
+  if (ibr_residual.w > 0.0)
   {
-    vec3 roots = ibr_roots(dot(ray, ray), -dot(off, ray), gap);
+    vec3 roots = ibr_roots(dot(ray, ray), -dot(off, ray), residual);
     return vec2(roots.z, sign_of_t < 0.0 ? roots.x : roots.y);
   }
   float inverse = 1.0 / dot(ray, ray);
@@ -75,7 +74,7 @@ void ibr_meet(vec3 from, vec3 ray, out vec2 t, out bvec2 hits, out vec3 enters, 
 {
   float r = ibr_middle.w, reach = ibr_axis.w;
   vec3 u = ibr_axis.xyz, away = ibr_middle.xyz - from;
-  bool close = ibr_gap.w > 0.0; // then all is told from where the ray starts
+  bool close = ibr_residual.w > 0.0; // then relative to the origin of the ray
   float foot = close ? 0.0 : dot(away, ray) / dot(ray, ray);
   vec3 off = foot * ray - away; // from the middle to the foot
   float up = dot(off, u), rise = dot(ray, u);
@@ -87,15 +86,15 @@ void ibr_meet(vec3 from, vec3 ray, out vec2 t, out bvec2 hits, out vec3 enters, 
   float half_chord = sqrt(max(square, 0.0) * inverse);
   t = along + vec2(-half_chord, half_chord);
   vec2 ends_at = vec2(-reach, reach) - up; // heights of both ends
-  float gap = 0.0;
+  float residual = 0.0;
   if (close)
   {
     vec3 across = from - dot(from, u) * u;
-    gap = ibr_gap.x + dot(across, across - 2.0 * ibr_middle.xyz);
-    vec3 roots = ibr_roots(dot(way, way), -dot(start, way), gap);
+    residual = ibr_residual.x + dot(across, across - 2.0 * ibr_middle.xyz);
+    vec3 roots = ibr_roots(dot(way, way), -dot(start, way), residual);
     t = roots.xy;
     square = roots.z;
-    ends_at = ibr_gap.yz - dot(from, u);
+    ends_at = ibr_residual.yz - dot(from, u);
   }
   hits = bvec2(square >= 0.0);
   enters = start + t.x * way;
@@ -117,7 +116,7 @@ void ibr_meet(vec3 from, vec3 ray, out vec2 t, out bvec2 hits, out vec3 enters, 
   {
     float height = below.x ? ends_at.x : ends_at.y;
     vec3 end = off + (below.x ? reach : -reach) * u;
-    vec2 ball = ibr_ball(end, ray, -1.0, gap + height * height);
+    vec2 ball = ibr_ball(end, ray, -1.0, residual + height * height);
     hits.x = hits.x && ball.x >= 0.0;
     t.x = ball.y;
     enters = end + t.x * ray;
@@ -126,7 +125,7 @@ void ibr_meet(vec3 from, vec3 ray, out vec2 t, out bvec2 hits, out vec3 enters, 
   {
     float height = below.y ? ends_at.x : ends_at.y;
     vec3 end = off + (below.y ? reach : -reach) * u;
-    vec2 ball = ibr_ball(end, ray, 1.0, gap + height * height);
+    vec2 ball = ibr_ball(end, ray, 1.0, residual + height * height);
     hits.y = hits.y && ball.x >= 0.0;
     t.y = ball.y;
     leaves = end + t.y * ray;

@@ -10,7 +10,7 @@ from pvibr.core.signatures import takes
 from pvibr.maths.arguments import check_one_of, naming
 from pvibr.maths.quadric_rays import CAPS, meet_cylinders
 from pvibr.meshes.unit_meshes import along, balls, linear, tubes
-from pvibr.quadrics.cards import Shape, gap_rows
+from pvibr.quadrics.cards import Shape, residual_texels
 from pvibr.quadrics.quadrics import Quadrics, lengths_of, with_scalars
 from pvibr.scene import looks as look
 from pvibr.scene.looks import read_only
@@ -22,14 +22,14 @@ class Cylinders(Quadrics):
     Parameters
     ----------
     points_a, points_b : array_like, shape (n, 3), dataset or table
-        Their ends, world units.
+        Ends of the axes, world units.
     radius : float or array_like, shape (n,)
         World units; radius 0 is not drawn.
     caps : {'flat', 'round', None}
         Flat ends, hemispheres, or open ends that show the inside.
     blend : bool
-        Interpolate the colours of both ends along the axis; by default each half has that of its
-        end, as bonds of molecules do.
+        Interpolate the colours of both ends along the axis; by default each half has the colour of
+        its end, as in molecules.
     **looks
         As of :class:`pvibr.Spheres`; ``colors`` may have the shape (n, 2, 3), and ``scalars``
         (n, 2), for both ends.
@@ -62,8 +62,9 @@ class Cylinders(Quadrics):
     def __init__(self, points_a, points_b, radius=0.5, *, caps='flat', blend=False, **looks):
         self._own_ends = as_points(points_a, 'points_a'), as_points(points_b, 'points_b')
         if len(self._own_ends[1]) != len(self):
-            found = len(self._own_ends[1])
-            raise ValueError(f'points_b has {found} rows; it must have {len(self)}, as points_a')
+            raise ValueError(
+                f'points_b must have {len(self)} rows, as points_a, got {len(self._own_ends[1])}'
+            )
         check_one_of('caps', caps, CAPS)
         self._own_radii = lengths_of('radius', radius, (len(self),))
         self._place()
@@ -90,7 +91,7 @@ class Cylinders(Quadrics):
 
     @points_a.setter
     def points_a(self, points):
-        self._own_ends = self._as_many('points_a', points), self._own_ends[1]
+        self._own_ends = self._checked_points('points_a', points), self._own_ends[1]
         self._moved()
 
     @property
@@ -100,7 +101,7 @@ class Cylinders(Quadrics):
 
     @points_b.setter
     def points_b(self, points):
-        self._own_ends = self._own_ends[0], self._as_many('points_b', points)
+        self._own_ends = self._own_ends[0], self._checked_points('points_b', points)
         self._moved()
 
     @property
@@ -115,69 +116,76 @@ class Cylinders(Quadrics):
 
     def _check_linear(self, linear):
         super()._check_linear(linear)
-        self._check_similar(linear, 'cylinders stay round; add_instances of a cylinder takes any')
+        self._check_similar(
+            linear, 'cylinders stay round: use add_instances of a cylinder mesh for others'
+        )
 
     def _place(self):
-        first, last = self._own_ends
-        self._ends = self._in_world(first), self._in_world(last)
+        first_ends, second_ends = self._own_ends
+        self._ends = self._in_world(first_ends), self._in_world(second_ends)
         self._radii = self._scaled(self._own_radii)
 
     def _halves(self):
         """Return vectors from the centres to the second ends, half lengths, and directions."""
         halves = (self._ends[1] - self._ends[0]) / 2
-        lengths = np.linalg.norm(halves, axis=1)
-        units = np.where(lengths[:, None] > 0, halves, [0, 0, 1.0])
-        return halves, lengths, units / np.where(lengths > 0, lengths, 1)[:, None]
+        half_lengths = np.linalg.norm(halves, axis=1)
+        unit_axes = np.where(half_lengths[:, None] > 0, halves, [0, 0, 1.0])
+        return (
+            halves,
+            half_lengths,
+            unit_axes / np.where(half_lengths > 0, half_lengths, 1)[:, None],
+        )
 
     def _spheres(self):
         _, lengths, _ = self._halves()
-        shown = (self._radii > 0) & ((lengths > 0) | (self.caps == 'round'))
+        is_drawn = (self._radii > 0) & ((lengths > 0) | (self.caps == 'round'))
         reach = lengths + self._radii if self.caps == 'round' else np.hypot(lengths, self._radii)
-        return (self._ends[0] + self._ends[1]) / 2, reach * shown
+        return (self._ends[0] + self._ends[1]) / 2, reach * is_drawn
 
     def _extents(self):
         halves, _, units = self._halves()
-        across = 1.0 if self.caps == 'round' else np.sqrt(np.maximum(1 - units**2, 0))
-        return np.abs(halves) + self._radii[:, None] * across
+        disc_extents = 1.0 if self.caps == 'round' else np.sqrt(np.maximum(1 - units**2, 0))
+        return np.abs(halves) + self._radii[:, None] * disc_extents
 
     def _rows(self, middles):
         _, lengths, units = self._halves()
-        rows = [np.column_stack([middles, self._radii]), np.column_stack([units, lengths])]
-        return np.stack(rows, 1)
+        texels = [np.column_stack([middles, self._radii]), np.column_stack([units, lengths])]
+        return np.stack(texels, 1)
 
-    def _bodies(self, rows=slice(None)):
-        halves, radii = self._halves()[0][rows], self._radii[rows]
-        middles = self._spheres()[0][rows]
-        first = last = own = self._colored(rows)
+    def _bodies(self, indices=slice(None)):
+        halves, radii = self._halves()[0][indices], self._radii[indices]
+        middles = self._spheres()[0][indices]
+        first_colors = second_colors = item_colors = self._colored(indices)
         levels = tubes(self.prop, self.caps == 'flat')
-        with np.errstate(invalid='ignore'):  # those without length have no tube
-            if own is None or own.ndim == 2:
-                found = [(*levels, along(middles, halves, radii), own)]
+        with np.errstate(invalid='ignore'):  # without length there is no tube
+            if item_colors is None or item_colors.ndim == 2:
+                bodies = [(*levels, along(middles, halves, radii), item_colors)]
             else:
-                first, last = np.moveaxis(own, 1, 0)
-                found = [
+                first_colors, second_colors = np.moveaxis(item_colors, 1, 0)
+                bodies = [
                     (*levels, along(middles + side * halves / 2, halves / 2, radii), colors)
-                    for side, colors in ((-1, first), (1, last))
+                    for side, colors in ((-1, first_colors), (1, second_colors))
                 ]
         if self.caps == 'round':
-            size = radii[:, None, None] * np.eye(3)
-            for ends, colors in zip(self._ends, (first, last), strict=True):
-                found.append((*balls(self.prop), linear(ends[rows], size), colors))
-        return found
+            ball_axes = radii[:, None, None] * np.eye(3)
+            for ends, colors in zip(self._ends, (first_colors, second_colors), strict=True):
+                bodies.append((*balls(self.prop), linear(ends[indices], ball_axes), colors))
+        return bodies
 
-    def _gaps(self, eye, index):
+    def _residuals(self, eye, index):
         middles, (_, lengths, units) = self._spheres()[0], self._halves()
-        away, radii = middles[index] - eye, self._radii[index]
-        up = np.einsum('ni,ni->n', away, units[index])
-        across = np.linalg.norm(away - up[:, None] * units[index], axis=1)
-        ends = up[:, None] + lengths[index, None] * [-1, 1]
-        return gap_rows((across - radii) * (across + radii), radii**2, ends)
+        offsets, radii = middles[index] - eye, self._radii[index]
+        height = np.einsum('ni,ni->n', offsets, units[index])
+        axis_distance = np.linalg.norm(offsets - height[:, None] * units[index], axis=1)
+        end_heights = height[:, None] + lengths[index, None] * [-1, 1]
+        residuals = (axis_distance - radii) * (axis_distance + radii)
+        return residual_texels(residuals, radii**2, end_heights)
 
     def _meet(self, start, direction, index):
         middles, halves = self._spheres()[0][index], self._halves()[0][index]
         return meet_cylinders(start, direction, middles, halves, self._radii[index], self.caps)
 
-    # -- two looks ----------------------------------------------------------------------------
+    # -- looks of both ends -------------------------------------------------------------------
 
     def _as_scalars(self, scalars):
         with naming('scalars', scalars):

@@ -1,16 +1,16 @@
-// Ellipsoids for quadric_cards.glsl. Three texels of each: half axes, world axes, and in the last
-// numbers the centre less that of its block.
-// The picture of an ellipsoid is an ellipse, whose tangents come from the dual quadric; the card is
-// the rectangle about its own axes (Sigg et al., "GPU-Based Ray-Casting of Quadratic Surfaces",
-// Point-Based Graphics 2006, has bounds along x and y alone).
+// Ellipsoids for cards.glsl. Three texels each: semi-axes in world space, and in w the centre
+// relative to its block's.
+// The projection of an ellipsoid is an ellipse, whose tangents come from the dual quadric; the card
+// is the rectangle about its axes (Sigg et al., "GPU-Based Ray-Casting of Quadratic Surfaces",
+// Point-Based Graphics 2006, bound it along x and y).
 
 //@vertex.declare
 flat out vec3 ibr_centre; // eye space
-flat out mat3 ibr_scaled; // half axes over their squared lengths, eye space
+flat out mat3 ibr_scaled; // semi-axes over their squared lengths, eye space
 
-// Centre and half extents of the picture along a way, that of the longer axis for cards, and across
-// it; the last is half its least width, from the determinant: a difference of squares has no more
-// than half a float's digits.
+// Centre and half extents of the projection along a direction, the longer axis for cards, and across
+// it; then half its least width, from the determinant, as a difference of squares loses half a
+// float's digits.
 void ibr_outline(vec3 c, mat3 m, vec3 radii, out vec2 middle, out vec3 extent, inout vec2 way)
 {
   mat3 rows = transpose(m);
@@ -20,7 +20,7 @@ void ibr_outline(vec3 c, mat3 m, vec3 radii, out vec2 middle, out vec3 extent, i
   float share = 1.0, area = 0.0;
   if (ibr_parallel == 0)
   {
-    // In units of the distance: no square leaves what a float can hold.
+    // In units of the distance, so that squares stay within float range.
     x /= -c.z, y /= -c.z, z /= -c.z;
     middle /= -c.z;
     share = 1.0 - dot(z, z);
@@ -38,16 +38,16 @@ void ibr_outline(vec3 c, mat3 m, vec3 radii, out vec2 middle, out vec3 extent, i
   form /= size;
   float scale = inversesqrt(size);
   area = ibr_parallel == 1 ? length(cross(x * scale, y * scale)) : area / size;
-  float gap = 0.5 * (form.x - form.z);
-  float root = length(vec2(gap, form.y));
+  float half_difference = 0.5 * (form.x - form.z);
+  float root = length(vec2(half_difference, form.y));
 #if CORNERS == 4
-  vec2 axis = gap > 0.0 ? vec2(gap + root, form.y) : vec2(form.y, root - gap);
+  vec2 axis = half_difference > 0.0 ? vec2(half_difference + root, form.y) : vec2(form.y, root - half_difference);
   if (root > 1e-3) way = normalize(axis);
 #endif
   vec2 squares = way * way;
   float mixed = 2.0 * way.x * way.y * form.y;
-  vec2 found = vec2(dot(squares, form.xz) + mixed, dot(squares.yx, form.xz) - mixed);
-  extent.xy = sqrt(size * max(found, 0.0));
+  vec2 variances = vec2(dot(squares, form.xz) + mixed, dot(squares.yx, form.xz) - mixed);
+  extent.xy = sqrt(size * max(variances, 0.0));
   extent.z = area * sqrt(size / (0.5 + root));
 #if CORNERS == 4
   if (root > 1e-3) extent.y = extent.z;
@@ -80,7 +80,7 @@ bool ibr_place(int i, vec3 c, out IbrCard card)
     ibr_outline(c, m, radii, middle, extent, card.way);
     if (extent.z < 0.5 * ibr_pixel)
     {
-      // Half as much again, as it tapers.
+      // Half as much again, as the outline tapers.
       vec3 drawn = max(radii, 1.5 * least);
       for (int k = 0; k < 3; k++) m[k] *= drawn[k] / radii[k];
       radii = drawn;
@@ -103,8 +103,8 @@ flat in mat3 ibr_scaled;
 void ibr_meet(vec3 from, vec3 ray, out vec2 t, out bvec2 hits, out vec3 enters, out vec3 leaves)
 {
   vec3 away = ibr_centre - from;
-  // In a space where it is the unit sphere, from the foot on; found twice, as what is left of the
-  // first is of the size of the longest axis.
+  // In the space where it is the unit sphere, relative to the foot; computed twice, as the error of
+  // the first step scales with the longest axis.
   vec3 way = ray * ibr_scaled;
   float inverse = 1.0 / dot(way, way);
   float along = dot(away, ray) / dot(ray, ray);
@@ -115,11 +115,11 @@ void ibr_meet(vec3 from, vec3 ray, out vec2 t, out bvec2 hits, out vec3 enters, 
   float square = 1.0 - dot(start, start);
   float half_chord = sqrt(max(square * inverse, 0.0));
   t = along + foot + vec2(-half_chord, half_chord);
-  if (ibr_gap.w > 0.0)
+  if (ibr_residual.w > 0.0)
   {
     vec3 scaled = from * ibr_scaled, centre = ibr_centre * ibr_scaled;
-    float gap = ibr_gap.x + dot(scaled, scaled - 2.0 * centre);
-    vec3 roots = ibr_roots(dot(way, way), dot(centre - scaled, way), gap);
+    float residual = ibr_residual.x + dot(scaled, scaled - 2.0 * centre);
+    vec3 roots = ibr_roots(dot(way, way), dot(centre - scaled, way), residual);
     t = roots.xy;
     square = roots.z;
   }

@@ -12,19 +12,17 @@ from pvibr.maths.arguments import as_array
 from pvibr.maths.quadric_rays import meet_ellipsoids
 from pvibr.maths.quaternions import to_matrices
 from pvibr.meshes.unit_meshes import balls, linear
-from pvibr.quadrics.cards import Shape, gap_rows
+from pvibr.quadrics.cards import Shape, residual_texels
 from pvibr.quadrics.quadrics import PointQuadrics, Quadrics, lengths_of, with_scalars
 from pvibr.scene.looks import read_only
 from pvibr.scene.placing import is_similar
 
-_FLATTEST = 1e-4  # of the largest radius: what floats can tell from a disc
-
-
+_FLATTEST = 1e-4  # least semi-axis over the largest, for float precision
 ELLIPSOIDS = Shape('ellipsoids', texels=3, largest_point=12.0, fill=0.4)
 
 
 class AxesQuadrics(PointQuadrics):
-    """Ellipsoids of semi-axes in the world.
+    """Ellipsoids by their semi-axes in world space.
 
     Parameters are those of :class:`pvibr.Ellipsoids`.
     """
@@ -43,16 +41,17 @@ class AxesQuadrics(PointQuadrics):
     def _rows(self, middles):
         return np.concatenate([self._axes.swapaxes(1, 2), middles[:, :, None]], 2)
 
-    def _bodies(self, rows=slice(None)):
-        matrices = linear(self._points[rows], self._axes[rows])
-        return [(*balls(self.prop), matrices, self._colored(rows))]
+    def _bodies(self, indices=slice(None)):
+        matrices = linear(self._points[indices], self._axes[indices])
+        return [(*balls(self.prop), matrices, self._colored(indices))]
 
-    def _gaps(self, eye, index):
+    def _residuals(self, eye, index):
         axes = self._axes[index]
-        with np.errstate(divide='ignore', invalid='ignore'):  # of length 0: not drawn
-            scaled = axes / (axes**2).sum(1, keepdims=True)
-        away = np.linalg.norm(np.einsum('nji,nj->ni', scaled, self._points[index] - eye), axis=1)
-        return gap_rows((away - 1) * (away + 1), 1.0)
+        with np.errstate(divide='ignore', invalid='ignore'):  # length 0 is not drawn
+            scaled_axes = axes / (axes**2).sum(1, keepdims=True)
+        scaled = np.einsum('nji,nj->ni', scaled_axes, self._points[index] - eye)
+        scaled_distance = np.linalg.norm(scaled, axis=1)
+        return residual_texels((scaled_distance - 1) * (scaled_distance + 1), 1.0)
 
     def _meet(self, start, direction, index):
         return meet_ellipsoids(start, direction, self._points[index], self._axes[index])
@@ -66,10 +65,10 @@ class Ellipsoids(AxesQuadrics):
     points : array_like, shape (n, 3), dataset or table
         Centres, world units.
     radii : float or array_like, shape (n, 3) or (3,)
-        Semi-axes, world units, at least 1e-4 of the largest; if all are 0, nothing is drawn.
+        Semi-axes, world units, raised to 1e-4 of the largest; if all are 0, nothing is drawn.
     orientation : array_like, shape (n, 4), (4,), (n, 3, 3) or (3, 3), optional
-        Quaternions (w, x, y, z), or matrices whose columns are the directions of the axes: those
-        of eigenvectors as numpy returns them, mirrored ones too.
+        Quaternions (w, x, y, z), or matrices with the directions of the axes in columns, such as
+        numpy's eigenvectors; they may be mirrored.
     **looks
         As of :class:`pvibr.Spheres`.
 
@@ -118,8 +117,8 @@ class Ellipsoids(AxesQuadrics):
 
     @property  # type: ignore[override]
     def orientation(self) -> np.ndarray:
-        """Directions of the axes of each in columns, (n, 3, 3); set as matrices or quaternions."""
-        # That of the whole, of the same name in actors, is set by its methods or its user matrix.
+        """Directions of the axes in columns, (n, 3, 3); set matrices or quaternions."""
+        # Overrides the actor's, which its methods and user matrix still set.
         return read_only(self._turns)
 
     @orientation.setter
@@ -149,33 +148,31 @@ class Ellipsoids(AxesQuadrics):
 
 
 def moved_axes(linear, axes):
-    """Return perpendicular semi-axes, (n, 3, 3) in columns, of ellipsoids moved by a matrix."""
-    moved = linear @ axes
+    """Return semi-axes, (n, 3, 3) in columns, of ellipsoids transformed by a matrix."""
+    sheared_axes = linear @ axes
     if is_similar(linear):
-        return moved
-    turns, lengths, _ = np.linalg.svd(moved)
+        return sheared_axes
+    directions, lengths, _ = np.linalg.svd(sheared_axes)
     largest = lengths.max(1, keepdims=True, initial=0.0)
-    return turns * np.maximum(lengths, _FLATTEST * largest)[:, None]
+    return directions * np.maximum(lengths, _FLATTEST * largest)[:, None]
 
 
 def _checked_turns(orientation, count):
-    given = (1.0, 0, 0, 0) if orientation is None else orientation
-    turns = as_array('orientation', given, float)
-    own = (4,), (count, 4)
-    if turns.shape not in (*own, (3, 3), (count, 3, 3)):
+    turns = (1.0, 0, 0, 0) if orientation is None else orientation
+    turns = as_array('orientation', turns, float)
+    quaternion_shapes = (4,), (count, 4)
+    if turns.shape not in (*quaternion_shapes, (3, 3), (count, 3, 3)):
         raise ValueError(
-            f'orientation has shape {turns.shape}; it must be (4,) or ({count}, 4), quaternions, '
-            f'or (3, 3) or ({count}, 3, 3), matrices'
+            f'orientation must be quaternions, (4,) or ({count}, 4), or matrices, (3, 3) or '
+            f'({count}, 3, 3), got shape {turns.shape}'
         )
-    if turns.shape in own:
+    if turns.shape in quaternion_shapes:
         length = np.linalg.norm(turns, axis=-1, keepdims=True)
         if not (np.isfinite(length) & (length > 0)).all():
             raise ValueError(
-                'orientation must be finite quaternions (w, x, y, z), none of length 0'
+                'orientation must be finite quaternions (w, x, y, z) of length above 0'
             )
         turns = to_matrices(turns / length)
     if not np.allclose(turns.swapaxes(-1, -2) @ turns, np.eye(3), rtol=0, atol=1e-4):
-        raise ValueError(
-            'orientation must have columns of length 1 that are perpendicular to each other'
-        )
+        raise ValueError('orientation must have orthonormal columns')
     return np.broadcast_to(turns, (count, 3, 3)).copy()

@@ -12,12 +12,12 @@ from pvibr.gl import enums as gl
 from pvibr.maths.occlusion import behind, likely_seen, on_screen
 from pvibr.quadrics.cards import DRAW_MODES, HIDING, QUADS, Layer
 
-_TILE = 8  # px, side of the squares of which the farthest depth is kept
-_LEAST = 512  # blocks from which on a first drawing of some may pay
-_LAYERS = 20.0  # in front of what is not expected to be seen: gaps in all of them are rare
-_WORTH = 0.6  # share of blocks up to which a first drawing is cheap enough
-_GAIN = 0.25  # share that must have been hidden for the next frame to try
-_PAUSE = 32  # frames without a try after one in vain
+_TILE = 8  # px along a side of the squares that keep their farthest depth
+_LEAST = 512  # blocks from which a depth prepass may pay
+_LAYERS = 20.0  # expected layers of items in front of a block that is presumed hidden
+_WORTH = 0.6  # greatest share of blocks in the prepass
+_GAIN = 0.25  # least share of hidden blocks for the next frame to try
+_PAUSE = 32  # frames without a try after a failure
 _FARTHEST = f"""uniform sampler2D depth;
 void main()
 {{
@@ -38,10 +38,7 @@ class _Gpu(NamedTuple):
 
 
 class Occlusion:
-    """Finds blocks that are hidden by others.
-
-    In the manner of Greene, Kass and Miller, "Hierarchical Z-Buffer Visibility", SIGGRAPH 1993.
-    """
+    """Finds hidden blocks: Greene et al., "Hierarchical Z-Buffer Visibility", SIGGRAPH 1993."""
 
     def __init__(self):
         self.layers: list = []
@@ -51,41 +48,41 @@ class Occlusion:
     @property
     def nbytes(self) -> int:
         """Bytes on the GPU."""
-        held = () if self._gpu is None else (self._gpu.target, self._gpu.coarse)
-        return nbytes_of(*self.layers, *held)
+        targets = () if self._gpu is None else (self._gpu.target, self._gpu.coarse)
+        return nbytes_of(*self.layers, *targets)
 
-    def hidden(self, owner, frame, seen) -> np.ndarray:
+    def hidden(self, owner, frame, blocks) -> np.ndarray:
         """Return a mask of the hidden blocks."""
-        none = np.zeros(len(seen.modes), bool)
-        # A pass may draw in pixels of its own, between those of the depths.
-        if frame.casting or frame.renderer.GetPass() is not None or len(none) < _LEAST:
-            return none
+        none_hidden = np.zeros(len(blocks.modes), bool)
+        # A render pass may draw at another resolution.
+        if frame.casting or frame.renderer.GetPass() is not None or len(none_hidden) < _LEAST:
+            return none_hidden
         if self._pause.waits():
-            return none
-        first = self._likely(frame, seen)
-        if first.mean() > _WORTH:
-            return none
-        quads = seen.modes == DRAW_MODES.index(QUADS)
-        parts = [seen.entries[first & ~quads], seen.entries[first & quads]]
-        farthest = self._draw(owner, frame, parts)
-        found = behind(frame, farthest, _TILE, seen.entries[:, :3], seen.around)
-        if found.mean() < _GAIN:
+            return none_hidden
+        likely_visible = self._likely(frame, blocks)
+        if likely_visible.mean() > _WORTH:
+            return none_hidden
+        is_quad = blocks.modes == DRAW_MODES.index(QUADS)
+        in_layers = likely_visible & ~is_quad, likely_visible & is_quad
+        farthest_depths = self._draw(owner, frame, [blocks.entries[k] for k in in_layers])
+        is_hidden = behind(frame, farthest_depths, _TILE, blocks.entries[:, :3], blocks.radii)
+        if is_hidden.mean() < _GAIN:
             self._pause.failed()
-        return found
+        return is_hidden
 
-    def _likely(self, frame, seen):
-        low, high = on_screen(frame, seen.entries[:, :3], seen.around)
-        middles = np.nan_to_num((low + high) / 2, posinf=-1.0, neginf=-1.0)
-        return likely_seen(middles, seen.areas, _LAYERS)
+    def _likely(self, frame, blocks):
+        low, high = on_screen(frame, blocks.entries[:, :3], blocks.radii)
+        screen_middles = np.nan_to_num((low + high) / 2, posinf=-1.0, neginf=-1.0)
+        return likely_seen(screen_middles, blocks.areas, _LAYERS)
 
-    def _draw(self, owner, frame, parts):
-        """Draw depths; return the farthest one in each square of pixels."""
+    def _draw(self, owner, frame, entries_by_layer):
+        """Draw the depth prepass; return the farthest depth in each square of pixels."""
         gpu = self._begin(owner, frame)
         state, renderer = frame.window.GetState(), frame.renderer
         with gpu.target.drawing(clear=(0.0, 0.0, 0.0, 0.0)):
             state.SetEnumState(gl.BLEND, False)
             state.SetEnumState(gl.DEPTH_TEST, True)
-            for layer, entries in zip(self.layers, parts, strict=True):
+            for layer, entries in zip(self.layers, entries_by_layer, strict=True):
                 for actor in layer.show(entries)[0]:
                     actor.RenderOpaqueGeometry(renderer)
         owner.binder.unbind()
@@ -99,17 +96,17 @@ class Occlusion:
         gpu, (width, height) = self._gpu, frame.size
         if gpu is None or (gpu.target.width, gpu.target.height) != frame.size:
             self._release_gpu()
-            window, squares = frame.window, (-(-width // _TILE), -(-height // _TILE))
+            window, tile_counts = frame.window, (-(-width // _TILE), -(-height // _TILE))
             self._gpu = gpu = _Gpu(
                 Target(window, width, height, (), depth=True),
-                Target(window, *squares, ('r32f',), filter='nearest'),
+                Target(window, *tile_counts, ('r32f',), filter='nearest'),
                 Quad(window, _FARTHEST, 'farthest depth'),
             )
         return gpu
 
     def _release_gpu(self):
-        for owner in self._gpu or ():
-            owner.release()
+        for resource in self._gpu or ():
+            resource.release()
         self._gpu = None
 
     def release(self, window):

@@ -22,10 +22,10 @@ from pvibr.quadrics.cards import (
     Layer,
     Shape,
     eye_of,
-    from_its_eye,
     giant_blocks,
-    seen_blocks,
     view_uniforms,
+    visible_blocks,
+    with_eye_at_origin,
 )
 from pvibr.quadrics.occlusion import Occlusion
 from pvibr.scene.draw_order import depths_of
@@ -35,46 +35,16 @@ from pvibr.scene.painted import TABLE_OPTIONS, scalars_of
 from pvibr.scene.picking import Hit, joined, pixel_ray
 from pvibr.scene.shader_draws import PBR, ROW, pack
 
-# Opacities in the alpha of looks: up to this with the material's colour, from the next on their
-# own, 0 hidden.
+# Alpha of looks: 0 hidden; 1 to 127 opacity, in the material's colour; from 128 opacity plus 128,
+# in the item's own colour.
 _OPAQUE = 127
 
 
 class Quadrics(CardSet):
-    """Things of one shape by the million, ray-cast per pixel, without triangles.
+    """Quadrics of one shape by the million, ray-cast per pixel, without triangles.
 
-    A subclass sets ``shape`` and its places before it calls this one's ``__init__``, and has
-    ``_spheres``, ``_extents``, ``_rows`` and ``_meet``.
-
-    Parameters
-    ----------
-    color : color, optional
-        Colour of items without one of their own; the theme's by default.
-    colors : array_like, shape (n, 3) or (n, 4), optional
-        Colour of each; uint8 or float. Alpha multiplies the opacity.
-    scalars : array_like, shape (n,), optional
-        Values mapped to colours as in ``add_mesh``.
-    visible : array_like of bool, shape (n,), optional
-        Mask of the items that are drawn.
-    opacity : float or array_like, shape (n,)
-        One value or one each, 0 to 1.
-    lighting : bool, optional
-        Apply lighting; as the theme says by default.
-    ambient, diffuse, specular, specular_power, pbr, metallic, roughness : optional
-        Material, as in ``add_mesh``.
-    pickable : bool
-        Allow picking.
-    name : str, optional
-        Name in the plotter and in reports.
-    theme : pyvista.plotting.themes.Theme, optional
-        Defaults of the looks.
-    **table
-        Colour map of the scalars, as in ``add_mesh``.
-
-    Raises
-    ------
-    TypeError, ValueError
-        If an argument is invalid.
+    Parameters are those of :class:`pvibr.Spheres`. A subclass sets ``shape`` and its positions,
+    then calls ``super().__init__``; it has ``_spheres``, ``_extents``, ``_rows`` and ``_meet``.
     """
 
     web = 'baked', 'meshes'
@@ -119,7 +89,7 @@ class Quadrics(CardSet):
             metallic=metallic,
             roughness=roughness,
             interpolation='Physically based rendering' if physical else 'Phong',
-        )  # VTK lights flat points never
+        )  # not flat: VTK never lights flat points
         self._noun = self.shape.name
         self._begin_drawing('ibr_items', 'ibr_looks')
         self.uniforms: dict = {}
@@ -137,10 +107,10 @@ class Quadrics(CardSet):
     def _materials_of_all(self):
         return [layer.material for layer in self._layers]
 
-    # -- what a shape says --------------------------------------------------------------------
+    # -- the interface of shapes --------------------------------------------------------------
 
     def _spheres(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return centres, shape (n, 3), and radii of bounding spheres; 0 is not drawn."""
+        """Return centres, shape (n, 3), and radii of bounding spheres; radius 0 is not drawn."""
         raise NotImplementedError
 
     def _extents(self) -> np.ndarray:
@@ -148,34 +118,34 @@ class Quadrics(CardSet):
         raise NotImplementedError
 
     def _rows(self, middles) -> np.ndarray:
-        """Return texels, shape (n, t, 4), for centres relative to their blocks."""
+        """Return the shader's texels, shape (n, t, 4); `middles` are relative to their blocks."""
         raise NotImplementedError
 
-    def _gaps(self, eye, index) -> np.ndarray:
-        """Return what is left of the equation of some at the eye, heights of both ends, use."""
+    def _residuals(self, eye, index) -> np.ndarray:
+        """Return residuals at the eye, see :func:`residual_texels`."""
         raise NotImplementedError
 
     def _meet(self, start, direction, index) -> Meeting:
-        """Return the intersections of a ray with some of them."""
+        """Return the intersections of a ray with some items."""
         raise NotImplementedError
 
-    def _bodies(self, rows=slice(None)) -> list:
-        """Return meshes of some: levels, sizes, matrices, and colours or None."""
+    def _bodies(self, indices=slice(None)) -> list:
+        """Return meshes of some items: levels, sizes, matrices, and colours or None."""
         raise NotImplementedError
 
-    def _colored(self, rows):
-        return None if self._colors is None else self._colors[rows, ..., :3]
+    def _colored(self, indices):
+        return None if self._colors is None else self._colors[indices, ..., :3]
 
     def _as_colors(self, colors):
         return as_rgba(colors, len(self))
 
     def _alphas(self):
-        """Return the opacity of each beside the material's, shape (n,), or None if all are 1."""
-        own = self._opacity if self._opacity.ndim else None
+        """Return the items' opacities without the material's, shape (n,), or None if all are 1."""
+        item_opacity = self._opacity if self._opacity.ndim else None
         if self._colors is None or self._colors.shape[-1] == 3:
-            return own
+            return item_opacity
         alphas = self._colors[:, 3] / 255
-        return alphas if own is None else own * alphas
+        return alphas if item_opacity is None else item_opacity * alphas
 
     def item_spheres(self) -> tuple[np.ndarray, np.ndarray]:
         """Return centres, shape (n, 3), and radii of the items' bounding spheres."""
@@ -189,7 +159,7 @@ class Quadrics(CardSet):
     def _places(self) -> np.ndarray:
         return self._spheres()[0]
 
-    # -- what they are ------------------------------------------------------------------------
+    # -- looks and positions ------------------------------------------------------------------
 
     def _world_bounds(self) -> tuple[float, ...]:
         if not len(self):
@@ -200,7 +170,7 @@ class Quadrics(CardSet):
 
     @property
     def opacity(self):
-        """Opacity of all, a number, or of each, shape (n,)."""
+        """Opacity of all items, a number, or of each, shape (n,)."""
         return self.prop.GetOpacity() if self._opacity.ndim == 0 else read_only(self._opacity)
 
     @opacity.setter
@@ -214,14 +184,14 @@ class Quadrics(CardSet):
 
     @property
     def blends(self) -> bool:
-        """Whether items are translucent, and so drawn from far to near."""
-        fades = self._colors is not None and self._colors.shape[-1] == 4
-        each = self._opacity.ndim and len(self) and self._opacity.min() < 1
-        return bool(fades or each) or super().blends
+        """Whether items are translucent and therefore drawn from far to near."""
+        has_alpha = self._colors is not None and self._colors.shape[-1] == 4
+        varies = self._opacity.ndim and len(self) and self._opacity.min() < 1
+        return bool(has_alpha or varies) or super().blends
 
     @property
     def clips(self) -> bool:
-        """Whether planes cut it off."""
+        """Whether clipping planes apply."""
         return bool(self._planes)
 
     def _switch_clipping(self):
@@ -229,11 +199,11 @@ class Quadrics(CardSet):
             layer.clip()
 
     def _place(self):
-        """Find where the items are in the world, of their own places and sizes."""
+        """Compute world positions and sizes from local ones."""
         raise NotImplementedError
 
     def _become(self, shape):
-        """Be drawn as another shape."""
+        """Switch to another shape."""
         if shape is self.shape:
             return
         if self.pipeline is not None:
@@ -246,21 +216,21 @@ class Quadrics(CardSet):
             super()._put_in(self.pipeline.renderer)
 
     def _moved(self):
-        """Take over own places or sizes that changed."""
+        """Apply changed local positions or sizes."""
         world, self._world = self._world, None
         self._place()
         self._set_bounds(self._world_bounds())
         self._world = world
         if world is not None:
             self._place()
-        self._refit()
+        self._invalidate()
 
     def _put(self):
         self._place()
-        self._refit()
+        self._invalidate()
 
-    def _refit(self):
-        """Upload the positions for the next frame."""
+    def _invalidate(self):
+        """Upload positions for the next frame."""
         for name in ('_order', '_blocks'):
             self.__dict__.pop(name, None)
         bounds = self._world_bounds()
@@ -268,81 +238,82 @@ class Quadrics(CardSet):
             layer.bound(bounds)
         self._drop('ibr_items', 'ibr_looks')
 
-    def _as_many(self, name, points):
+    def _checked_points(self, name, new_points):
         """Return checked points; their number must not change."""
-        points = as_points(points, name)
-        if len(points) != len(self):
+        new_points = as_points(new_points, name)
+        if len(new_points) != len(self):
             raise ValueError(
-                f'{name} has {len(points)} rows; it must keep its {len(self)} {self._noun}'
+                f'{name} must keep its number, {len(self)} {self._noun}, got {len(new_points)}'
             )
-        return points
+        return new_points
 
-    # -- the life of an effect ----------------------------------------------------------------
+    # -- frames -------------------------------------------------------------------------------
 
     def actors(self) -> list:
-        """Return the actors that draw them, invisible ones included."""
+        """Return all actors, invisible ones included."""
         return [actor for layer in self._layers for actor in layer.actors]
 
     def depths(self) -> list:
-        """Return the actors that cast shadows: none if they are translucent."""
+        """Return the actors that cast shadows: none if translucent."""
         return [] if self.blends else self.drawn()
 
     def prepare(self, frame):
-        """Choose which items are drawn, and how."""
+        """Choose which items are drawn and how."""
         shiny = self.prop.GetSpecular() > 0 or self.prop.GetInterpolation() == PBR
         for layer in self._layers:
             layer.set_shiny(shiny)
         super().prepare(frame)
 
-    def _choose(self, frame, others):
-        own = from_its_eye(frame)
-        self.uniforms = view_uniforms(own, len(self))
-        eye = frame.view_from_world[:3, 3] - own.view_from_world[:3, 3]
+    def _choose(self, frame, other_depths):
+        eye_frame = with_eye_at_origin(frame)
+        self.uniforms = view_uniforms(eye_frame, len(self))
+        eye = frame.view_from_world[:3, 3] - eye_frame.view_from_world[:3, 3]
         self.uniforms['ibr_eye'] = tuple(eye.tolist())
         if self.clips:
             self.uniforms |= self._planes.uniforms(frame)
-        (self._show_blended if self.blends else self._show_opaque)(own, others)
+        (self._show_blended if self.blends else self._show_opaque)(eye_frame, other_depths)
 
     def _show_opaque(self, frame, _others):
-        seen = seen_blocks(self._blocks, frame, self.shape)
-        hidden = self._occlusion.hidden(self, frame, seen)
-        self._hidden = min(int(hidden.sum()) * BLOCK, len(self))
-        giant = seen.modes == DRAW_MODES.index(GIANTS)
-        slots = self._slots(seen.entries[giant, 3].astype(int))
-        gaps = self._gaps(eye_of(frame), self._order[slots])
-        self._layers[0].show(self._entries_of(frame, slots, own=True), 1, gaps=gaps)
+        visible = visible_blocks(self._blocks, frame, self.shape)
+        is_hidden = self._occlusion.hidden(self, frame, visible)
+        self._hidden = min(int(is_hidden.sum()) * BLOCK, len(self))
+        is_giant = visible.modes == DRAW_MODES.index(GIANTS)
+        slots = self._slots(visible.entries[is_giant, 3].astype(int))
+        residuals = self._residuals(eye_of(frame), self._order[slots])
+        entries = self._entries_of(frame, slots, own_middles=True)
+        self._layers[0].show(entries, 1, residuals=residuals)
         for k, layer in enumerate(self._layers[1:], 1):
-            layer.show(seen.entries[(seen.modes == k) & ~hidden])
+            layer.show(visible.entries[(visible.modes == k) & ~is_hidden])
 
-    def _show_blended(self, frame, others):
+    def _show_blended(self, frame, other_depths):
         """Show the items in view from far to near, with other props in between."""
         for layer in self._layers[:-1]:
             layer.show(np.zeros((0, 4)))
         self._hidden = 0
-        seen, origins = self._blocks.seen(frame)[:2]
-        giant = seen[giant_blocks(self._blocks, frame, origins, seen)]
-        slots = self._slots(seen)
+        block_ids, origins = self._blocks.seen(frame)[:2]
+        giant_ids = block_ids[giant_blocks(self._blocks, frame, origins, block_ids)]
+        slots = self._slots(block_ids)
         depths = depths_of(frame, self._spheres()[0][self._order[slots]])
-        order = np.argsort(-depths, kind='stable')
-        slots, depths = slots[order], depths[order]
-        entries, gaps = self._entries_of(frame, slots, own=len(giant) > 0), None
-        if len(giant):
-            gaps, found = np.zeros((len(slots), 4)), np.isin(slots // BLOCK, giant)
-            gaps[found] = self._gaps(eye_of(frame), self._order[slots[found]])
-        cuts = np.searchsorted(-depths, [-d for d in others], side='right').tolist()
-        self._order_parts(frame, others, self._layers[-1].show(entries, 1, cuts, gaps))
+        far_to_near = np.argsort(-depths, kind='stable')
+        slots, depths = slots[far_to_near], depths[far_to_near]
+        entries, residuals = self._entries_of(frame, slots, own_middles=len(giant_ids) > 0), None
+        if len(giant_ids):
+            residuals, in_giant = np.zeros((len(slots), 4)), np.isin(slots // BLOCK, giant_ids)
+            residuals[in_giant] = self._residuals(eye_of(frame), self._order[slots[in_giant]])
+        cuts = np.searchsorted(-depths, [-d for d in other_depths], side='right').tolist()
+        self._order_parts(frame, other_depths, self._layers[-1].show(entries, 1, cuts, residuals))
 
     def _slots(self, blocks):
         """Return the slots of the items in blocks."""
         slots = (blocks[:, None] * BLOCK + np.arange(BLOCK)).ravel()
         return slots[slots < len(self)]
 
-    def _entries_of(self, frame, slots, own):
-        """Return entries of one item each, with middles of their own or of their blocks."""
+    def _entries_of(self, frame, slots, own_middles):
+        """Return entries of one item each, with the middle of the item or of its block."""
         view = frame.view_from_world
-        middles = self._spheres()[0][self._order[slots]] if own else self._blocks.centers
+        middles = self._spheres()[0][self._order[slots]] if own_middles else self._blocks.centers
         origins = middles @ view[:3, :3].T + view[:3, 3]
-        return np.column_stack([origins if own else origins[slots // BLOCK], slots])
+        return np.column_stack([origins if own_middles else origins[slots // BLOCK], slots])
 
     # -- the GPU ------------------------------------------------------------------------------
 
@@ -350,19 +321,20 @@ class Quadrics(CardSet):
         if self.window is None:
             self.window = window
             self._stale = {'ibr_items', 'ibr_looks'}
-        made, self._stale = self._stale, set()
-        rows = {'ibr_items': self._items, 'ibr_looks': self._looks}
-        for name in made:
-            self.textures.setdefault(name, Texture(window)).upload(pack(rows[name](), ROW, 4))
+        stale_names, self._stale = self._stale, set()
+        texel_builders = {'ibr_items': self._items, 'ibr_looks': self._looks}
+        for name in stale_names:
+            texture = self.textures.setdefault(name, Texture(window))
+            texture.upload(pack(texel_builders[name](), ROW, 4))
 
     @cached_property
     def _order(self):
-        """Order in which neighbours are beside each other, shape (n,)."""
+        """Morton order of the items, shape (n,)."""
         return morton_order(self._spheres()[0])
 
     @cached_property
     def _blocks(self):
-        """Neighbours that are culled as one."""
+        """Blocks of neighbours that are culled together."""
         middles, reach = self._spheres()
         return Blocks.of(middles[self._order], reach[self._order], BLOCK)
 
@@ -400,15 +372,15 @@ class Quadrics(CardSet):
         }
 
     def bake_into(self, scene):
-        """Add them to a scene without pvibr."""
-        rows = np.flatnonzero(self.visible & (self._spheres()[1] > 0))
+        """Add the items as meshes to a scene without pvibr."""
+        indices = np.flatnonzero(self.visible & (self._spheres()[1] > 0))
         alphas = self._alphas()
-        for levels, largest, matrices, colors in self._bodies(rows):
-            shown = np.isfinite(matrices).all((1, 2))
-            colors = None if colors is None else colors[shown]
+        for levels, largest, matrices, colors in self._bodies(indices):
+            is_finite = np.isfinite(matrices).all((1, 2))
+            colors = None if colors is None else colors[is_finite]
             if alphas is not None:
-                colors = self._with_opacity(colors, alphas[rows[shown]])
-            scene.copies(self, levels, matrices[shown], largest=largest, colors=colors)
+                colors = self._with_opacity(colors, alphas[indices[is_finite]])
+            scene.copies(self, levels, matrices[is_finite], largest=largest, colors=colors)
 
     def _with_opacity(self, colors, alphas):
         if colors is None:
@@ -423,17 +395,18 @@ class Quadrics(CardSet):
         if not self._can_pick():
             return None
         start, direction = pixel_ray(self.pipeline.renderer, x, y)
-        middles, reach = self._spheres()
-        away = middles - start
-        gaps = np.linalg.norm(away - (away @ direction)[:, None] * direction, axis=1)
-        index = np.flatnonzero(self.visible & (gaps <= reach) & (reach > 0))
+        middles, radii = self._spheres()
+        offsets = middles - start
+        across = offsets - (offsets @ direction)[:, None] * direction
+        ray_distances = np.linalg.norm(across, axis=1)
+        index = np.flatnonzero(self.visible & (ray_distances <= radii) & (radii > 0))
         if not len(index):
             return None
-        met = self._meet(start, direction, index)
+        meeting = self._meet(start, direction, index)
         if self.clips:
-            points = start + np.nan_to_num(met.distances)[..., None] * direction
-            met = met._replace(hits=met.hits & self._planes.kept(points))
-        distances, _, _ = met.first()
+            points = start + np.nan_to_num(meeting.distances)[..., None] * direction
+            meeting = meeting._replace(hits=meeting.hits & self._planes.kept(points))
+        distances, _, _ = meeting.first()
         k = int(distances.argmin())
         if not np.isfinite(distances[k]):
             return None
@@ -461,7 +434,7 @@ class PointQuadrics(Quadrics):
 
     @points.setter
     def points(self, points):
-        self._own_points = self._as_many('points', points)
+        self._own_points = self._checked_points('points', points)
         self._moved()
 
     def _place(self):
@@ -469,15 +442,17 @@ class PointQuadrics(Quadrics):
 
 
 def with_scalars(points, looks) -> dict:
-    """Return looks with scalars that are named after an array of the points."""
+    """Return looks with scalars that name an array of `points` resolved."""
     scalars = looks.get('scalars')
     return looks | {'scalars': scalars_of(points, scalars)} if isinstance(scalars, str) else looks
 
 
 def lengths_of(name, lengths, shape) -> np.ndarray:
-    """Return lengths as a checked float64 array, copied."""
-    array = as_array(name, lengths, float).copy()
-    if array.shape not in ((), shape, shape[1:]):
+    """Return lengths as a checked float64 array of a shape, copied."""
+    length_array = as_array(name, lengths, float).copy()
+    if length_array.shape not in ((), shape, shape[1:]):
         allowed = ', '.join(str(s) for s in dict.fromkeys((shape, shape[1:])) if s)
-        raise ValueError(f'{name} has shape {array.shape}; it must be one number or {allowed}')
-    return np.broadcast_to(checked_lengths(name, array), shape).copy()
+        raise ValueError(
+            f'{name} must be one number or of shape {allowed}, got shape {length_array.shape}'
+        )
+    return np.broadcast_to(checked_lengths(name, length_array), shape).copy()

@@ -1,4 +1,4 @@
-// Spheres for quadric_cards.glsl. A texel of each: centre less that of its block, world axes; radius.
+// Spheres for cards.glsl. One texel each: centre relative to its block's, world axes; radius.
 
 //@vertex.declare
 flat out vec4 ibr_item; // centre, eye space; radius
@@ -33,10 +33,10 @@ void ibr_meet(vec3 from, vec3 ray, out vec2 t, out bvec2 hits, out vec3 enters, 
   float square = ibr_item.w * ibr_item.w - dot(off, off);
   float half_chord = sqrt(max(square * inverse, 0.0));
   t = along + vec2(-half_chord, half_chord);
-  if (ibr_gap.w > 0.0)
+  if (ibr_residual.w > 0.0)
   {
-    float gap = ibr_gap.x + dot(from, from - 2.0 * ibr_item.xyz);
-    vec3 roots = ibr_roots(dot(ray, ray), dot(away, ray), gap);
+    float residual = ibr_residual.x + dot(from, from - 2.0 * ibr_item.xyz);
+    vec3 roots = ibr_roots(dot(ray, ray), dot(away, ray), residual);
     t = roots.xy;
     square = roots.z;
   }

@@ -8,7 +8,7 @@ from pvibr.billboards.cards import as_points
 from pvibr.core.signatures import takes
 from pvibr.maths.quadric_rays import meet_spheres
 from pvibr.meshes.unit_meshes import balls, linear
-from pvibr.quadrics.cards import Shape, gap_rows
+from pvibr.quadrics.cards import Shape, residual_texels
 from pvibr.quadrics.ellipsoids import ELLIPSOIDS, AxesQuadrics, moved_axes
 from pvibr.quadrics.quadrics import Quadrics, lengths_of, with_scalars
 from pvibr.scene.looks import read_only
@@ -29,7 +29,8 @@ class Spheres(AxesQuadrics):
         ``diffuse``, ``specular``, ``specular_power``, ``pbr``, ``metallic``, ``roughness``,
         ``pickable``, ``name``, ``theme``, ``cmap``, ``clim``, ``n_colors``, ``nan_color``,
         ``below_color``, ``above_color``, ``log_scale``, ``flip_scalars``, ``categories`` and
-        ``annotations``, as in ``add_mesh``; colours, scalars, visibility and opacity of each.
+        ``annotations``, as in ``add_mesh``, but colours, scalars, visibility and opacity per item;
+        the alpha of colours multiplies the opacity.
 
     Raises
     ------
@@ -40,8 +41,8 @@ class Spheres(AxesQuadrics):
     -----
     Silhouettes, normals and depth are exact at pixel centres, in perspective too. Spheres smaller
     than a pixel are drawn one pixel large; those of up to four pixels have a single depth. They
-    cast and receive shadows and are depth-tested. Translucent ones show their front faces, sorted
-    from far to near, and cast no shadow. Clipping planes of the mapper show their insides.
+    are depth-tested, and cast and receive shadows. Translucent ones show their front, sorted from
+    far to near, and cast no shadow. The mapper's clipping planes reveal their insides.
 
     Examples
     --------
@@ -89,7 +90,7 @@ class Spheres(AxesQuadrics):
         self._become(ELLIPSOIDS if self._is_stretched else Spheres.shape)
         super()._put()
 
-    # -- ellipsoids, while the whole is stretched ---------------------------------------------
+    # -- drawn as ellipsoids while the set is stretched ---------------------------------------
 
     def _spheres(self):
         if self._axes is not None:
@@ -106,17 +107,17 @@ class Spheres(AxesQuadrics):
             return super()._rows(middles)
         return np.column_stack([middles, self._radii])[:, None]
 
-    def _bodies(self, rows=slice(None)):
+    def _bodies(self, indices=slice(None)):
         if self._axes is not None:
-            return super()._bodies(rows)
-        matrices = linear(self._points[rows], self._radii[rows, None, None] * np.eye(3))
-        return [(*balls(self.prop), matrices, self._colored(rows))]
+            return super()._bodies(indices)
+        matrices = linear(self._points[indices], self._radii[indices, None, None] * np.eye(3))
+        return [(*balls(self.prop), matrices, self._colored(indices))]
 
-    def _gaps(self, eye, index):
+    def _residuals(self, eye, index):
         if self._axes is not None:
-            return super()._gaps(eye, index)
-        away, radii = np.linalg.norm(self._points[index] - eye, axis=1), self._radii[index]
-        return gap_rows((away - radii) * (away + radii), radii**2)
+            return super()._residuals(eye, index)
+        eye_distance, radii = np.linalg.norm(self._points[index] - eye, axis=1), self._radii[index]
+        return residual_texels((eye_distance - radii) * (eye_distance + radii), radii**2)
 
     def _meet(self, start, direction, index):
         if self._axes is not None:

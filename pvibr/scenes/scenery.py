@@ -1,4 +1,4 @@
-"""The landscape of trees in a plotter, as in the demo."""
+"""The demo's landscape of trees in a plotter."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ def stage(scene, size, **samples) -> Stage:
 
 
 def scenery(scene, max_error, size, *, off_screen):
-    """Return a plotter with a landscape."""
+    """Return a plotter with a landscape and its trees."""
     plotter = pv.Plotter(off_screen=off_screen, window_size=list(size))
     plotter.set_background(SKY)  # type: ignore[arg-type]
     plotter.camera.view_angle = scene.view_angle

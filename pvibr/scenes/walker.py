@@ -43,13 +43,12 @@ _NAMES = list(_JOINTS)
 def walker(triangles=5000) -> Figure:
     """Return a person 1.8 m tall, facing y, with the clips 'Walk' and 'Wave'."""
     if triangles < 300:
-        raise ValueError(f'triangles = {triangles}: must be 300 or more')
-    # Sides around a capsule, from its share of the triangles.
-    around = max(4, int((triangles / len(_LIMBS)) ** 0.5))
-    meshes = [_capsule(*limb[:3], around) for limb in _LIMBS.values()]
-    sizes = [m.n_points for m in meshes]
-    joints = np.repeat([_NAMES.index(name) for name in _LIMBS], sizes)
-    colors = np.repeat([limb[3] for limb in _LIMBS.values()], sizes, axis=0)
+        raise ValueError(f'triangles must be 300 or more, got {triangles}')
+    capsule_sides = max(4, int((triangles / len(_LIMBS)) ** 0.5))
+    meshes = [_capsule(*limb[:3], capsule_sides) for limb in _LIMBS.values()]
+    point_counts = [m.n_points for m in meshes]
+    joints = np.repeat([_NAMES.index(name) for name in _LIMBS], point_counts)
+    colors = np.repeat([limb[3] for limb in _LIMBS.values()], point_counts, axis=0)
     mesh = pv.merge(meshes, merge_points=False)
     mesh = mesh.extract_surface(algorithm=None) if not isinstance(mesh, pv.PolyData) else mesh
     figure = Figure.from_arrays(
@@ -72,10 +71,10 @@ def _rest():
     """Return parents and local matrices of the joints."""
     parents = [-1 if p is None else _NAMES.index(p) for p, _ in _JOINTS.values()]
     places = np.array([place for _, place in _JOINTS.values()])
-    rest = np.tile(np.eye(4), (len(places), 1, 1))
-    above = [places[p] if p >= 0 else np.zeros(3) for p in parents]
-    rest[:, :3, 3] = places - above
-    return parents, rest
+    local_matrices = np.tile(np.eye(4), (len(places), 1, 1))
+    parent_places = [places[p] if p >= 0 else np.zeros(3) for p in parents]
+    local_matrices[:, :3, 3] = places - parent_places
+    return parents, local_matrices
 
 
 def _capsule(start, end, radius, around):
@@ -83,15 +82,15 @@ def _capsule(start, end, radius, around):
     start, end = np.array(start, float), np.array(end, float)
     axis = (end - start) / np.linalg.norm(end - start)
     ball = pv.Sphere(radius=1.0, theta_resolution=around, phi_resolution=around // 2 + 2)
-    unit = np.asarray(ball.points, float)
-    helper = np.eye(3)[np.abs(axis).argmin()]
-    side = np.cross(axis, helper)
-    side /= np.linalg.norm(side)
-    normals = unit @ np.stack([side, np.cross(axis, side), axis])
-    points = np.where(unit[:, 2:] > 0, end, start) + radius * normals
-    out = pv.PolyData(points, ball.faces)
-    out.point_data['Normals'] = normals
-    return out
+    unit_points = np.asarray(ball.points, float)
+    any_axis = np.eye(3)[np.abs(axis).argmin()]
+    side_axis = np.cross(axis, any_axis)
+    side_axis /= np.linalg.norm(side_axis)
+    normals = unit_points @ np.stack([side_axis, np.cross(axis, side_axis), axis])
+    points = np.where(unit_points[:, 2:] > 0, end, start) + radius * normals
+    capsule = pv.PolyData(points, ball.faces)
+    capsule.point_data['Normals'] = normals
+    return capsule
 
 
 def _turns(name, seconds, degrees, axis=(1.0, 0.0, 0.0)):
@@ -102,19 +101,21 @@ def _turns(name, seconds, degrees, axis=(1.0, 0.0, 0.0)):
 
 
 def _walk():
-    share = np.linspace(0.0, 2 * np.pi, 17)
-    swing, tracks = 28 * np.sin(share), []
+    phase = np.linspace(0.0, 2 * np.pi, 17)
+    swing_degrees, tracks = 28 * np.sin(phase), []
     for side, sign in (('left', 1.0), ('right', -1.0)):
-        bend = np.maximum(55 * sign * np.cos(share), 0) + 5  # while the leg swings to the front
+        # Bent while the leg swings forwards.
+        knee_degrees = np.maximum(55 * sign * np.cos(phase), 0) + 5
         tracks += [
-            _turns(f'{side} leg', 1.0, sign * swing),
-            _turns(f'{side} foot', 1.0, -bend),
-            _turns(f'{side} arm', 1.0, -0.8 * sign * swing),
+            _turns(f'{side} leg', 1.0, sign * swing_degrees),
+            _turns(f'{side} foot', 1.0, -knee_degrees),
+            _turns(f'{side} arm', 1.0, -0.8 * sign * swing_degrees),
             _turns(f'{side} hand', 1.0, np.full(17, 20.0)),
         ]
-    heights = 0.95 + 0.02 * np.cos(2 * share)
-    rise = np.stack([np.zeros(17), np.zeros(17), heights], 1)
-    return Clip('Walk', [*tracks, Track(0, 'translation', np.linspace(0, 1, 17), rise)])
+    heights = 0.95 + 0.02 * np.cos(2 * phase)
+    pelvis_positions = np.stack([np.zeros(17), np.zeros(17), heights], 1)
+    tracks.append(Track(0, 'translation', np.linspace(0, 1, 17), pelvis_positions))
+    return Clip('Walk', tracks)
 
 
 def _wave():

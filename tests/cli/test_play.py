@@ -124,4 +124,3 @@ def test_keys_pause_and_change_the_clip(file):
     keys.next()
     pl.ibr.time = 1.0
     assert actor.center[2] == pytest.approx(0.5, abs=1e-3)
-    pl.close()

@@ -52,7 +52,7 @@ def test_a_mesh_alone_stands_on_a_ground_with_its_shadow(mesh, capsys):
     jpg = mesh.with_suffix('.jpg')
     main(mesh, size=SIZE, out=jpg)
     assert jpg.read_bytes()[:2] == b'\xff\xd8'
-    with pytest.raises(ValueError, match='--scalars name columns of a table: add --poses'):
+    with pytest.raises(ValueError, match='--scalars requires a table of poses: add --poses'):
         main(mesh, size=SIZE, scalars='growth')
 
 

@@ -81,6 +81,13 @@ class Scene:
             found.append(grab(pl))
         return found
 
+    def check(self, mean=np.inf, shift=np.inf, share=99.0):
+        """Compare new pictures by mean difference and displacement, and return them."""
+        plain, drawn = self.pictures()
+        assert np.abs(plain - drawn).mean() < mean
+        assert displaced(plain, drawn, share) <= shift
+        return plain, drawn
+
     def told(self, key):
         report = self.layers.report()
         return [report[f'layer {k}'][key] for k in range(len(self.layers))]
@@ -144,14 +151,9 @@ def test_the_nearest_layer_is_taken_most_often():
     for _ in range(12):
         scene.step(0.01, 0, 0)
         scene.pictures()
-    near, _, _ = scene.told('rate')
-    far = pl_rate(scene, 1)
+    near, far, _ = scene.told('rate')
     assert near >= far
     assert far < 0.5
-
-
-def pl_rate(scene, k):
-    return scene.told('rate')[k]
 
 
 def test_a_pan_of_projective_warps_takes_none_until_the_overscan_ends():
@@ -160,12 +162,10 @@ def test_a_pan_of_projective_warps_takes_none_until_the_overscan_ends():
     before = scene.layers.report()['taken']
     for _ in range(5):
         scene.yaw(0.4)
-        plain, drawn = scene.pictures()
-        assert displaced(plain, drawn) <= 1.5
+        scene.check(shift=1.5)
     assert scene.layers.report()['taken'] == before
     scene.yaw(9)
-    plain, drawn = scene.pictures()
-    assert displaced(plain, drawn) <= 1.5
+    scene.check(shift=1.5)
     assert 'visibility' in scene.told('taken for')[2]
 
 
@@ -195,8 +195,7 @@ def test_zooming_in_takes_pictures_with_finer_texels():
     scene = Scene(warp='projective')
     scene.pictures()
     scene.each(lambda pl, _: pl.camera.Zoom(2.0))
-    plain, drawn = scene.pictures()
-    assert displaced(plain, drawn) <= 1.5
+    scene.check(shift=1.5)
     assert scene.told('taken for')[1].get('resolution')
 
 
@@ -209,13 +208,11 @@ def test_light_that_turns_takes_pictures_again():
         pl.renderer.GetLights().GetItemAsObject(0).SetPosition(3, 5, 9)
 
     scene.each(turn)
-    plain, drawn = scene.pictures()
-    assert np.abs(plain - drawn).mean() < 0.05
+    scene.check(mean=0.05)
     assert scene.layers.report()['taken'] == before + 3
     assert scene.told('taken for')[0]['light'] == 1
     scene.each(lambda pl, _: pl.renderer.GetLights().GetItemAsObject(0).SetIntensity(0.3))
-    plain, drawn = scene.pictures()
-    assert np.abs(plain - drawn).mean() < 0.05
+    scene.check(mean=0.05)
 
 
 def test_actors_that_change_move_or_vanish_are_seen_to():
@@ -228,8 +225,7 @@ def test_actors_that_change_move_or_vanish_are_seen_to():
         made[3].mapper.dataset.Modified()
 
     scene.each(change)
-    plain, drawn = scene.pictures()
-    assert np.abs(plain - drawn).mean() < 0.05
+    scene.check(mean=0.05)
     assert [t.get('changed', 0) for t in scene.told('taken for')] == [1, 1, 0]
 
     def leave(pl, made):
@@ -237,13 +233,11 @@ def test_actors_that_change_move_or_vanish_are_seen_to():
         made[1].mapper.SetInputData(pv.PolyData())
 
     scene.each(leave)
-    plain, drawn = scene.pictures()
-    assert np.abs(plain - drawn).mean() < 0.05
+    scene.check(mean=0.05)
     assert scene.told('state')[0] == 'empty'
     scene.each(lambda _, made: setattr(made[2], 'visibility', True))
     scene.each(lambda pl, made: pl.remove_actor(made[3]))
-    plain, drawn = scene.pictures()
-    assert np.abs(plain - drawn).mean() < 0.05
+    scene.check(mean=0.05)
     assert len(scene.layers.actors()) == 3
 
 
@@ -257,12 +251,10 @@ def test_an_actor_that_moves_as_a_whole_is_warped_and_not_taken():
 
     for _ in range(4):
         scene.each(move)
-        plain, drawn = scene.pictures()
-        assert displaced(plain, drawn) <= 1.5
+        scene.check(shift=1.5)
     assert scene.layers.report()['taken'] == before
     scene.each(lambda _, made: setattr(made[2], 'position', (0.5, 1, 0.4)))  # one of its layer
-    plain, drawn = scene.pictures()
-    assert np.abs(plain - drawn).mean() < 1.0
+    scene.check(mean=1.0)
     assert scene.told('taken for')[1]['changed'] == 1
 
 
@@ -273,17 +265,14 @@ def test_what_was_behind_the_eye_comes_into_view():
     scene.pictures()
     for _ in range(6):
         scene.yaw(30)
-        plain, drawn = scene.pictures()
-        assert np.abs(plain - drawn).mean() < 0.1
+        scene.check(mean=0.1)
 
 
 def test_a_walk_through_the_scene_is_right_at_every_step():
     scene = Scene()
     for _ in range(12):
         scene.step(0.1, 1.3, -0.1)
-        plain, drawn = scene.pictures()
-        assert np.abs(plain - drawn).mean() < 1.5
-        assert displaced(plain, drawn, 95) <= 2
+        scene.check(mean=1.5, shift=2, share=95)
 
 
 def test_by_depth_all_actors_are_in_layers_those_that_come_later_too():
@@ -291,8 +280,7 @@ def test_by_depth_all_actors_are_in_layers_those_that_come_later_too():
     scene.layers.remove()
     pl = scene.plotters[1]
     layers = pl.ibr.add_image_layers(count=3, only_if_faster=False)
-    plain, drawn = scene.pictures()
-    assert np.abs(plain - drawn).mean() < 0.05
+    scene.check(mean=0.05)
     assert 2 <= len(layers) <= 4
     assert len(layers.actors()) == 4
 
@@ -301,13 +289,11 @@ def test_by_depth_all_actors_are_in_layers_those_that_come_later_too():
         made[-1].position = (-3, 4, 0)
 
     scene.each(add)
-    plain, drawn = scene.pictures()
-    assert np.abs(plain - drawn).mean() < 0.05
+    scene.check(mean=0.05)
     assert len(layers.actors()) == 5
     for _ in range(4):
         scene.step(0, 1.0, 0)
-        plain, drawn = scene.pictures()
-        assert np.abs(plain - drawn).mean() < 1.5
+        scene.check(mean=1.5)
     scene.each(lambda pl, made: [pl.remove_actor(a) for a in made])
     plain, drawn = scene.pictures()
     assert np.array_equal(plain, drawn)
@@ -345,12 +331,10 @@ def test_translucent_props_and_volumes_beside_and_within():
         pl.add_volume(grid, opacity=[0.6, 0.1, 0], show_scalar_bar=False, reset_camera=False)
 
     scene = Scene(setup=setup)
-    plain, drawn = scene.pictures()
-    assert np.abs(plain - drawn).mean() < 0.2
+    scene.check(mean=0.2)
     for made in scene.actors:
         made[2].prop.opacity = 0.4
-    plain, drawn = scene.pictures()
-    assert np.abs(plain - drawn).mean() < 0.2
+    scene.check(mean=0.2)
     assert scene.told('as VTK draws it')[1] == {'translucent': 1}
 
 
@@ -387,15 +371,13 @@ def test_shadows_projectors_and_outlines_are_those_of_the_actors():
         pl.ibr.add(pvibr.Outline())
 
     scene = Scene(setup=setup)
-    plain, drawn = scene.pictures()
-    assert np.abs(plain - drawn).mean() < 1.0
+    scene.check(mean=1.0)
     before = scene.layers.report()['taken']
     scene.pictures()
     assert scene.layers.report()['taken'] == before
     for made in scene.actors:
         made[3].position = (0.5, 3, 3)
-    plain, drawn = scene.pictures()  # its shadow falls on another layer
-    assert np.abs(plain - drawn).mean() < 1.0
+    scene.check(mean=1.0)  # its shadow falls on another layer
     ids = [pl.ibr.buffer('depth') for pl in scene.plotters]
     near = np.isfinite(ids[0]) & np.isfinite(ids[1])
     assert np.median(np.abs(ids[0][near] - ids[1][near])) < 1e-3
@@ -408,8 +390,7 @@ def test_instances_beside_have_their_soft_edges_before_layers(bean, atlases):
         pl.ibr.add_instances(bean, places, color='purple', cache=atlases, bake=True)
 
     scene = Scene(setup=setup)
-    plain, drawn = scene.pictures()
-    assert np.abs(plain - drawn).mean() < 0.05
+    scene.check(mean=0.05)
 
 
 def fringe(plain, drawn):
@@ -439,16 +420,13 @@ def test_impostors_beside_intersect_layers():
         pl.ibr.add_impostor(heavy, only_if_faster=False)
 
     scene = Scene(setup=setup)
-    plain, drawn = scene.pictures()
-    assert displaced(plain, drawn) <= 1.5
+    scene.check(shift=1.5)
     scene.yaw(0.2)
-    plain, drawn = scene.pictures()
-    assert displaced(plain, drawn) <= 2
+    scene.check(shift=2)
     scene.plotters[1].ibr.add_impostor(
         scene.actors[1][2], only_if_faster=False
     )  # leaves its layer
-    plain, drawn = scene.pictures()
-    assert displaced(plain, drawn) <= 2
+    scene.check(shift=2)
     assert len(scene.layers.actors()) == 3
 
 
@@ -506,8 +484,7 @@ def test_layers_that_are_no_cheaper_are_left_to_vtk():
     states = set()
     for k in range(8):
         scene.yaw(15 * (-1) ** k)
-        plain, drawn = scene.pictures()
-        assert np.abs(plain - drawn).mean() < 1.0
+        scene.check(mean=1.0)
         states |= set(scene.told('state'))
     assert 'left to VTK' in states
     assert all(rate < 1 for rate in scene.told('rate'))
@@ -532,8 +509,7 @@ def test_windows_that_shrink_to_a_pixel_and_grow_again():
     for size in ((200, 300), (1, 1), (1, 200), SIZE):
         for pl in scene.plotters:
             pl.window_size = size
-        plain, drawn = scene.pictures()
-        assert np.abs(plain - drawn).mean() < 1.0
+        scene.check(mean=1.0)
     large = [pl.screenshot(None, return_img=True, scale=2).astype(int) for pl in scene.plotters]
     assert np.array_equal(*large)
     plain, drawn = scene.pictures()
@@ -580,7 +556,7 @@ def test_bad_input_changes_nothing():
         with pytest.raises(ValueError, match='groups'):
             pl.ibr.add_image_layers(wrong)
     for alien in ([[3]], [None], BALL, 'layers'):
-        with pytest.raises(TypeError, match='groups holds a'):
+        with pytest.raises(TypeError, match='groups must contain actors'):
             pl.ibr.add_image_layers(alien)
     for settings in ({'max_error': -1}, {'blur': -1}, {'resolution': 0.0}, {'warp': 'x'}):
         with pytest.raises(ValueError, match=next(iter(settings))):

@@ -89,4 +89,3 @@ def test_effects_that_read_depth_find_what_half_covers_a_pixel():
     shown.append(np.isfinite(pl.ibr.buffer('depth')))
     assert ((covered > 0.05) & (covered < 0.95)).sum() > 1000
     assert np.mean(shown[0] != shown[1]) < 0.01
-    pl.close()

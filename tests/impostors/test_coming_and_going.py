@@ -115,16 +115,16 @@ def test_who_may_not_come_or_go_changes_nothing():
     later = pl.add_mesh(BALL, reset_camera=False)
     other = pl.ibr.add_impostor(later)
     for wrong, why in (
-        (actors[0], r'actors\[0\] is one that'),
+        (actors[0], r'actors\[0\] must be new'),
         (stranger, 'not in this subplot'),
         (later, 'stands for some'),
-        ([], 'empty'),
+        ([], 'got none'),
     ):
         with pytest.raises(ValueError, match=why):
             impostor.add(wrong)
-    with pytest.raises(TypeError, match='actors holds'):
+    with pytest.raises(TypeError, match='must be actors'):
         impostor.add(3)
-    with pytest.raises(ValueError, match='is none of the 36'):
+    with pytest.raises(ValueError, match='must be one of the 36'):
         impostor.remove([actors[0], later])
     assert len(impostor.things) == COUNT
     other.remove()

@@ -207,10 +207,9 @@ def test_the_instance_under_the_pointer_is_explained(row, number):
     assert not view.point_at(int(x), int(y))  # still the same one
     assert view.point_at(2, 2)
     pl.render()
-    assert not any(row[0].startswith('instance') for row in view._rows)
+    assert not any(row[0].startswith('instance') for row in view._text_rows)
     view.remove()
     pl.iren.interactor.InvokeEvent('MouseMoveEvent')
-    pl.close()
 
 
 def test_alone_it_leaves_no_observer(empty):

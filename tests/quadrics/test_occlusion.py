@@ -65,7 +65,6 @@ def test_nothing_that_is_seen_is_left_out(kind, smooth, parallel, see, always):
         assert things.report()['hidden'] == 0
         assert np.array_equal(see.depths(pl), far, equal_nan=True)
     assert hidden > (-1 if smooth == 'ssaa' else COUNT // 10)
-    pl.close()
 
 
 def test_other_sizes_and_subplots(see, always):
@@ -88,7 +87,6 @@ def test_other_sizes_and_subplots(see, always):
     pl.ibr.add(things)
     see.grab(pl)
     assert things.report()['hidden'] > 0
-    pl.close()
 
 
 def test_what_becomes_invisible_hides_nothing(see, always):
@@ -101,7 +99,6 @@ def test_what_becomes_invisible_hides_nothing(see, always):
     behind = see.grab(pl)
     things.radius = np.where(things.visible, things.radius, 0.0)
     assert (see.grab(pl) == behind).all()
-    pl.close()
 
 
 def test_tries_in_vain_are_seldom(see, monkeypatch):
@@ -116,4 +113,3 @@ def test_tries_in_vain_are_seldom(see, monkeypatch):
         pl.camera.azimuth = k
         see.grab(pl)
     assert len(tries) == 1
-    pl.close()

@@ -57,7 +57,6 @@ def test_no_sample_of_a_pixel_that_is_met_is_missing(kind, opacity, samples, see
     met = cast(Frame.of(pl.renderer), *things)[0] >= 0
     assert met.sum() > 300
     assert picture[met].min() > 0.99
-    pl.close()
 
 
 def beside(kind, rng):
@@ -99,7 +98,6 @@ def test_a_giant_beside_the_eye(kind, parallel, height, see):
     add(pl, kind, *beside(kind, np.random.default_rng(3)), **PLAIN, opacity=0.5)
     stand_by(pl, height, parallel)
     assert ((see.grab(pl) > 0) != (picture > 0)).mean() < 1e-3
-    pl.close()
 
 
 def stand_by(pl, height, parallel):
@@ -140,4 +138,3 @@ def test_ellipsoids_as_thin_as_may_be(away, thin, parallel, seed, see):
             assert (np.abs(found - depth) < 1e-4 * depth)[seen].mean() > 0.999
             assert seen.sum() > 1000
             assert ((ids < 0) & drawn).sum() <= 2
-    pl.close()

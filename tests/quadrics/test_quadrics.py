@@ -16,29 +16,9 @@ from pvibr.maths.quadric_rays import CAPS, cast, inner, meet_cylinders, meet_ell
 from pvibr.quadrics.cylinders import Cylinders
 from pvibr.quadrics.ellipsoids import Ellipsoids
 from pvibr.quadrics.quadrics import Quadrics
+from tests.quadrics.stage import PASSES, SIZE, aim, floor_and_lamp, pixels, plotter
 
 pytestmark = pytest.mark.sampled
-
-SIZE = (150, 90)
-
-
-def plotter(size=SIZE, **kwargs):
-    """Return a plotter with a headlight alone."""
-    pl = pv.Plotter(off_screen=True, window_size=size, lighting='none', **kwargs)
-    pl.disable_anti_aliasing()
-    pl.set_background('black')
-    pl.add_light(pv.Light(light_type='headlight'))
-    return pl
-
-
-def aim(pl, eye, focus=(0, 0, 0), parallel=None, clip=None):
-    pl.camera.position, pl.camera.focal_point, pl.camera.up = eye, focus, (0, 0.1, 1)
-    if parallel:
-        pl.camera.parallel_projection = True
-        pl.camera.parallel_scale = parallel
-    pl.renderer.ResetCameraClippingRange()
-    if clip:
-        pl.camera.clipping_range = clip
 
 
 def bars(count=40, seed=0):
@@ -124,7 +104,6 @@ def test_pixels_are_those_of_rays(kind, way, parallel, offset, see, monkeypatch)
         aim(pl, np.array(eye) + offset, np.full(3, offset), parallel)
         compare(pl, things, see, atol=1.01 / 255 if not offset else 3.01 / 255)
     assert things.report()[way] > 0
-    pl.close()
 
 
 @pytest.mark.parametrize('scale', [1e-9, 1e9])
@@ -135,7 +114,6 @@ def test_any_scale(kind, parallel, scale, see):
     things = add(pl, kind, scale=scale)
     aim(pl, np.array((3, 3, 4)) * scale, parallel=parallel and parallel * scale)
     compare(pl, things, see)
-    pl.close()
 
 
 @pytest.mark.parametrize('eye', [(0, -1.2, 0), (0.3, 0.1, 0.2), (0, 0, 0.9), (-0.6, 0.4, 0)])
@@ -145,7 +123,6 @@ def test_an_eye_among_them_and_a_cut_by_the_near_plane(kind, eye, see):
     things = add(pl, kind)
     aim(pl, eye, np.add(eye, (0.3, 1, 0.1)), clip=(0.2, 10))
     compare(pl, things, see)
-    pl.close()
 
 
 @pytest.mark.parametrize('parallel', [None, 0.4])
@@ -158,7 +135,6 @@ def test_an_eye_in_a_pipe_and_along_it(caps, parallel, see):
     for eye, focus in [((0.1, 0, 0.2), (0.3, 9, 0)), ((0.1, -9, 0.1), (0.2, 0, 0.1))]:
         aim(pl, eye, focus, parallel, clip=(0.1, 30))
         compare(pl, things, see, edges=6e-3)
-    pl.close()
 
 
 @pytest.mark.parametrize('kind', ['cylinders', 'ellipsoids'])
@@ -175,16 +151,12 @@ def test_needles_have_no_gaps(kind, see):
         )
     aim(pl, (0, -5, 0))
     lit = see.grab(pl)[..., 0] > 0.5
-    frame = Frame.of(pl.renderer)
-    for one in way:
-        points = np.linspace(0.3, 0.8, 200)[:, None] * one
-        clip = np.c_[points, np.ones(200)] @ (frame.clip_from_view @ frame.view_from_world).T
-        x, y = ((clip[:, :2] / clip[:, 3:] * [1, -1] + 1) / 2 * SIZE).T.astype(int)
+    for axis in way:
+        x, y = pixels(pl, np.linspace(0.3, 0.8, 200)[:, None] * axis)
         near = [lit[y + i, x + j] for i in (-1, 0, 1) for j in (-1, 0, 1)]
         assert lit[y, x].mean() > 0.8
         assert np.any(near, 0).all()
     assert lit.sum() < 2 * len(way) * 45
-    pl.close()
 
 
 def test_needles_that_are_seen_are_exact(see):
@@ -194,7 +166,6 @@ def test_needles_that_are_seen_are_exact(see):
     )
     aim(pl, (0, -2, 0.3), clip=(0.1, 100))
     compare(pl, things, see, atol=3.01 / 255)
-    pl.close()
 
 
 def test_what_has_no_size(see):
@@ -218,7 +189,6 @@ def test_what_has_no_size(see):
     disc = pl.ibr.add_ellipsoids([[0, 0, 0]], (1.0, 0.0, 1.0), color='white', diffuse=1.0)
     aim(pl, (0.5, -5, 1))
     compare(pl, disc, see, edges=5e-3)
-    pl.close()
 
 
 def test_halves_have_the_colours_of_their_ends(see):
@@ -237,7 +207,6 @@ def test_halves_have_the_colours_of_their_ends(see):
     lit = np.flatnonzero(row.max(1) > 0)
     share = row[lit, 1] / row[lit].sum(1)
     assert np.abs(share - (np.arange(len(lit)) + 0.5) / len(lit)).max() < 0.05
-    pl.close()
 
 
 def test_scalars_of_both_ends_and_of_each(see):
@@ -255,7 +224,6 @@ def test_scalars_of_both_ends_and_of_each(see):
     assert see.grab(pl)[SIZE[1] // 2, middle - 9, 0] > 0.99
     things.map(clim=(0, 2))
     assert abs(see.grab(pl)[SIZE[1] // 2, middle - 9, 0] - 0.5) < 0.01
-    pl.close()
 
 
 def test_places_can_be_changed(see):
@@ -271,9 +239,8 @@ def test_places_can_be_changed(see):
     assert picture[:, SIZE[0] // 2 :].max() > 0.5
     np.testing.assert_allclose(rod.bounds, (0.5, 1, -0.1, 0.1, -0.1, 0.1))
     np.testing.assert_allclose(egg.bounds, (0.7, 1.3, -0.1, 0.1, -0.6, -0.4))
-    with pytest.raises(ValueError, match='must keep its 1 cylinders'):
+    with pytest.raises(ValueError, match='must keep its number, 1 cylinders'):
         rod.points_a = np.zeros((2, 3))
-    pl.close()
 
 
 @pytest.mark.parametrize('kind', KINDS)
@@ -292,33 +259,24 @@ def test_rays_pick_what_is_seen(kind):
         if hit is not None and good[row]:
             z = frame.view_from_world[2] @ [*hit.point, 1]
             np.testing.assert_allclose(-z, depth[row], rtol=1e-5)
-    pl.close()
 
 
 @pytest.mark.parametrize('kind', ['ellipsoids', 'round'])
 def test_shadows_fall_from_them_and_buffers_know_them(kind, see):
-    pl = pv.Plotter(off_screen=True, window_size=SIZE, lighting='none')
-    pl.disable_anti_aliasing()
-    pl.add_light(pv.Light(position=(0, 0, 10), light_type='scene light'))
-    floor = pl.add_mesh(pv.Plane(i_size=6, j_size=6), color='white')
+    pl, floor = floor_and_lamp()
     if kind == 'round':
         thing = pl.ibr.add_cylinders([[-0.5, 0, 1]], [[0.5, 0, 1]], 0.4, caps='round')
     else:
         thing = pl.ibr.add_ellipsoids([[0, 0, 1]], (0.9, 0.4, 0.4))
     pl.ibr.add(pvibr.Shadows())
     aim(pl, (0, -8, 4.5), (0, 0, 0.5))
-    frame, picture = Frame.of(pl.renderer), see.grab(pl)
-    shades = []
-    for point in [(0.5, -0.1, 0), (1.5, -1.5, 0)]:
-        clip = frame.clip_from_view @ frame.view_from_world @ [*point, 1]
-        x, y = ((clip[:2] / clip[3] * [1, -1] + 1) / 2 * SIZE).astype(int)
-        shades.append(picture[y, x, 0])
-    assert shades[0] < 0.1
-    assert shades[1] > 0.8
+    picture, (x, y) = see.grab(pl), pixels(pl, [(0.5, -0.1, 0), (1.5, -1.5, 0)])
+    under, free = picture[y, x, 0]
+    assert under < 0.1
+    assert free > 0.8
     ids = pl.ibr.buffer('id')
     found = {id(pl.ibr.buffer_objects[int(i)]) for i in np.unique(ids[ids >= 0])}
     assert {id(thing), id(floor)} <= found
-    pl.close()
 
 
 @pytest.mark.parametrize('extra', ['ssaa', 'peeling', 'edl', 'ssao', 'msaa'])
@@ -347,14 +305,7 @@ def test_passes_see_translucent_ones_as_meshes(extra, see):
             egg = egg.transform(matrix, inplace=False).compute_normals()
             for mesh in (rod.compute_normals(split_vertices=True), egg):
                 pl.add_mesh(mesh, smooth_shading=True, culling='back', **looks)
-        if extra == 'peeling':
-            pl.enable_depth_peeling(number_of_peels=12)
-        elif extra == 'edl':
-            pl.enable_eye_dome_lighting()
-        elif extra == 'ssao':
-            pl.enable_ssao(radius=0.5)
-        else:
-            pl.enable_anti_aliasing(extra)
+        PASSES[extra](pl)
         aim(pl, (0, -6, 1))
         pictures.append(see.grab(pl))
         pl.close()
@@ -420,7 +371,6 @@ def test_opacity_of_each_and_of_all(see):
     np.testing.assert_allclose(see.grab(pl)[y, left], [0.25, 0, 0], atol=0.01)
     things.opacity = [0.0, 0.5]
     np.testing.assert_allclose(see.grab(pl)[y, [left, right]], [[0, 0, 0], [0, 0.5, 0]], atol=0.01)
-    pl.close()
 
 
 @pytest.mark.parametrize('kind', ['ellipsoids', 'round'])
@@ -473,48 +423,51 @@ def test_what_blends_is_behind_what_is_opaque(see):
     aim(pl, (0, -5, 0))
     middle = see.grab(pl)[SIZE[1] // 2, SIZE[0] // 2]
     np.testing.assert_allclose(middle, [1, 0.5, 0.5], atol=0.01)
-    pl.close()
 
 
 # -- what is refused --------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    ('given', 'match'),
-    [
-        ({'radius': -1.0}, 'radius must be .* got -1'),
-        ({'points_b': [[0, 0, 1.0]] * 2}, 'points_b has 2 rows; it must have 1'),
-        ({'caps': 'square'}, "caps must be .* got 'square'"),
+REFUSED = {
+    'add_cylinders': [
+        ({'radius': -1.0}, 'radius has the value -1'),
+        ({'points_b': [[0, 0, 1.0]] * 2}, 'points_b must have 1 rows.*got 2'),
+        ({'caps': 'square'}, "caps is 'square'"),
         ({'points_a': [[0, 0, np.nan]]}, 'finite'),
         ({'scalars': [[1.0, 2.0, 3.0]]}, r'scalars must be \(1,\) numbers'),
         ({'opacity': 2.0}, 'opacity must be'),
     ],
-)
-def test_cylinders_that_are_refused(given, match):
-    pl = plotter()
-    ends = {'points_a': [[0.0, 0, 0]], 'points_b': [[0.0, 0, 1]]}
-    with pytest.raises(ValueError, match=match):
-        pl.ibr.add_cylinders(**{**ends, **given})
-    assert not pl.ibr.effects
-    pl.close()
+    'add_ellipsoids': [
+        ({'radii': [1.0, 2.0]}, 'radii must be .* got shape'),
+        ({'radii': (1, 1, -2)}, 'radii has the value -2'),
+        ({'orientation': [0.0, 0, 0, 0]}, 'of length above 0'),
+        ({'orientation': [1.0, 0, 0]}, 'orientation must be .* got shape'),
+        ({'orientation': np.ones((3, 3))}, 'orthonormal'),
+    ],
+    'add_spheres': [
+        ({'radius': -1.0}, 'radius has the value -1'),
+        ({'radius': np.nan}, 'radius has the value nan'),
+        ({'radius': 1e300}, 'radius has the value 1e.300'),
+        ({'radius': [1.0, 2.0]}, 'radius must be .* got shape'),
+        ({'points': [[0, 0, np.inf]]}, 'finite'),
+        ({'points': [[0.0, 0.0]]}, 'shape'),
+        ({'scalars': [1.0, 2.0]}, r'scalars must be \(1,\) numbers'),
+        ({'colors': [[2.0, 0, 0]]}, 'from 0 to 1'),
+    ],
+}
 
 
 @pytest.mark.parametrize(
-    ('given', 'match'),
-    [
-        ({'radii': [1.0, 2.0]}, 'radii has shape'),
-        ({'radii': (1, 1, -2)}, 'radii must be .* got -2'),
-        ({'orientation': [0.0, 0, 0, 0]}, 'none of length 0'),
-        ({'orientation': [1.0, 0, 0]}, 'orientation has shape'),
-        ({'orientation': np.ones((3, 3))}, 'perpendicular'),
-    ],
+    ('method', 'given', 'match'), [(k, *case) for k, cases in REFUSED.items() for case in cases]
 )
-def test_ellipsoids_that_are_refused(given, match):
+def test_what_is_refused_adds_nothing(method, given, match):
     pl = plotter()
+    good = {'points': [[0.0, 0, 0]]}
+    if method == 'add_cylinders':
+        good = {'points_a': [[0.0, 0, 0]], 'points_b': [[0.0, 0, 1]]}
     with pytest.raises(ValueError, match=match):
-        pl.ibr.add_ellipsoids([[0.0, 0, 0]], **given)
+        getattr(pl.ibr, method)(**good | given)
     assert not pl.ibr.effects
-    pl.close()
 
 
 def test_unknown_looks_are_refused():

@@ -12,28 +12,7 @@ import pvibr
 from pvibr.core.frame import Frame
 from pvibr.maths import quadric_rays
 from pvibr.quadrics.spheres import Spheres
-
-SIZE = (150, 90)
-
-
-def plotter(eye=(0, -6, 1), focus=(0, 0, 0), up=(0, 0, 1), size=SIZE, **kwargs):
-    """Return a plotter with a headlight alone."""
-    pl = pv.Plotter(off_screen=True, window_size=size, lighting='none', **kwargs)
-    pl.disable_anti_aliasing()
-    pl.set_background('black')
-    pl.add_light(pv.Light(light_type='headlight'))
-    aim(pl, eye, focus, up)
-    return pl
-
-
-def aim(pl, eye, focus=(0, 0, 0), up=(0, 0, 1), parallel=None, clip=None):
-    pl.camera.position, pl.camera.focal_point, pl.camera.up = eye, focus, up
-    if parallel:
-        pl.camera.parallel_projection = True
-        pl.camera.parallel_scale = parallel
-    pl.renderer.ResetCameraClippingRange()
-    if clip:
-        pl.camera.clipping_range = clip
+from tests.quadrics.stage import PASSES, SIZE, aim, floor_and_lamp, pixels, plotter
 
 
 def cast(pl, centers, radii):
@@ -77,7 +56,6 @@ def test_pixels_are_those_of_rays(largest, parallel, offset, see, monkeypatch):
     for eye in [(0, -6, 1), (3, 3, 4), (0.1, 0.2, -9)]:
         aim(pl, np.array(eye) + offset, np.full(3, offset), parallel=parallel)
         compare(pl, things, see, atol=1.01 / 255 if not offset else 2.01 / 255)
-    pl.close()
 
 
 @pytest.mark.parametrize('eye', [(0, -1.2, 0), (0.3, 0.1, 0.2), (0, 0, 0.9)])
@@ -87,7 +65,6 @@ def test_an_eye_among_them_and_a_cut_by_the_near_plane(eye, see):
     things = pl.ibr.add_spheres(centers, radii, color='white', diffuse=1.0)
     aim(pl, eye, np.add(eye, (0.3, 1, 0.1)), clip=(0.2, 10))
     compare(pl, things, see)
-    pl.close()
 
 
 def test_the_inside_of_one_is_seen_from_its_middle(see):
@@ -95,7 +72,6 @@ def test_the_inside_of_one_is_seen_from_its_middle(see):
     pl.ibr.add_spheres([[0, 0, 0]], 2.0, color='white', diffuse=1.0)
     aim(pl, (0, 0, 0), (1, 0, 0), clip=(0.1, 10))
     assert see.grab(pl).min() > 0.8
-    pl.close()
 
 
 def test_those_smaller_than_a_pixel_are_a_pixel(see):
@@ -107,7 +83,6 @@ def test_those_smaller_than_a_pixel_are_a_pixel(see):
     assert things.report()['dots'] > 0
     things.radius = np.where(np.arange(96) % 2, 1e-4, 0.0)
     assert (see.grab(pl)[..., 0] > 0.2).sum() == 48
-    pl.close()
 
 
 def test_small_ones_are_as_large_as_they_are(see):
@@ -122,7 +97,6 @@ def test_small_ones_are_as_large_as_they_are(see):
     seen = quadric_rays.inner(ids) & (ids >= 0)
     assert np.abs(picture[..., 0] - normals[..., 2])[seen].max() < 1.01 / 255
     assert np.nanmax(np.abs(far - depth)[ids >= 0]) < 0.1
-    pl.close()
 
 
 def test_they_meet_meshes_where_spheres_do(see):
@@ -158,14 +132,7 @@ def test_other_passes_see_large_ones_as_meshes(extra, see, monkeypatch):
                 pl.add_mesh(ball, color='white', smooth_shading=True, diffuse=1.0)
         if extra in ('peeling', 'glass'):
             pl.add_mesh(pv.Plane(direction=(0, 1, 0)), color='red', opacity=0.5)
-        if extra == 'peeling':
-            pl.enable_depth_peeling()
-        elif extra == 'edl':
-            pl.enable_eye_dome_lighting()
-        elif extra == 'ssao':
-            pl.enable_ssao(radius=0.5)
-        elif extra == 'ssaa':
-            pl.enable_anti_aliasing('ssaa')
+        PASSES[extra](pl)
         aim(pl, (0, -6, 1))
         pictures.append(see.grab(pl))
         pl.close()
@@ -182,7 +149,6 @@ def test_large_screenshots_are_the_same_picture():
     large = pl.screenshot(None, return_img=True, scale=3).astype(float)
     halved = large.reshape(SIZE[1], 3, SIZE[0], 3, 3).mean((1, 3))
     assert np.abs(halved - small).mean() < 3
-    pl.close()
 
 
 def test_highlights_follow_the_material(see):
@@ -193,7 +159,6 @@ def test_highlights_follow_the_material(see):
     assert see.grab(pl).max() > 0.95
     things.prop.specular = 0.0
     assert see.grab(pl).max() < 0.51
-    pl.close()
 
 
 def test_changes_are_seen(see):
@@ -223,7 +188,6 @@ def test_changes_are_seen(see):
     assert see.grab(pl).max() > 0.5
     things.visibility = False
     assert see.grab(pl).max() == 0
-    pl.close()
 
 
 def test_rays_pick_the_nearest():
@@ -236,27 +200,18 @@ def test_rays_pick_the_nearest():
     things.visible = np.array([True, False, True])
     assert things.pick(SIZE[0] / 2, SIZE[1] / 2).index == 0
     assert things.pick(1, 1) is None
-    pl.close()
 
 
 def test_shadows_fall_from_them_and_on_them(see):
     def brightness(above):
-        pl = pv.Plotter(off_screen=True, window_size=SIZE, lighting='none')
-        pl.disable_anti_aliasing()
-        pl.add_light(pv.Light(position=(0, 0, 10), light_type='scene light'))
-        pl.add_mesh(pv.Plane(i_size=6, j_size=6), color='white')
+        pl, _ = floor_and_lamp()
         centers = [[0, 0, 1.0], [0, 0, 3.0]] if above else [[0, 0, 1.0]]
         pl.ibr.add_spheres(centers, [0.5, 0.7][: len(centers)], color='white')
         pl.ibr.add(pvibr.Shadows())
         aim(pl, (0, -8, 4.5), (0, 0, 1))
-        frame, picture = Frame.of(pl.renderer), see.grab(pl)
-        found = []
-        for point in [(0.1, -0.2, 0), (1.5, -1.5, 0), (0, -0.3, 1.4)]:
-            clip = frame.clip_from_view @ frame.view_from_world @ [*point, 1]
-            x, y = ((clip[:2] / clip[3] * [1, -1] + 1) / 2 * SIZE).astype(int)
-            found.append(picture[y, x, 0])
-        pl.close()
-        return found
+        picture = see.grab(pl)
+        x, y = pixels(pl, [(0.1, -0.2, 0), (1.5, -1.5, 0), (0, -0.3, 1.4)])
+        return picture[y, x, 0]
 
     under, free, top = brightness(above=False)
     assert under < 0.1
@@ -276,28 +231,6 @@ def test_buffers_know_them(see):
     assert pl.ibr.buffer_objects[int(ids[y, x])] is thing
     _, _, normals = cast(pl, thing.points, thing.radius)
     np.testing.assert_allclose(pl.ibr.buffer('normal')[y, x - 10], normals[y, x - 10], atol=5e-3)
-    pl.close()
-
-
-@pytest.mark.parametrize(
-    ('given', 'match'),
-    [
-        ({'radius': -1.0}, 'radius must be .* got -1'),
-        ({'radius': np.nan}, 'radius must be .* got nan'),
-        ({'radius': 1e300}, 'radius must be .* got 1e.300'),
-        ({'radius': [1.0, 2.0]}, 'radius has shape'),
-        ({'points': [[0, 0, np.inf]]}, 'finite'),
-        ({'points': [[0.0, 0.0]]}, 'shape'),
-        ({'scalars': [1.0, 2.0]}, 'scalars has shape'),
-        ({'colors': [[2.0, 0, 0]]}, 'from 0 to 1'),
-    ],
-)
-def test_what_is_refused(given, match):
-    pl = plotter()
-    with pytest.raises(ValueError, match=match):
-        pl.ibr.add_spheres(**{'points': [[0.0, 0, 0]], **given})
-    assert not pl.ibr.effects
-    pl.close()
 
 
 def test_none_are_no_trouble(see):
@@ -306,4 +239,3 @@ def test_none_are_no_trouble(see):
     assert see.grab(pl).max() == 0
     assert len(things) == 0
     assert things.pick(1, 1) is None
-    pl.close()

@@ -109,7 +109,7 @@ def test_a_tree_is_drawn_opaque_with_gaps(kind):
         ({'kind': 'palm'}, 'broadleaf.*palm'),
         ({'height': 0}, 'height'),
         ({'height': np.nan}, 'height'),
-        ({'triangles': 100}, 'triangles is 100'),
+        ({'triangles': 100}, 'triangles must be .*got 100'),
     ],
 )
 def test_bad_wishes_are_named(kwargs, match):
