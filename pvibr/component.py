@@ -12,16 +12,19 @@ from pvibr.add_methods import AddMethod
 from pvibr.cameras.facade import CameraFacade
 from pvibr.capture.facade import CaptureFacade
 from pvibr.core.facade import StateFacade
+from pvibr.core.hooks import Hooks
+from pvibr.core.observers import weakly
 from pvibr.core.params import checked_flag
 from pvibr.core.plotters import next_theme, renderers_of
 from pvibr.core.report import Report
 from pvibr.core.signatures import accepts
+from pvibr.export.exporters import plain_exporters, release_exporters
 from pvibr.export.facade import ExportFacade
 from pvibr.export.web_report import Watch
 from pvibr.looks import LooksFacade
 from pvibr.pipeline import Pipeline
 from pvibr.scene.facade import PickFacade
-from pvibr.scene.mesh_widgets import refuse_things
+from pvibr.scene.mesh_widgets import mesh_widgets
 from pvibr.scene.scalar_bars import Bar
 from pvibr.scene.thing import Thing
 
@@ -65,7 +68,7 @@ class IBRComponent(
         super().__init__(plotter)
         self._at_close: list = []
         self._last_report = Report([])
-        refuse_things(plotter)
+        self._hooks = Hooks(plotter)
 
     def __repr__(self) -> str:
         if self._is_closed:
@@ -88,8 +91,19 @@ class IBRComponent(
         pipeline = Pipeline(renderer, self._adaptive_quality)
         pipeline.time = self._time
         pipeline.watch = Watch(renderer, self._hand_over.warn)
+        pipeline.changed = weakly(self._hook)
         self._pipelines.append(pipeline)
         return pipeline
+
+    def _hook(self):
+        """Replace methods of the plotter while, and only while, anything is in a subplot."""
+        holds = any(pipeline.effects for pipeline in self._pipelines)
+        if holds and not self._hooks:
+            self._hooks.put(mesh_widgets(self._plotter) | plain_exporters(self._plotter, self))
+        elif self._hooks and not holds:
+            release_exporters(self._plotter)
+            self._hooks.take_off()
+            self._adaptive_quality.release()
 
     @property
     def effects(self) -> tuple:

@@ -13,6 +13,7 @@ from pvibr.core.effect import Effect, put_into
 from pvibr.core.errors import ClosedError, warn
 from pvibr.core.frame import Frame
 from pvibr.core.passes import has_shadows, is_llvmpipe, loses_depth, peels_samples
+from pvibr.core.plotters import list_all_props
 from pvibr.core.report import Report, Row
 from pvibr.effects import ORDER
 from pvibr.gl.annotations import Annotations
@@ -34,6 +35,10 @@ _PEELS_NOTHING = (
 )
 
 
+def _unheard():
+    pass
+
+
 class Pipeline:
     """What runs before and after a renderer draws; empty, it does nothing and costs nothing."""
 
@@ -53,6 +58,8 @@ class Pipeline:
         self.surfaces = Surfaces(renderer)
         self._stage = _Stage(renderer, self.buffers)
         self.watch: Any = None
+        #: Called when effects came or went.
+        self.changed: Callable[[], None] = _unheard
         self._closed = self._peels = False
 
     def __repr__(self) -> str:
@@ -188,6 +195,7 @@ class Pipeline:
         """Watch the renderer while, and only while, there is something to run."""
         if self.watch is not None:
             self.watch.set(bool(self._entries))
+        self.changed()
         if self._entries and not self._observers:
             # Before and after everyone else's: what others do at these events is in the picture.
             self._observers = [
@@ -202,6 +210,7 @@ class Pipeline:
             self.make_current()
             self._stage.release()
             self.buffers.release()
+            list_all_props(self.renderer)
 
     def view(self) -> Frame:
         """Return the view of the camera as it is now, at the quality of the last frame."""

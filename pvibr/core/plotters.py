@@ -15,6 +15,7 @@ from pyvista.plotting.prop_collection import _PropCollection
 
 from pvibr.core import _vtk
 from pvibr.core._vtk import address, method
+from pvibr.core.hooks import Hooks
 from pvibr.maths.arguments import naming
 
 _PROPERTY = re.compile(r'Get\w*Property')
@@ -52,6 +53,11 @@ def is_dragged(window) -> bool:
 class _UsersProps(_PropCollection):
     """The props of a renderer that users added: names, indices and length leave out the others."""
 
+    def __init__(self, renderer):
+        super().__init__(renderer.GetViewProps())
+        self.hooks = Hooks(renderer)
+        self.hooks.put({'_actors': self, 'GetActors': _users_actors(weakref.ref(renderer))})
+
     def _places(self):
         props = self._prop_collection
         found = range(props.GetNumberOfItems())
@@ -83,9 +89,15 @@ def put_inner(renderer, prop):
         prop.SetObjectName(_INNER)
     listed = getattr(renderer, '_actors', None)
     if listed is not None and not isinstance(listed, _UsersProps):
-        vars(renderer)['_actors'] = _UsersProps(renderer.GetViewProps())
-        vars(renderer)['GetActors'] = _users_actors(weakref.ref(renderer))
+        _UsersProps(renderer)
     renderer.AddViewProp(prop)
+
+
+def list_all_props(renderer):
+    """Give a renderer PyVista's own lists back once all props in it are the user's."""
+    listed = getattr(renderer, '_actors', None)
+    if isinstance(listed, _UsersProps) and not any(map(is_inner, renderer.GetViewProps())):
+        listed.hooks.take_off()
 
 
 def _users_actors(renderer):
@@ -115,28 +127,31 @@ def parts_of_widgets(widgets) -> set[str]:
     return {address(getattr(w, n)()) for w in solid for n in dir(w) if _PROPERTY.fullmatch(n)}
 
 
-def add_by_component(kind):
-    """Have PyVista's ``add_actor`` add a kind of actors, which draw nothing alone."""
-    method = pv.Renderer.add_actor
-    arguments = signature(method)
+def adding_by_component(kind):
+    """Return what wraps PyVista's ``add_actor``: a kind of actors draw nothing by themselves."""
 
-    @wraps(method)
-    def add_actor(renderer, actor, *args, **kwargs):
-        if not isinstance(actor, kind) or _is_here(actor, renderer):
-            return method(renderer, actor, *args, **kwargs)
-        asked = arguments.bind(renderer, actor, *args, **kwargs).arguments
-        asked |= {'remove_existing_actor': False}
-        with in_subplot(renderer.parent, renderer):
-            ibr = renderer.parent.ibr
-            ibr.pipeline.check_addable(actor)
-            actor.name = given = asked.get('name') or actor.given_name
-            ibr.add(actor)
-        try:
-            return method(**asked | {'name': actor.name})
-        finally:
-            actor.name = given  # PyVista's name for what has none is not one that was given
+    def wrap(method):
+        arguments = signature(method)
 
-    pv.Renderer.add_actor = add_actor  # type: ignore[method-assign, assignment]
+        @wraps(method)
+        def add_actor(renderer, actor, *args, **kwargs):
+            if not isinstance(actor, kind) or _is_here(actor, renderer):
+                return method(renderer, actor, *args, **kwargs)
+            call = arguments.bind(renderer, actor, *args, **kwargs).arguments
+            call |= {'remove_existing_actor': False}
+            with in_subplot(renderer.parent, renderer):
+                ibr = renderer.parent.ibr
+                ibr.pipeline.check_addable(actor)
+                actor.name = given_name = call.get('name') or actor.given_name
+                ibr.add(actor)
+            try:
+                return method(**call | {'name': actor.name})
+            finally:
+                actor.name = given_name  # not the one that PyVista makes up for what has none
+
+        return add_actor
+
+    return wrap
 
 
 def _is_here(thing, renderer) -> bool:

@@ -8,38 +8,57 @@ from contextlib import contextmanager
 from functools import wraps
 
 from pvibr.core.errors import warn
+from pvibr.core.hooks import Hooks
 from pvibr.core.plotters import is_closed
 
 #: Methods of plotters that write the scene as data.
 EXPORTERS = 'export_gltf', 'export_html', 'export_obj', 'export_vrml', 'export_vtksz'
 
 
-def export_plain(plotter, ibr):
-    """Make a plotter's exporters write its plain plotter if anything must be baked."""
+def plain_exporters(plotter, ibr) -> dict:
+    """Return by name the exporters of a plotter; they write what is baked into a plain one."""
     wrap = _wrapper(weakref.ref(plotter), weakref.ref(ibr))
-    for name in EXPORTERS:
-        if hasattr(type(plotter), name):
-            vars(plotter)[name] = wrap(plotter, name)
+    names = [name for name in EXPORTERS if hasattr(type(plotter), name)]
+    exporters = {name: wrap(plotter, name) for name in names}
     components = vars(plotter).get('_components')
-    if type(components) is list:  # PyVista 0.49 adds `pl.trame` there on first access
-        vars(plotter)['_components'] = _Components(components, wrap)
+    if type(components) is list:  # PyVista 0.49 has `pl.trame` there once it is asked for
+        exporters['_components'] = _Components(components, wrap)
+    return exporters
 
 
 class _Components(list):
-    """A plotter's components, such as `pl.trame`, with wrapped exporters."""
+    """The components of a plotter, such as `pl.trame`, whose exporters are wrapped."""
 
     def __init__(self, components, wrap):
-        super().__init__()
-        self._wrap = wrap
+        super().__init__(components)
+        self._components, self._wrap, self._hooks = components, wrap, []
         for component in components:
-            self.append(component)
+            self._hook(component)
 
     def append(self, component):
-        component_type = type(component)
-        for name in dir(component_type) if component_type.__name__ == 'TrameComponent' else ():
-            if name.startswith('export_'):
-                vars(component)[name] = self._wrap(component, name, 'trame')
+        self._components.append(component)
         super().append(component)
+        self._hook(component)
+
+    def _hook(self, component):
+        kind = type(component)
+        if kind.__name__ == 'TrameComponent':
+            names = [name for name in dir(kind) if name.startswith('export_')]
+            hooks = Hooks(component)
+            hooks.put({name: self._wrap(component, name, 'trame') for name in names})
+            self._hooks.append(hooks)
+
+    def take_off(self):
+        """Leave the exporters of the components as they were."""
+        for hooks in self._hooks:
+            hooks.take_off()
+
+
+def release_exporters(plotter):
+    """Leave the exporters of a plotter's components as they were."""
+    components = vars(plotter).get('_components')
+    if isinstance(components, _Components):
+        components.take_off()
 
 
 def _wrapper(plotter, ibr):

@@ -5,7 +5,6 @@ from __future__ import annotations
 from pvibr.core.facade import Facade
 from pvibr.core.plotters import renderers_of
 from pvibr.core.signatures import explicit, takes
-from pvibr.export.exporters import export_plain
 from pvibr.export.web_report import HandOver, WebReport, web_report
 
 
@@ -18,7 +17,6 @@ class ExportFacade(Facade):
     def __init__(self, plotter):
         super().__init__(plotter)
         self._hand_over = HandOver(plotter, self.web_report)
-        export_plain(plotter, self)
 
     def web_report(self, backend='client') -> WebReport:
         """Report what a browser shows of all subplots, and what :meth:`to_plain_plotter` adds.

@@ -19,11 +19,10 @@ MESH_WIDGETS = (
 )
 
 
-def refuse_things(plotter):
-    """Have the widgets of a plotter that cut meshes say what to do with a thing."""
-    for name in MESH_WIDGETS:
-        if hasattr(type(plotter), name):
-            vars(plotter)[name] = _widget(name, weakref.ref(plotter))
+def mesh_widgets(plotter) -> dict:
+    """Return by name the widgets of a plotter that cut meshes; of things they say what to do."""
+    names = [name for name in MESH_WIDGETS if hasattr(type(plotter), name)]
+    return {name: _widget(name, weakref.ref(plotter)) for name in names}
 
 
 def _widget(name, plotter):

@@ -11,8 +11,9 @@ import pyvista as pv
 
 from pvibr.core import _vtk
 from pvibr.core.effect import Effect
+from pvibr.core.hooks import MethodHook
 from pvibr.core.params import Param, checked_flag, checked_name
-from pvibr.core.plotters import add_by_component, put_inner, set_legend_label
+from pvibr.core.plotters import adding_by_component, put_inner, set_legend_label
 from pvibr.maths.arguments import naming
 from pvibr.meshes.materials import copy_property
 from pvibr.scene.looks import read_only
@@ -244,6 +245,7 @@ class Thing(Effect, pv.Actor):
         self.ForceOpaqueOn()  # a translucent prop takes part in the order of drawing
         self.SetUseBounds(self.counts_bounds)
         super().__init__(**settings)
+        _ADD_ACTOR.need(self)
 
     def _set_bounds(self, bounds):
         """Have bounds, in the space of the actor."""
@@ -447,7 +449,7 @@ class Thing(Effect, pv.Actor):
 
 for _name in MOVES:
     setattr(Thing, _name, _unmoved(_name))
-add_by_component(Thing)
+_ADD_ACTOR = MethodHook(pv.Renderer, 'add_actor', adding_by_component(Thing))
 
 
 def _mapping(parts):
