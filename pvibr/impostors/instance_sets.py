@@ -149,7 +149,7 @@ class _Pool(MeshPool):
         super().__init__(level)
         self._materials = materials
 
-    def _made(self):
+    def _new_actors(self):
         return [self._double(part) for part in self.level.parts]
 
     def _double(self, part):

@@ -68,8 +68,8 @@ def used_views(group, frame) -> np.ndarray:
     blends_three = _drawn(group, 'blended', cells, size) | _drawn(group, 'fine', cells, size)
     single_layers = [_drawn(group, name, cells, size) for name in _SINGLE]
     if group.atlas.turntable is not None:
-        single_layers = [drawn & (eye_height >= LEVEL) for drawn in single_layers]
-        blends_three &= eye_height >= LEVEL
+        single_layers = [drawn & (eye_height >= SIDE_ELEVATION) for drawn in single_layers]
+        blends_three &= eye_height >= SIDE_ELEVATION
     views = group.atlas.views
     grid = (octahedral.encode(eye_direction, group.atlas.half) * 0.5 + 0.5) * (views - 1)
     nearest_views = np.rint(grid[np.any(single_layers, 0)])

@@ -104,7 +104,7 @@ def moved(mesh, matrix):
         if normals is not None:
             getattr(transformed, name).active_normals = transform_normals(matrix, normals)
     # A mirroring matrix reverses the winding.
-    return turned(transformed) if np.linalg.det(matrix[:3, :3]) < 0 else transformed
+    return with_flipped_winding(transformed) if np.linalg.det(matrix[:3, :3]) < 0 else transformed
 
 
 def clipped(mesh, planes):
