@@ -70,7 +70,7 @@ class InstanceSet:
     def pool(self, number, texels) -> MeshPool:
         """Return the mesh pool of the level for a size in texels."""
         group = self.thing.groups[number]
-        level_limits = self.thing.limits[number].meshes.min(1)
+        level_limits = self.thing.limits[number].mesh_to.min(1)
         level = max(k for k, limit in enumerate(level_limits) if k == 0 or texels <= limit)
         pool_key = number, level
         if pool_key not in self._pools:
@@ -81,7 +81,7 @@ class InstanceSet:
 
     def plain(self, mesh_cost, size_px, card_area, pixel_cost) -> np.ndarray:
         """Return the seconds of blocks drawn by the set itself."""
-        group_limits = [limits.mesh.min() for limits in self.thing.limits]
+        group_limits = [limits.mesh_from.min() for limits in self.thing.limits]
         card_limits = np.array([group_limits[block.number] for block in self.blocks])
         card_cost = self.items_per_block * _CARD + pixel_cost * card_area
         # A block of n instances is about n^(1/3) times as large as each.

@@ -123,12 +123,15 @@ def test_a_clip_loops_or_ends():
 @pytest.mark.parametrize(
     ('arguments', 'words'),
     [
-        (('turn', [0], [[0] * 3]), "path is 'turn'; it must be one of 'translation'"),
-        (('scale', [0], [[0] * 3], 'quad'), "interpolation is 'quad'"),
-        (('scale', [], np.zeros((0, 3))), r'times has the shape \(0,\)'),
-        (('scale', [0, 2, 1], np.ones((3, 3))), r'times\[2\] is 1.0 after 2.0'),
-        (('scale', [0, 0], np.ones((2, 3))), r'times of keys must increase'),
-        (('scale', [np.nan], np.ones((1, 3))), r'times\[0\] is nan'),
+        (('turn', [0], [[0] * 3]), r"path must be one of 'translation'.*got 'turn'"),
+        (('scale', [0], [[0] * 3], 'quad'), r"interpolation must .*got 'quad'"),
+        (('scale', [], np.zeros((0, 3))), r'times must have shape'),
+        (
+            ('scale', [0, 2, 1], np.ones((3, 3))),
+            r'times must increase, got 1.0 after 2.0 at times\[2\]',
+        ),
+        (('scale', [0, 0], np.ones((2, 3))), r'times must increase'),
+        (('scale', [np.nan], np.ones((1, 3))), r'times\[0\] must .*got nan'),
         (('scale', [0], np.ones((1, 4))), r'must have shape \(1, 3\), got \(1, 4\)'),
         (('scale', [0], np.ones((1, 3)), 'cubic'), r'must have shape \(1, 3, 3\)'),
         (('scale', [0], [[1, np.inf, 1]]), r'values\[0, 1\].* finite'),

@@ -163,7 +163,7 @@ def test_a_figure_refuses_what_does_not_fit():
     figure = Figure([FigureMesh(mesh, 0)], Skeleton([-1], [np.eye(4)]))
     with pytest.raises(ValueError, match='pose must have 1 matrices, one per joint, got 2'):
         figure.posed(0, np.tile(np.eye(4), (2, 1, 1)))
-    refused('skinning is', random_figure(np.random.default_rng(0)).posed, 0, skinning='cubic')
+    refused('skinning must', random_figure(np.random.default_rng(0)).posed, 0, skinning='cubic')
     refused('pose must be a single pose', figure.posed, 0, figure.sample([0.0, 1.0]))
     with pytest.raises(ValueError, match='pose must have 0 morph weights, got 1'):
         figure.weights(0, figure.rest.replaced(weights=[1.0]))

@@ -257,7 +257,7 @@ def test_bones_may_change_their_length():
             lambda s: Rig(s, [InverseKinematics('chest', method='two_bone')]),
             'must have 2 joints above it',
         ),
-        (lambda s: InverseKinematics('hand', method='magic'), "method is 'magic'"),
+        (lambda s: InverseKinematics('hand', method='magic'), r"method must .*got 'magic'"),
         (
             lambda s: InverseKinematics('hand', weights=[1, 2]),
             'weights must have 1 values.* got 2',
@@ -266,13 +266,13 @@ def test_bones_may_change_their_length():
             lambda s: InverseKinematics('hand', poles={'head': [0, 0, 0]}),
             "poles must name effectors .* got 'head'",
         ),
-        (lambda s: Aim('head', [0, 0]), 'at has the shape'),
-        (lambda s: Aim('head', [0, 0, 1], axis=[0, 0, 0]), 'axis is'),
+        (lambda s: Aim('head', [0, 0]), r'at must have shape'),
+        (lambda s: Aim('head', [0, 0, 1], axis=[0, 0, 0]), 'axis must'),
         (
             lambda s: Aim('head', [0, 0, 1], [0, 1, 0], up=[0, 1, 0]),
             'must not be parallel to axis',
         ),
-        (lambda s: Aim('head', [0, 0, 1], weight=1.5), 'weight is 1.5'),
+        (lambda s: Aim('head', [0, 0, 1], weight=1.5), r'weight must .*got 1.5'),
         (
             lambda s: CopyTransform('head', 'hand', rotation=False),
             'rotation or position must be True',

@@ -75,8 +75,13 @@ def test_bad_input_is_named():
         VertexAnimation([0, 1], np.zeros((2, 4)))
     with pytest.raises(ValueError, match=r'normals must have shape \(2, 4, 3\)'):
         VertexAnimation([0, 1], np.zeros((2, 4, 3)), np.zeros((2, 5, 3)))
-    refused(r'times\[1\] is 0.0 after 1.0', VertexAnimation, [1, 0], np.zeros((2, 4, 3)))
+    refused(
+        r'times must increase, got 0.0 after 1.0 at times\[1\]',
+        VertexAnimation,
+        [1, 0],
+        np.zeros((2, 4, 3)),
+    )
     with pytest.raises(ValueError, match=r'positions\[1\]\[0, 0\].* finite'):
         VertexAnimation([0, 1], [np.zeros((1, 3)), np.full((1, 3), np.nan)])
-    refused('interpolation is', VertexAnimation, [0, 1], np.zeros((2, 4, 3)), None, 'septic')
-    refused(r'period is 0\.5', VertexAnimation, [0, 1], np.zeros((2, 4, 3)), period=0.5)
+    refused('interpolation must', VertexAnimation, [0, 1], np.zeros((2, 4, 3)), None, 'septic')
+    refused(r'period must .*got 0\.5', VertexAnimation, [0, 1], np.zeros((2, 4, 3)), period=0.5)

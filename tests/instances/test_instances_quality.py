@@ -32,6 +32,10 @@ class Level:
     def quality(self, renderer):
         return self.level
 
+    @property
+    def latest(self):
+        return self.level
+
 
 def test_full_quality_is_what_it_was():
     full = LIMITS.coarser(1.0)

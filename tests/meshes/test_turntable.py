@@ -183,8 +183,10 @@ def test_each_level_joins_by_its_measured_error(foliage, atlases, see):
 
 
 def test_sizes_follow_from_errors():
-    good = np.array([[0.4, 0.0, 0.2, 0.0], [1.4, 0.0, 0.2, 0.0]])
-    bad = np.array([[0.4, 0.0, 0.2, 0.0], [2.5, 0.0, 0.2, 0.0]])
+    good, bad = (
+        np.tile([[[0.4, 0.0, 0.2, 0.0]], [[displacement, 0.0, 0.2, 0.0]]], (1, 16, 1))
+        for displacement in (1.4, 2.5)
+    )
     table = dict.fromkeys(('splat', 'parallax', 'blended', 'fine'), good)
     table |= {'sizes': np.array([8.0, 16.0]), 'flat': bad}
     plain = limits_of(table, 1, 1.0)

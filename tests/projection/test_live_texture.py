@@ -212,7 +212,7 @@ def test_removed_and_added_again():
     ('match', 'call'),
     [
         *(
-            ('size is', lambda size=size: pvibr.LiveTexture(camera(), size=size))
+            ('size must be', lambda size=size: pvibr.LiveTexture(camera(), size=size))
             for size in [(0, 4), (4,), 'big', (4.5, 4)]
         ),
         ('camera', lambda: pvibr.LiveTexture('left')),

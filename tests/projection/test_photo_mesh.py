@@ -404,7 +404,7 @@ def test_bad_input_is_refused(made):
     ):
         with pytest.raises(error, match=match):
             pvibr.PhotoMesh(mesh, wrong, masks=masks)
-    with pytest.raises(ValueError, match="to is 'paper'"):
+    with pytest.raises(ValueError, match=r"to must .*got 'paper'"):
         pvibr.PhotoMesh(pv.Plane(), photos[:1]).bake('paper')
 
 

@@ -131,7 +131,7 @@ def test_the_file_itself_is_sound(rich):
         ('bufferViews.4.byteOffset', 10**6, r'bufferViews\[4\] must end within .* got 1000048'),
         ('bufferViews.4.byteLength', 10**15, r'bufferViews\[4\] must end within'),
         ('accessors.4.byteOffset', 4, r'accessors\[4\] must end within the 48 bytes .* got 52'),
-        ('accessors.4.count', 2**40, r'POSITION 1099511627776'),
+        ('accessors.4.count', 2**40, r'must have 1099511627776 elements'),
         ('accessors.6.count', 2**40, r'accessors\[6\] must end within'),
         ('bufferViews.4.byteStride', 8, r'byteStride must be at least 12, got 8'),
         ('bufferViews.4.byteStride', 2, r'bufferViews\[4\].byteStride: Expected `int` >= 4'),
@@ -141,10 +141,14 @@ def test_the_file_itself_is_sound(rich):
         ('accessors.4.componentType', 5124, r'accessors\[4\].componentType: Invalid enum value'),
         ('accessors.4.type', 'VEC5', r'attributes.POSITION must be .* got accessors\[4\] of VEC5'),
         ('accessors.4.type', 'VEC2', r'attributes.POSITION must be .* got accessors\[4\] of VEC2'),
-        ('accessors.5.count', 3, r'attributes.NORMAL has 3 elements, POSITION 4'),
-        ('accessors.3.count', 3, r'targets\[0\].POSITION has 3 elements of 4'),
+        ('accessors.5.count', 3, r'attributes.NORMAL must have 4 elements, as POSITION, got 3'),
+        ('accessors.3.count', 3, r'targets\[0\].POSITION must have 4 elements, got 3'),
         ('accessors.6.componentType', 5126, r'must be unsigned integers: accessors\[6\]'),
-        ('accessors.7.count', 1, r'inverseBindMatrices has 1 matrices for 2 joints'),
+        (
+            'accessors.7.count',
+            1,
+            r'inverseBindMatrices must have 2 matrices, one per joint, got 1',
+        ),
         ('meshes.0.primitives.0.mode', 9, r'mode: Expected `int` <= 6'),
         # Graph
         ('nodes.3.children', [2], r'nodes\[3\].children\[0\] .* got 2, a child of'),
@@ -160,9 +164,13 @@ def test_the_file_itself_is_sound(rich):
         ('nodes.1.rotation', [0, 0, 0, 0], r'nodes: '),
         ('nodes.1.scale', [1e31, 1, 1], r'nodes\[1\].scale\[0\]: Expected `float` <= 1e'),
         # Morphs and clips
-        ('nodes.0.weights', [1, 2], r'nodes\[0\] has 2 morph weights for 1 targets'),
+        ('nodes.0.weights', [1, 2], r'nodes\[0\] must have 1 weights, got 2'),
         ('animations.0.samplers.0.output', 0, r'output must be .* got accessors\[0\] of VEC2'),
-        ('animations.0.samplers.0.interpolation', 'CUBICSPLINE', r'2 keys need 24'),
+        (
+            'animations.0.samplers.0.interpolation',
+            'CUBICSPLINE',
+            r'must have 24 numbers for 2 keys',
+        ),
         ('animations.0.samplers.0.interpolation', 'SPLINE', r'samplers\[0\].interpolation'),
         # What is not glTF 2.0, or no JSON
         ('asset.version', '1.0', r"asset.version must be 2.x, got '1.0'"),
@@ -188,7 +196,7 @@ def test_an_error_names_the_place(rich, place, value, said):
         (8, 1, 'nan', r'accessors\[8\]: .* must be finite, got nan'),
         (9, 0, '-inf', r'accessors\[9\]: .* must be finite, got -inf'),
         (2, 0, 'nan', r'accessors\[2\]: element 0 must be finite, got nan'),
-        (7, 3, '0.5', r'skins\[0\].inverseBindMatrices: matrix 0 is not affine'),
+        (7, 3, '0.5', r'skins\[0\].inverseBindMatrices\[0\] must be affine'),
     ],
 )
 def test_numbers_that_are_none(rich, accessor, element, value, said):
@@ -216,7 +224,7 @@ def test_corners_that_make_no_triangles(rich):
 
 def test_keys_out_of_order(glb):
     glb.animate(glb.shown(glb.primitive()), 'scale', [0, 2, 1], np.ones((3, 3)))
-    with pytest.raises(GltfError, match=r'animations\[0\].channels\[0\]: times\[2\]'):
+    with pytest.raises(GltfError, match=r'animations\[0\].channels\[0\]: times must increase'):
         pvibr.read_gltf(glb.write())
 
 

@@ -132,10 +132,13 @@ def test_odd_weights_are_those_of_other_readers(glb):
 @pytest.mark.parametrize(
     ('picture', 'said'),
     [
-        ({'uri': 'data:image/png;base64,iVBORw0KGgo='}, 'images[0] is in another format'),
+        (
+            {'uri': 'data:image/png;base64,iVBORw0KGgo='},
+            'images[0] must be PNG, JPEG or WebP, got another format',
+        ),
         ({'uri': 'http://localhost/a.png'}, 'must be a data URI or relative path'),
-        ({'uri': 'data:;base64,' + base64.b64encode(b'\xabKTX 20\xbb').decode()}, 'is KTX2'),
-        ({}, 'images[0] has neither uri nor bufferView'),
+        ({'uri': 'data:;base64,' + base64.b64encode(b'\xabKTX 20\xbb').decode()}, 'got KTX2'),
+        ({}, 'images[0] must have uri or bufferView, got neither'),
     ],
 )
 def test_a_picture_that_cannot_be_read_is_named_and_left_out(glb, picture, said):

@@ -259,4 +259,4 @@ def test_a_clip_is_a_series():
     assert np.allclose([mesh.center[2] for mesh in meshes], [0, 1, 2, 3])
     again = Figure.from_series(meshes, times)
     assert np.allclose(again.mesh(0.15).points, figure.mesh(0.15).points)
-    refused('fps is 0', figure.series, 'up', 0)
+    refused(r'fps must .*got 0', figure.series, 'up', 0)
