@@ -63,8 +63,10 @@ def _contiguous(highs) -> dict[str, np.ndarray]:
 
 def _scaled(spans, quality) -> dict:
     # A splat replaces what covers a few pixels, at any quality.
-    scales = {name: 1.0 if name == SPLAT.name else quality for name in spans}
-    return _contiguous({name: high / scales[name] for name, (_, high) in spans.items()})
+    splat_end = spans[SPLAT.name][1] if SPLAT.name in spans else 0.0
+    return {
+        name: np.where(sizes <= splat_end, sizes, sizes / quality) for name, sizes in spans.items()
+    }
 
 
 def _cut_off(spans, ends, without='') -> dict:

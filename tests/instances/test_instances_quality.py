@@ -3,11 +3,12 @@
 from itertools import pairwise
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from pvibr.instances.card_layers import PATCHES
-from pvibr.instances.limits import Limits
+from pvibr.instances.limits import Limits, forced_limits
 
 CAMERA = {'eye': (0.0, -7.0, 2.5), 'focus': (0.0, 0.0, 0.0)}
 SPANS = {
@@ -41,6 +42,22 @@ def test_full_quality_is_what_it_was():
     full = LIMITS.coarser(1.0)
     assert all((full.cards[name] == SPANS[name]).all() for name in SPANS)
     assert (full.mesh_to == MESHES).all()
+
+
+def test_forced_sizes_begin_where_they_are_said_to():
+    limits = forced_limits({'flat': (50.0, 100.0), 'fine': (20.0, 50.0)}, 2)
+    for quality in (1.0, 0.5):
+        spans = limits.coarser(quality).cards
+        assert (quality * spans['flat'].T == [50, 100]).all()
+        assert (quality * spans['fine'].T == [20, 50]).all()
+
+
+@pytest.mark.parametrize('low', [0.0, 1e3])
+def test_nothing_is_drawn_below_the_sizes_of_a_forced_level(scenes, see, bean, low):
+    pl, things = scenes.instances(bean, [[0, 0, 0]], size=(60, 40), camera=CAMERA)
+    things.force_level = {'flat': (low, 1e4)}
+    assert (np.ptp(see.grab(pl)) > 0.1) == (low == 0)
+    assert things.explain(0).level == ('' if low else 'flat')
 
 
 @given(st.floats(1 / 16, 1))
