@@ -69,7 +69,7 @@ def _with_effects(init, make):
 
 
 if EFFECT:
-    import pvibr.component  # noqa: F401
+    import pvibr.api.plotter_component  # noqa: F401
 
     if EFFECT != 'none':
         pv.Plotter.__init__ = _with_effects(pv.Plotter.__init__, EFFECTS[EFFECT])

@@ -15,11 +15,11 @@ from benchmarks.common.harness import Bench, Row
 from benchmarks.common.meshes import DATA
 from benchmarks.common.timing import mean_flip, pictures, timed
 from benchmarks.common.whole_frames import real_plotter, turning
-from pvibr.billboard_clouds.cloud import billboard_cloud
-from pvibr.capture.offscreen import SAMPLES, Stage, mesh_actors
 from pvibr.maths.image_error import psnr
 from pvibr.meshes.parts import as_parts
+from pvibr.scenes.stage import SAMPLES, Stage, mesh_actors
 from pvibr.scenes.trees import tree_parts
+from pvibr.substitutes.billboard_cloud import billboard_cloud
 
 #: Pixels that a mesh is high: where a cloud of 2 % is meant to be seen.
 _SIZE = 160

@@ -11,7 +11,7 @@ from benchmarks.common.harness import Bench, Row
 from benchmarks.common.meshes import knot, scatter, torus
 from benchmarks.common.timing import beside_full, warm_up
 from benchmarks.common.whole_frames import real_plotter, turning
-from pvibr.capture.offscreen import Stage
+from pvibr.scenes.stage import Stage
 
 #: Degrees of the orbit and world units of the fly-by from one frame to the next: a turn in 24 s
 #: at 60 frames a second, and the same pace straight on.

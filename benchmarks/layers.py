@@ -12,8 +12,8 @@ from benchmarks.common.harness import Bench, Row
 from benchmarks.common.meshes import scatter
 from benchmarks.common.timing import beside_full, warm_up
 from benchmarks.common.whole_frames import real_plotter, turning
-from pvibr.capture.offscreen import Stage
 from pvibr.maths.flip import flip
+from pvibr.scenes.stage import Stage
 
 #: Degrees that the camera turns, and world units that it goes sideways, from one frame to the
 #: next: 6 degrees and 1.2 units a second at 60 frames a second.

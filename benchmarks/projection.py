@@ -15,7 +15,7 @@ from benchmarks.common.timing import least
 from benchmarks.common.whole_frames import turning
 from pvibr.maths.octahedral import frame
 from pvibr.maths.pinhole import Pinhole
-from pvibr.projection.samples import Samples
+from pvibr.visibility.surface_samples import Samples
 
 #: Pixels of the photograph, and a lens that bends its corners by a tenth.
 SIZE = (1280, 720)

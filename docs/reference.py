@@ -6,8 +6,8 @@ import importlib
 import inspect
 from pathlib import Path
 
-from pvibr.accessor import IBRAccessor
-from pvibr.component import IBRComponent
+from pvibr.api.mesh_accessor import IBRAccessor
+from pvibr.api.plotter_component import IBRComponent
 from pvibr.core.params import params_of
 
 FOLDER = Path(__file__).with_name('api')

@@ -12,8 +12,8 @@ from pathlib import Path
 
 import pyvista as pv
 
-from pvibr.billboard_clouds.cloud import billboard_cloud
 from pvibr.scenes.trees import tree_parts
+from pvibr.substitutes.billboard_cloud import billboard_cloud
 
 TRIANGLES = 50_000
 SIZE = 1024  # texels along a side of the texture

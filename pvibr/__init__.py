@@ -37,7 +37,7 @@ def lazy_exports(package, exports):
 EFFECTS = {
     'Ground': 'pvibr.effects.ground',  # a surface: in place before light looks at any
     'Shadows': 'pvibr.shadows.shadows',  # light that reaches surfaces, before any is shaded
-    'Projector': 'pvibr.projection.projector',  # photographs are lit and shadowed like surfaces
+    'Projector': 'pvibr.photos.projector',  # photographs are lit and shadowed like surfaces
     'AmbientOcclusion': 'pvibr.effects.ambient_occlusion',  # of surfaces, before what is behind
     'Sky': 'pvibr.effects.backgrounds',  # behind the scene: a lens blurs it, bright parts bloom
     'Backdrop': 'pvibr.effects.backgrounds',  # as the sky
@@ -62,44 +62,44 @@ _EXPORTS = {
     'AnimatedActor': 'pvibr.figures.animated_actor',
     'animation': 'pvibr.animation',
     'Atlas': 'pvibr.instances.atlas',
-    'attach': 'pvibr.plain_renderer',
-    'BillboardCloud': 'pvibr.billboard_clouds.cloud',
-    'Billboards': 'pvibr.billboards.billboards',
+    'attach': 'pvibr.api.plain_renderer',
+    'BillboardCloud': 'pvibr.substitutes.billboard_cloud',
+    'Billboards': 'pvibr.points.billboards',
     'ClosedError': 'pvibr.core.errors',
     'Crowd': 'pvibr.figures.crowd',
-    'Cylinders': 'pvibr.quadrics.cylinders',
+    'Cylinders': 'pvibr.points.cylinders',
     'deterministic': 'pvibr.core.determinism',
     'Effect': 'pvibr.core.effect',
-    'Ellipsoids': 'pvibr.quadrics.ellipsoids',
+    'Ellipsoids': 'pvibr.points.ellipsoids',
     'Figure': 'pvibr.animation.figure',
     'foliage_levels': 'pvibr.instances.foliage_levels',
-    'ImageLayers': 'pvibr.image_layers.image_layers',
-    'Impostor': 'pvibr.impostors.impostor',
+    'ImageLayers': 'pvibr.substitutes.image_layers',
+    'Impostor': 'pvibr.substitutes.impostor',
     'Instances': 'pvibr.instances.instances',
     'Lens': 'pvibr.maths.lenses',
     'LensCamera': 'pvibr.maths.lens_camera',
-    'LiveTexture': 'pvibr.projection.live_texture',
+    'LiveTexture': 'pvibr.effects.live_texture',
     'matrices': 'pvibr.meshes.posed',
-    'Mirror': 'pvibr.projection.live_texture',
+    'Mirror': 'pvibr.effects.live_texture',
     'Orthographic': 'pvibr.maths.orthographic',
-    'silhouette_lines': 'pvibr.projection.silhouette_lines',
+    'silhouette_lines': 'pvibr.visibility.silhouette_lines',
     'Param': 'pvibr.core.params',
-    'Photo': 'pvibr.cameras.photos',
-    'PhotoMesh': 'pvibr.projection.photo_mesh',
-    'Photos': 'pvibr.cameras.photos',
+    'Photo': 'pvibr.photos.photos',
+    'PhotoMesh': 'pvibr.photos.photo_mesh',
+    'Photos': 'pvibr.photos.photos',
     'Pinhole': 'pvibr.maths.pinhole',
     'PvibrError': 'pvibr.core.errors',
     'PvibrWarning': 'pvibr.core.errors',
-    'read_cameras': 'pvibr.cameras.read',
-    'read_city': 'pvibr.formats.cities',
-    'read_gltf': 'pvibr.animation.gltf.read',
+    'read_cameras': 'pvibr.photos.read_cameras',
+    'read_city': 'pvibr.io.cities',
+    'read_gltf': 'pvibr.animation.read_gltf',
     'read_poses': 'pvibr.meshes.pose_files',
     'ShaderError': 'pvibr.core.errors',
-    'shadow_mask': 'pvibr.projection.visibility',
-    'shadowed_area': 'pvibr.projection.visibility',
-    'Spheres': 'pvibr.quadrics.spheres',
-    'visible': 'pvibr.projection.visibility',
-    'write_cameras': 'pvibr.cameras.write',
+    'shadow_mask': 'pvibr.visibility.visibility',
+    'shadowed_area': 'pvibr.visibility.visibility',
+    'Spheres': 'pvibr.points.spheres',
+    'visible': 'pvibr.visibility.visibility',
+    'write_cameras': 'pvibr.photos.write_cameras',
 }
 
 __all__ = [*_EXPORTS]  # noqa: PLE0604, RUF100
@@ -116,10 +116,10 @@ class _WhenQtIsImported:
         """Find nothing itself."""
         if name == 'pyvistaqt':
             sys.meta_path.remove(self)
-            importlib.import_module('pvibr.component')
+            importlib.import_module('pvibr.api.plotter_component')
 
 
 if 'pyvistaqt' in sys.modules:
-    importlib.import_module('pvibr.component')
+    importlib.import_module('pvibr.api.plotter_component')
 else:
     sys.meta_path.insert(0, _WhenQtIsImported())

@@ -22,7 +22,7 @@ import pytest
 import pyvista as pv
 from hypothesis import HealthCheck, settings
 
-from pvibr.gl.offscreen import hidden_window
+from pvibr.gl.hidden_window import hidden_window
 from pvibr.instances.atlas import Atlas
 from pvibr.scenes.trees import LEVELS
 from tests.instances.scenes import (  # noqa: F401

@@ -14,11 +14,11 @@ from numpydoc.validate import validate
 import pvibr
 import pvibr.animation
 import pvibr_widgets
-from pvibr.accessor import IBRAccessor
 from pvibr.animation import Clip, Morphs, Rig, Skin, VertexAnimation
 from pvibr.animation.model import Model
 from pvibr.animation.rig import Step
-from pvibr.component import IBRComponent
+from pvibr.api.mesh_accessor import IBRAccessor
+from pvibr.api.plotter_component import IBRComponent
 from pvibr.core.effect import Effect
 from pvibr.figures.animated import animated
 from pvibr.maths import cameras, facing

@@ -11,7 +11,7 @@ import pyvista as pv
 import pvibr
 from pvibr.core.hooks import Hooks, MethodHook
 from pvibr.export.exporters import EXPORTERS
-from pvibr.scene.mesh_widgets import MESH_WIDGETS
+from pvibr.things.mesh_widgets import MESH_WIDGETS
 from tests.test_every_thing import EVERY
 
 #: Effects that need no argument.

@@ -16,18 +16,15 @@ import pvibr
 ROOT = Path(pvibr.__file__).parent
 # The floors of the house, highest first: an import goes down, or stays in its room.
 FLOORS = (
-    ('cli', 'plain_renderer'),
-    ('component',),
-    ('accessor', 'looks', 'export', 'figures', 'image_layers', 'inspection', 'quadrics', 'scenes'),
-    ('pipeline', 'add_methods', 'billboards', 'billboard_clouds', 'capture', 'impostors'),
-    ('effects', 'instances', 'projection', 'shadows'),
-    ('scene', 'cameras'),
-    ('images', 'meshes'),
-    ('animation.gltf',),
-    ('animation',),
-    ('formats', 'gl'),
+    ('api', 'cli'),
+    ('export', 'inspection'),
+    ('capture', 'figures', 'photos', 'scenes', 'substitutes'),
+    ('effects', 'instances', 'points', 'shadows', 'visibility'),
+    ('things',),
+    ('meshes',),
+    ('animation', 'textures'),
+    ('gl', 'io', 'maths'),
     ('core',),
-    ('maths',),
 )
 RANKS = {room: -floor for floor, rooms in enumerate(FLOORS) for room in rooms}
 MODULES = sorted(p for p in ROOT.rglob('*.py') if p != ROOT / '__init__.py')
@@ -66,7 +63,9 @@ def test_imports_go_down_only(path):
             if mine != theirs:
                 assert RANKS[theirs] < RANKS[mine], f'{path.name} imports {name}'
             elif mine == 'effects':
-                assert name.split('.')[2] in ('light_spread', 'full_screen', 'ORDER'), name
+                assert name.split('.')[2] in (
+                    *('light_spread', 'full_screen', 'reflections', 'ORDER'),
+                ), name
 
 
 def is_root_name(name):
@@ -105,13 +104,13 @@ def test_importing_imports_nothing_else():
 def test_component_adds_nothing_heavy_to_plotting():
     names = run(
         'import sys, pyvista as pv; pv.Plotter; before = set(sys.modules);'
-        'import pvibr.component, pvibr.accessor;'
+        'import pvibr.api.plotter_component, pvibr.api.mesh_accessor;'
         'print(*set(sys.modules) - before)'
     )
     assert not [m for m in names if m.startswith(('trimesh', 'imageio', 'scipy', 'rich'))]
     assert not [m for m in names if m.startswith('vtkmodules')]
     assert not [
-        m for m in names if m.startswith(('pvibr.instances', 'pvibr.figures', 'pvibr.impostors'))
+        m for m in names if m.startswith(('pvibr.instances', 'pvibr.figures', 'pvibr.substitutes'))
     ]
 
 
@@ -121,7 +120,7 @@ def test_a_plotter_and_a_mesh_find_pvibr_by_themselves():
         'print(type(pl.ibr).__module__, type(pv.Sphere().ibr).__module__,'
         'type(pv.MultiBlock().ibr).__module__, type(pv.UnstructuredGrid().ibr).__module__)'
     )
-    assert names == ['pvibr.component'] + ['pvibr.accessor'] * 3
+    assert names == ['pvibr.api.plotter_component'] + ['pvibr.api.mesh_accessor'] * 3
 
 
 def test_names_of_the_root():

@@ -15,9 +15,9 @@ from pyvista import examples
 import pvibr
 import pvibr.animation
 import pvibr_widgets
-from pvibr.accessor import IBRAccessor
 from pvibr.animation import Correctives, Figure, FigureMesh, Pose, Skeleton
-from pvibr.component import IBRComponent
+from pvibr.api.mesh_accessor import IBRAccessor
+from pvibr.api.plotter_component import IBRComponent
 from tests.test_docstrings import is_ours, members
 
 OWNERS = {

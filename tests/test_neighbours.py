@@ -10,8 +10,8 @@ import pytest
 import pyvista as pv
 
 import pvibr
-from pvibr.core.frame import Frame
 from pvibr.core.passes import is_llvmpipe
+from pvibr.things.frame import Frame
 from tests.pictures import plotter, shot, shown
 
 pytestmark = pytest.mark.sampled

@@ -10,10 +10,10 @@ import pyvista as pv
 from benchmarks.billboards.sprites import times_by_count
 from benchmarks.common.harness import Row
 from benchmarks.common.timing import least_ms
-from pvibr.capture.offscreen import Stage
 from pvibr.cli.peers import glyph_mapper
 from pvibr.core import _vtk
-from pvibr.maths.quadric_rays import cast, inner, meet_cylinders, meet_ellipsoids, meet_spheres
+from pvibr.points.quadric_rays import cast, inner, meet_cylinders, meet_ellipsoids, meet_spheres
+from pvibr.scenes.stage import Stage
 
 #: The camera's positions around a cube of side 2.
 CAMERAS = [((0.1 * k, -7.5, 1), (0, 0, 0), (0, 0, 1)) for k in range(3)]

@@ -10,9 +10,9 @@ import pyvista as pv
 
 from benchmarks.common.harness import Row
 from benchmarks.common.timing import least_ms
-from pvibr.billboards.billboards import Billboards
-from pvibr.billboards.images import SheetImages
-from pvibr.capture.offscreen import Stage
+from pvibr.points.billboard_images import SheetImages
+from pvibr.points.billboards import Billboards
+from pvibr.scenes.stage import Stage
 
 _SIDE = 0.02  # of a billboard, where the points fill a cube of side 2
 CAMERAS = [((0.1 * k, -4, 0.5), (0, 0, 0), (0, 0, 1)) for k in range(4)]

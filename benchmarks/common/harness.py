@@ -12,7 +12,7 @@ from rich.console import Console
 from rich.table import Table
 
 from benchmarks.common import whole_frames
-from pvibr.capture.offscreen import Stage
+from pvibr.scenes.stage import Stage
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ import numpy as np
 import pyvista as pv
 
 from benchmarks.common.meshes import DATA, MESHES
-from pvibr.capture.offscreen import Stage
+from pvibr.scenes.stage import Stage
 from pvibr.scenes.trees import tree
 
 #: Width and height in pixels: square, wide, tall.

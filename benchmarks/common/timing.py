@@ -6,9 +6,9 @@ import time
 
 import numpy as np
 
-from pvibr.capture.offscreen import Stage
 from pvibr.cli.timing import spent
 from pvibr.maths.flip import flip
+from pvibr.scenes.stage import Stage
 
 
 def seconds(window, job=None) -> float:

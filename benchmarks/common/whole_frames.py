@@ -9,8 +9,8 @@ from types import SimpleNamespace
 import numpy as np
 import pyvista as pv
 
-from pvibr.capture.offscreen import MULTI_SAMPLES
 from pvibr.cli.timing import CLOCKS, medians_ms, spent
+from pvibr.scenes.stage import MULTI_SAMPLES
 
 #: Builds the scene of some settings in a plotter of a window size, with the capability or without
 #: it, and returns the plotter and a function that draws the frame of a number.

@@ -7,11 +7,11 @@ import pyvista as pv
 
 from benchmarks.common.harness import Row
 from benchmarks.common.timing import seconds
-from pvibr.capture.offscreen import Stage
 from pvibr.effects.accumulation import Accumulation
 from pvibr.effects.ambient_occlusion import AmbientOcclusion
 from pvibr.effects.depth_of_field import DepthOfField
 from pvibr.maths.image_error import psnr
+from pvibr.scenes.stage import Stage
 from pvibr.shadows.shadows import Shadows
 
 _SUN = ((3, -2, 6), False)

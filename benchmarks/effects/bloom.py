@@ -13,7 +13,7 @@ from benchmarks.common.timing import seconds
 from benchmarks.common.whole_frames import real_plotter, turning
 from benchmarks.effects.copies import HalfFloatCopy, Stand, in_copies
 from pvibr.effects.bloom import Bloom
-from pvibr.gl.offscreen import hidden_window
+from pvibr.gl.hidden_window import hidden_window
 
 #: What is measured against a true Gaussian, each by itself.
 SETTINGS: tuple[dict, ...] = (

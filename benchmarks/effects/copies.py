@@ -9,15 +9,15 @@ import numpy as np
 from benchmarks.common.harness import Row
 from benchmarks.common.timing import least, seconds
 from pvibr.core.effect import Effect
-from pvibr.core.frame import Frame
 from pvibr.effects.backgrounds import Sky
 from pvibr.effects.screen import Flash, ImageOverlay, Iris, NightVision, Vignette
 from pvibr.effects.shader_effect import ShaderEffect
 from pvibr.effects.tone_mapping import ToneMapping
 from pvibr.gl import Quad, Target, Texture, release
 from pvibr.gl.fused import Fused
-from pvibr.gl.offscreen import hidden_window
+from pvibr.gl.hidden_window import hidden_window
 from pvibr.maths.tones import CURVES
+from pvibr.things.frame import Frame
 
 _COPY = 'uniform sampler2D color; void main() { gl_FragData[0] = texture(color, uv); }'
 

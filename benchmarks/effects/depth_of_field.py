@@ -6,11 +6,11 @@ import numpy as np
 import pyvista as pv
 
 from benchmarks.common.harness import Row
-from pvibr.capture.offscreen import Stage
 from pvibr.effects.depth_of_field import DepthOfField
 from pvibr.maths.image_error import psnr
 from pvibr.maths.kernels import vogel_disk
 from pvibr.maths.octahedral import frame
+from pvibr.scenes.stage import Stage
 
 
 def measure(settings, results):

@@ -11,11 +11,11 @@ import pyvista as pv
 from benchmarks.common.harness import Row
 from benchmarks.common.timing import least
 from benchmarks.effects.copies import Copy
-from pvibr.capture.offscreen import Stage
 from pvibr.core.effect import Effect
 from pvibr.effects.outline import Outline
 from pvibr.maths.cameras import as_camera
-from pvibr.projection.silhouette_lines import silhouette_lines
+from pvibr.scenes.stage import Stage
+from pvibr.visibility.silhouette_lines import silhouette_lines
 
 # As fine as a silhouette that is known to a part of a pixel asks for.
 MESHES = {

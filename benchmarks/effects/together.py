@@ -14,7 +14,7 @@ import pyvista as pv
 
 from benchmarks.common.harness import Row
 from benchmarks.common.timing import least
-from pvibr.capture.offscreen import Stage
+from pvibr.api.pipeline import Pipeline
 from pvibr.core.effect import Effect
 from pvibr.effects.backgrounds import Sky
 from pvibr.effects.bloom import Bloom
@@ -26,7 +26,7 @@ from pvibr.effects.tone_mapping import ToneMapping
 from pvibr.gl import Quad, Target, Texture
 from pvibr.gl.drawer import Drawer
 from pvibr.gl.picture import Picture
-from pvibr.pipeline import Pipeline
+from pvibr.scenes.stage import Stage
 
 VIEW = [(1.4, -2.2, 1.5), (0, 0, 0), (0, 0, 1)]
 FIVE = ('Glow', 'Bloom', 'ToneMapping', 'Outline', 'Vignette')

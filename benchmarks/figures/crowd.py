@@ -8,8 +8,8 @@ import numpy as np
 
 from benchmarks.common.harness import Row
 from benchmarks.common.timing import mean_flip, python_ms, timed
-from pvibr.capture.offscreen import SAMPLES, Stage
 from pvibr.maths.image_error import displacements
+from pvibr.scenes.stage import SAMPLES, Stage
 from pvibr.scenes.walker import walker
 
 #: Triangles of a figure.

@@ -12,10 +12,10 @@ from benchmarks.common.meshes import DATA
 from benchmarks.figures import models as tubes
 from benchmarks.figures.peers import reader_error, size_of
 from pvibr.animation.clip import Clip, Track
-from pvibr.animation.gltf.read import read_gltf
-from pvibr.capture.offscreen import Stage
+from pvibr.animation.read_gltf import read_gltf
 from pvibr.core.errors import PvibrWarning
 from pvibr.maths.quaternions import from_axis_angle
+from pvibr.scenes.stage import Stage
 
 #: Clips of one model that are compared.
 CLIPS = 3

@@ -13,7 +13,7 @@ from benchmarks.common.timing import timed
 from benchmarks.common.whole_frames import real_plotter
 from benchmarks.figures import models
 from benchmarks.figures.peers import NumpySkinning, gltf_reader, meshes_at
-from pvibr.capture.offscreen import Stage
+from pvibr.scenes.stage import Stage
 
 CAMERA = [(16, -16, 5), (0, 0, 3.5), (0, 0, 1)]
 LOOK = {'color': 'tan', 'smooth_shading': True}

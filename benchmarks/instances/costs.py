@@ -14,9 +14,9 @@ from benchmarks.common.harness import Row
 from benchmarks.common.meshes import knot
 from benchmarks.common.timing import timed
 from benchmarks.common.whole_frames import real_plotter
-from pvibr.capture.offscreen import Stage
 from pvibr.instances.limits import limits_of
 from pvibr.maths.transforms import trs
+from pvibr.scenes.stage import Stage
 
 #: Triangles of the bake, and repetitions of what is short.
 HEAVY, ROUNDS = 100_000, 15

@@ -11,9 +11,9 @@ import pyvista as pv
 
 from benchmarks.common.harness import Row
 from benchmarks.common.timing import python_ms, timed
-from pvibr.capture.offscreen import MULTI_SAMPLES, Stage
 from pvibr.cli.timing import CLOCKS, frame_at, medians_ms
 from pvibr.meshes.parts import as_parts
+from pvibr.scenes.stage import MULTI_SAMPLES, Stage
 
 VIEW_ANGLE = 30.0
 #: Frames that are timed.

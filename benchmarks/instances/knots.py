@@ -10,10 +10,10 @@ from scipy.spatial.transform import Rotation
 
 from benchmarks.common.harness import Row
 from benchmarks.common.meshes import knot
-from pvibr.capture.offscreen import MULTI_SAMPLES, Stage
 from pvibr.cli.peers import GlyphFrames, beside_peers
 from pvibr.cli.timing import CLOCKS, medians_ms
 from pvibr.meshes.parts import as_parts
+from pvibr.scenes.stage import MULTI_SAMPLES, Stage
 
 SIZE = 1280, 720
 #: Of the walk, that are timed; VTK's own way draws at one of so many.

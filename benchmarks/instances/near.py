@@ -11,10 +11,10 @@ from scipy.spatial.transform import Rotation
 from benchmarks.common import whole_frames
 from benchmarks.common.harness import Row
 from benchmarks.common.timing import mean_flip
-from pvibr.capture.offscreen import MULTI_SAMPLES, SAMPLES, Stage, mesh_actors
 from pvibr.cli.timing import CLOCKS, frame_at, medians_ms
 from pvibr.instances.atlas import bounding_sphere
-from pvibr.maths.sharpness import sharpness
+from pvibr.instances.sharpness import sharpness
+from pvibr.scenes.stage import MULTI_SAMPLES, SAMPLES, Stage, mesh_actors
 from pvibr.scenes.trees import tree_parts
 
 #: The diameter of a tree on the screen, and how far apart trees stand, px.

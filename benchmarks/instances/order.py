@@ -8,8 +8,8 @@ from scipy.ndimage import binary_erosion
 from scipy.spatial.transform import Rotation
 
 from benchmarks.common.harness import Row
-from pvibr.capture.offscreen import MULTI_SAMPLES, SAMPLES, Stage, mesh_actors
 from pvibr.meshes.parts import as_parts
+from pvibr.scenes.stage import MULTI_SAMPLES, SAMPLES, Stage, mesh_actors
 
 SIZE = 400, 300
 #: Differences between a view before white and before black, of 255: seen, and just measurable.

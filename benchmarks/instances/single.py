@@ -8,10 +8,10 @@ import pyvista as pv
 from benchmarks.common.harness import Row
 from benchmarks.common.meshes import MESHES
 from benchmarks.common.timing import mean_flip
-from pvibr.capture.offscreen import MULTI_SAMPLES, SAMPLES, Stage, covered, mesh_actors
 from pvibr.instances.atlas import bounding_sphere
 from pvibr.maths.image_error import displacements
 from pvibr.meshes.parts import as_parts
+from pvibr.scenes.stage import MULTI_SAMPLES, SAMPLES, Stage, covered, mesh_actors
 
 #: Vertical angle in degrees and height in pixels of the window that the views are cut from.
 VIEW_ANGLE, HEIGHT = 30.0, 720

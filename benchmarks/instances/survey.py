@@ -19,10 +19,10 @@ from benchmarks.common import plots
 from benchmarks.common.harness import Bench, Row
 from benchmarks.common.timing import mean_flip, timed
 from benchmarks.instances.unseen_meshes import HEAVY_KINDS, KINDS, STANDING, unseen
-from pvibr.capture.offscreen import MULTI_SAMPLES, SAMPLES, Stage, mesh_actors, spheres
 from pvibr.cli.peers import glyph_actors
 from pvibr.cli.timing import medians_ms, spent
-from pvibr.maths.sharpness import sharpness
+from pvibr.instances.sharpness import sharpness
+from pvibr.scenes.stage import MULTI_SAMPLES, SAMPLES, Stage, mesh_actors, spheres
 
 SIZE = 480, 270
 #: Of the eye above the ground, degrees.

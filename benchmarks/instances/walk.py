@@ -8,12 +8,12 @@ import numpy as np
 
 from benchmarks.common.harness import Row
 from benchmarks.common.timing import mean_flip, pictures
-from pvibr.capture.offscreen import MULTI_SAMPLES, SAMPLES, in_view, mesh_actors, spheres
 from pvibr.cli.peers import beside_peers, tree_glyphs
 from pvibr.cli.timing import CLOCKS, medians_ms
 from pvibr.maths.flip import flip
 from pvibr.scenes.landscape import landscape
 from pvibr.scenes.scenery import plant, stage
+from pvibr.scenes.stage import MULTI_SAMPLES, SAMPLES, in_view, mesh_actors, spheres
 
 #: Frames of the whole walk that are timed: at max_error 1, at others, and of VTK's own ways.
 FRAMES, FEW_FRAMES, PEER_FRAMES = 24, 8, 3

@@ -9,8 +9,8 @@ from benchmarks.common.harness import Row
 from benchmarks.common.light_scenes import LightScene, bare, light_at, measured_lit
 from benchmarks.common.rays import Rays
 from benchmarks.shadows.errors import drawn, shown, sight
-from pvibr.scene.lights import light_views, lights_of
-from pvibr.shadows.maps import CASCADES
+from pvibr.shadows.shadow_maps import CASCADES
+from pvibr.things.lights import light_views, lights_of
 
 METHODS = ('hard', 'pcf', 'volume')
 KINDS = ('directional', 'spot')

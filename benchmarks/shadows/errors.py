@@ -16,7 +16,7 @@ import pvibr
 from benchmarks.common.harness import Row
 from benchmarks.common.light_scenes import SCENES, VtkShadows, light_at, measured_lit, place
 from benchmarks.common.rays import Rays, Surface, edge_band, strengths, wrong
-from pvibr.capture.offscreen import Stage
+from pvibr.scenes.stage import Stage
 
 #: What is allowed: maps, and volumes, which are exact.
 WRONG = {'hard': 0.2, 'pcf': 0.2, 'volume': 0.0}

@@ -6,7 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
-from pvibr.maths.skinning import dual_parts, rigid
+from pvibr.animation.skinning import dual_parts, rigid
 
 #: Growth of a box relative to its size, for rounding to float32.
 _ROUNDING = 1e-6

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from pvibr.animation.batched_quaternions import matrices
-from pvibr.animation.limits import Limits
+from pvibr.animation.joint_limits import Limits
 from pvibr.animation.skeleton import Jumps
 from pvibr.maths import quaternions
 

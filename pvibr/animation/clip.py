@@ -7,10 +7,10 @@ from functools import cached_property
 
 import numpy as np
 
+from pvibr.animation.keyframes import checked_keys
 from pvibr.animation.pose import unchecked_pose
+from pvibr.core.arguments import check_finite, check_one_of
 from pvibr.maths import quaternions
-from pvibr.maths.arguments import check_finite, check_one_of
-from pvibr.maths.keyframes import checked_keys
 
 #: Components per value, by property; None for any number.
 WIDTHS = {'translation': 3, 'rotation': 4, 'scale': 3, 'weights': None}

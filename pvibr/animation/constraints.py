@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from pvibr.animation.rig import Step, joint_matrix
+from pvibr.core.arguments import check_one_of, checked_direction, checked_number, checked_numbers
 from pvibr.maths import quaternions
-from pvibr.maths.arguments import check_one_of, checked_direction, checked_number, checked_numbers
 from pvibr.maths.transforms import inverses
 
 

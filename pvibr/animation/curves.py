@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from pvibr.maths.arguments import check_finite, checked_positive
-from pvibr.maths.keyframes import blend, checked_keys, frame_weights
+from pvibr.animation.keyframes import blend, checked_keys, frame_weights
+from pvibr.core.arguments import check_finite, checked_positive
 
 
 class Curve:

@@ -7,16 +7,16 @@ from importlib import import_module
 import numpy as np
 import pyvista as pv
 
-from pvibr.animation import sources
+from pvibr.animation import figure_sources
 from pvibr.animation.clip import Clip
 from pvibr.animation.figure_mesh import FigureMesh
 from pvibr.animation.model import Model
 from pvibr.animation.normals import with_flipped_winding
 from pvibr.animation.vertex_animation import VertexAnimation
-from pvibr.maths.arguments import checked_positive
+from pvibr.core.arguments import checked_positive
 
 # Imported on save: file formats are above figure data in the import order.
-_WRITER = 'pvibr.animation.gltf.write'
+_WRITER = 'pvibr.animation.write_gltf'
 
 
 class Figure(Model):
@@ -141,8 +141,8 @@ class Figure(Model):
         >>> strip.posed(0, bent)[0][2].round(12).tolist()
         [1.0, 0.0, -1.0]
         """
-        mesh = sources.surface_of(points, faces, normals)
-        skeleton, skin = sources.skeleton_and_skin(
+        mesh = figure_sources.surface_of(points, faces, normals)
+        skeleton, skin = figure_sources.skeleton_and_skin(
             joints, weights, parents, rest, inverse_bind, names
         )
         meshes = [FigureMesh(mesh, -1, skin, morphs, frames, look or {}, name)]
@@ -187,7 +187,7 @@ class Figure(Model):
         >>> round(growing.mesh(0.5).length / pv.Sphere(radius=1.5).length, 6)
         1.0
         """
-        surfaces, times = sources.series_of(meshes, times)
+        surfaces, times = figure_sources.series_of(meshes, times)
         vertex_frames = VertexAnimation.from_meshes(surfaces, times, interpolation)
         if vertex_frames.times[0] < 0:
             raise ValueError(f'times[0] must be 0 or later, got {vertex_frames.times[0]}')
@@ -225,7 +225,7 @@ class Figure(Model):
         >>> figure.skeleton.names
         ('world', 'box')
         """
-        meshes, skeleton = sources.scene_of(scene)
+        meshes, skeleton = figure_sources.scene_of(scene)
         return cls(meshes, skeleton, clips, name=name)
 
     def clip(self, clip):
@@ -289,7 +289,7 @@ class Figure(Model):
         skinning : {'linear', 'dual'}
             Linear blend or dual quaternion skinning.
         bulge : float
-            Share of dual quaternions, see :func:`pvibr.maths.skinning.dual_blend`.
+            Share of dual quaternions, see :func:`pvibr.animation.skinning.dual_blend`.
         loop : bool
             Restart at the end; otherwise hold the last pose.
 

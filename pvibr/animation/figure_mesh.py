@@ -8,14 +8,14 @@ from functools import cached_property
 import numpy as np
 import pyvista as pv
 
+from pvibr.animation import skinning
+from pvibr.animation.figure_textures import storable
 from pvibr.animation.morphs import Morphs
 from pvibr.animation.normals import normals_at, point_normals
 from pvibr.animation.pose import as_matrices
 from pvibr.animation.skeleton import whole_numbers
-from pvibr.animation.textures import storable
 from pvibr.animation.vertex_animation import VertexAnimation
-from pvibr.maths import skinning
-from pvibr.maths.arguments import check_one_of
+from pvibr.core.arguments import check_one_of
 from pvibr.maths.transforms import signs_of
 
 SKINNINGS = ('linear', 'dual')

@@ -7,7 +7,7 @@ import numpy as np
 from pvibr.animation.chain import Chain
 from pvibr.animation.kinematics import METHODS, solve
 from pvibr.animation.rig import Step, joint_matrix
-from pvibr.maths.arguments import check_one_of, checked_numbers
+from pvibr.core.arguments import check_one_of, checked_numbers
 from pvibr.maths.transforms import inverses
 
 _EVEN = 1e-3  # relative difference between the axes of a scale: files round them

@@ -14,7 +14,7 @@ from pvibr.animation.blending import (
 )
 from pvibr.animation.curves import Curve
 from pvibr.animation.pose import Pose
-from pvibr.maths.arguments import checked_positive
+from pvibr.core.arguments import checked_positive
 
 
 class Source:

@@ -9,7 +9,7 @@ import numpy as np
 from pvibr.animation.boxes import Boxes
 from pvibr.animation.pose import Pose, as_matrices
 from pvibr.animation.skeleton import Skeleton
-from pvibr.maths.skinning import moved_normals, moved_points
+from pvibr.animation.skinning import moved_normals, moved_points
 from pvibr.maths.vectors import unit_vectors
 
 
@@ -98,7 +98,7 @@ class Model:
         skinning : {'linear', 'dual'}
             Linear blend or dual quaternion skinning.
         bulge : float
-            Share of dual quaternions, see :func:`pvibr.maths.skinning.dual_blend`.
+            Share of dual quaternions, see :func:`pvibr.animation.skinning.dual_blend`.
 
         Returns
         -------

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from pvibr.animation.normals import normals_at
-from pvibr.maths.arguments import check_finite
+from pvibr.core.arguments import check_finite
 
 #: Attributes of a target, and their possible numbers of components.
 WIDTHS = {'positions': (3,), 'normals': (3,), 'tangents': (3,), 'colors': (3, 4)}

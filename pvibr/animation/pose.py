@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from pvibr.core.arguments import check_finite, place_of
 from pvibr.maths import quaternions
-from pvibr.maths.arguments import check_finite, place_of
 
 #: Largest cosine between two axes of a matrix that counts as free of shear.
 _SHEAR = 1e-6

@@ -7,10 +7,10 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from pvibr.animation.limits import Limits
+from pvibr.animation.joint_limits import Limits
 from pvibr.animation.mixer import PoseSource, Source, revision_of
 from pvibr.animation.pose import Pose
-from pvibr.maths.arguments import checked_numbers
+from pvibr.core.arguments import checked_numbers
 from pvibr.maths.transforms import trs
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from pvibr.animation.blending import PoseSum
 from pvibr.animation.mixer import Source
 from pvibr.animation.pose import Pose
-from pvibr.maths.arguments import check_finite, checked_number
+from pvibr.core.arguments import check_finite, checked_number
 
 
 class Visit(NamedTuple):

@@ -160,7 +160,7 @@ def _plain_limits(limits):
 
 
 def _clamped(rotation, limit):
-    """Clamp a rotation as :meth:`pvibr.animation.limits.Limits.clamped` does."""
+    """Clamp a rotation as :meth:`pvibr.animation.joint_limits.Limits.clamped` does."""
     if limit is None:
         return _unit(rotation)
     rest, axis, swing, middle, half = limit

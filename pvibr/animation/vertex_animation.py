@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pvibr.animation.keyframes import blend, blend_directions, checked_keys, frame_weights
 from pvibr.animation.vertex_animation_states import VertexAnimationStates
-from pvibr.maths.arguments import check_finite
-from pvibr.maths.keyframes import blend, blend_directions, checked_keys, frame_weights
+from pvibr.core.arguments import check_finite
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,7 +25,7 @@ class VertexAnimation:
     normals : array_like, shape (f, v, 3), optional
         Normals of each frame.
     interpolation : {'linear', 'step', 'quadratic', 'cubic'}
-        Interpolation between frames, see :func:`pvibr.maths.keyframes.frame_weights`.
+        Interpolation between frames, see :func:`pvibr.animation.keyframes.frame_weights`.
     period : float, optional
         Seconds after which the animation repeats; default never, and the ends are held.
     states : VertexAnimationStates, optional

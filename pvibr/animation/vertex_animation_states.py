@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pvibr.animation.keyframes import SLOTS, frame_weights
 from pvibr.animation.states import States
-from pvibr.maths.arguments import check_one_of, checked_positive
-from pvibr.maths.keyframes import SLOTS, frame_weights
+from pvibr.core.arguments import check_one_of, checked_positive
 
 
 @dataclass(frozen=True)

@@ -9,9 +9,9 @@ import math
 import sys
 from time import perf_counter
 
+from pvibr.core.arguments import checked_number, checked_positive
 from pvibr.core.determinism import is_deterministic
 from pvibr.core.plotters import frame_callbacks, is_dragged
-from pvibr.maths.arguments import checked_number, checked_positive
 
 #: Milliseconds between two ticks.
 PERIOD = 16

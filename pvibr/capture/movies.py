@@ -13,10 +13,10 @@ from typing import Any
 import numpy as np
 
 from pvibr.capture.tiled_screenshot import check_samples
+from pvibr.core.arguments import checked_number, checked_positive, checked_whole, naming
 from pvibr.core.errors import require
 from pvibr.core.files import in_a_folder, replacing
 from pvibr.core.params import checked_flag
-from pvibr.maths.arguments import checked_number, checked_positive, checked_whole, naming
 
 #: Suffixes of movies; anything else is a folder of PNG files.
 MOVIES = ('.mp4', '.mov', '.mkv', '.webm', '.avi', '.gif')

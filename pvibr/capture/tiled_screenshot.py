@@ -8,15 +8,15 @@ from contextlib import contextmanager
 import numpy as np
 
 from pvibr.capture.montage import save
-from pvibr.capture.samples import sampled
+from pvibr.capture.sampled_frames import sampled
+from pvibr.core.arguments import naming
 from pvibr.core.errors import ClosedError
 from pvibr.core.files import in_a_folder
-from pvibr.core.frame import Frame
 from pvibr.core.params import checked_flag
 from pvibr.core.passes import passes_of
 from pvibr.core.plotters import is_closed, is_never_shown
-from pvibr.gl.offscreen import read_pixels
-from pvibr.maths.arguments import naming
+from pvibr.gl.hidden_window import read_pixels
+from pvibr.things.frame import Frame
 
 #: Reach in pixels of VTK's own passes, such as FXAA and EDL.
 _NEIGHBOURS = 8

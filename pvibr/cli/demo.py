@@ -14,14 +14,6 @@ from rich.console import Console
 from rich.table import Table
 
 from pvibr.capture.montage import compose, error_colors, save
-from pvibr.capture.offscreen import (
-    MULTI_SAMPLES,
-    SAMPLES,
-    covered,
-    in_view,
-    mesh_actors,
-    spheres,
-)
 from pvibr.cli.peers import LOD_REDUCTION, beside_peers, tree_glyphs
 from pvibr.cli.timing import CLOCKS, medians_ms
 from pvibr.core.errors import require
@@ -29,6 +21,14 @@ from pvibr.maths.flip import flip
 from pvibr.maths.image_error import psnr, silhouette_iou
 from pvibr.scenes.landscape import landscape
 from pvibr.scenes.scenery import plant, scenery, stage
+from pvibr.scenes.stage import (
+    MULTI_SAMPLES,
+    SAMPLES,
+    covered,
+    in_view,
+    mesh_actors,
+    spheres,
+)
 
 #: Timed frames of the walk, frames of a movie, and frames per second.
 FRAMES, MOVIE_FRAMES, FPS = 24, 360, 30

@@ -12,8 +12,8 @@ from rich.table import Table
 
 from pvibr.capture.montage import check_image, save
 from pvibr.capture.movies import MOVIES
-from pvibr.capture.offscreen import SKY
 from pvibr.figures.as_figure import as_figure
+from pvibr.scenes.stage import SKY
 
 #: Times at which a clip is kept in view.
 MOMENTS = 12

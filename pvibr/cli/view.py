@@ -10,9 +10,9 @@ import pyvista as pv
 from rich.console import Console
 
 from pvibr.capture.montage import check_image, save
-from pvibr.capture.offscreen import Stage
 from pvibr.maths.transforms import trs
 from pvibr.meshes.pose_files import read_poses
+from pvibr.scenes.stage import Stage
 
 #: Timed frames, and azimuth step of the camera in degrees.
 FRAMES, TURN = 12, 2.0

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pyvista as pv
 
+from pvibr.core.arguments import as_array
 from pvibr.core.params import Param
-from pvibr.maths.arguments import as_array
 
 #: What errors say is allowed.
 ALLOWED = 'a color: a name such as "red", a hex code, or 3 floats from 0 to 1 or ints to 255'

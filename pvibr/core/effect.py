@@ -221,7 +221,7 @@ class Effect(Spelled):
 
         Returns
         -------
-        pvibr.scene.picking.Hit or None
+        pvibr.things.picking.Hit or None
             ``index`` of the item and ``point`` on it, world units.
         """
         return None

@@ -8,7 +8,7 @@ import os
 import uuid
 from pathlib import Path
 
-from pvibr.maths.arguments import naming
+from pvibr.core.arguments import naming
 
 
 def _as_path(path):

@@ -15,8 +15,8 @@ from pyvista.plotting.prop_collection import _PropCollection
 
 from pvibr.core import _vtk
 from pvibr.core._vtk import address, method
+from pvibr.core.arguments import naming
 from pvibr.core.hooks import Hooks
-from pvibr.maths.arguments import naming
 
 _PROPERTY = re.compile(r'Get\w*Property')
 _INNER = 'pvibr'  # begins the names of props that are none of the user's

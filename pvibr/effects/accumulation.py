@@ -9,15 +9,15 @@ import numpy as np
 
 from pvibr.core import _vtk
 from pvibr.core.effect import Effect
-from pvibr.core.frame import Frame, Sample
 from pvibr.core.params import Param
 from pvibr.core.passes import samples_of
 from pvibr.gl import Quad, Target, nbytes_of, release
 from pvibr.gl.quad import quads_of
 from pvibr.gl.scene_pass import like_window
 from pvibr.maths.sequences import disk
-from pvibr.scene.buffers import Tap
-from pvibr.scene.content_key import scene_key
+from pvibr.things.buffers import Tap
+from pvibr.things.content_key import scene_key
+from pvibr.things.frame import Frame, Sample
 
 #: Samples over which the picture before them fades out.
 _FADE = 8
@@ -40,7 +40,7 @@ class Accumulation(Effect):
 
     See Also
     --------
-    pvibr.component.IBRComponent.screenshot : ``samples=`` draws them all at once.
+    pvibr.api.plotter_component.IBRComponent.screenshot : ``samples=`` draws them all at once.
 
     Examples
     --------

@@ -9,7 +9,7 @@ from pvibr.core.params import Param
 from pvibr.gl import Quad, Target, Texture, nbytes_of, release
 from pvibr.gl.quad import quads_of
 from pvibr.gl.target import fitting_target
-from pvibr.scene.buffers import Drawn
+from pvibr.things.buffers import Drawn
 
 _STEPS = 16  # along a slice, on either side of a pixel
 _RADIUS = 0.05  # default, as a fraction of the scene's diagonal

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
+from pvibr.core.arguments import naming
 from pvibr.core.colors import Color
 from pvibr.core.params import Param
 from pvibr.effects.full_screen import FullScreen, FullScreenImage
-from pvibr.images.projected import Shown
-from pvibr.maths.arguments import naming
 from pvibr.maths.draping import sample
 from pvibr.maths.vectors import unit_vectors
+from pvibr.textures.projected import Shown
 
 _BLACK = (0.0, 0.0, 0.0)
 
@@ -173,7 +173,7 @@ class Sky(_Background):
         ----------
         directions : numpy.ndarray, shape (n, 3)
             Unit vectors in world space.
-        frame : pvibr.core.frame.Frame
+        frame : pvibr.things.frame.Frame
             Frame whose time and background are used.
 
         Returns
@@ -213,7 +213,7 @@ class Sky(_Background):
 
         Parameters
         ----------
-        frame : pvibr.core.frame.Frame
+        frame : pvibr.things.frame.Frame
             Frame with the camera.
 
         Returns

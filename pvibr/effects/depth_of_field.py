@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 
 from pvibr.core import _vtk
+from pvibr.core.arguments import as_array
 from pvibr.core.effect import Effect
 from pvibr.core.params import Param
 from pvibr.gl import Quad, Target, nbytes_of, release
 from pvibr.gl.quad import quads_of
-from pvibr.maths.arguments import as_array
-from pvibr.scene.thing import Thing
+from pvibr.things.thing import Thing
 
 _STAGES = ('', 'coc', 'near', 'far')
 _TILE = 8  # half-size texels along a side, see depth_of_field.glsl
@@ -119,7 +119,7 @@ class DepthOfField(Effect):
 
         Parameters
         ----------
-        frame : pvibr.core.frame.Frame
+        frame : pvibr.things.frame.Frame
             Frame with the camera.
 
         Returns
@@ -161,7 +161,7 @@ class DepthOfField(Effect):
 
         Parameters
         ----------
-        frame : pvibr.core.frame.Frame
+        frame : pvibr.things.frame.Frame
             Frame with the camera.
 
         Returns

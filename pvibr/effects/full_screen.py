@@ -11,7 +11,7 @@ from pvibr.core.params import Param
 from pvibr.gl import nbytes_of, release, shader_source
 from pvibr.gl.feature import sections
 from pvibr.gl.fused import Pointwise
-from pvibr.images.projected import Shown
+from pvibr.textures.projected import Shown
 
 _TEXTS = sections(shader_source(__file__))
 

@@ -8,15 +8,15 @@ import numpy as np
 
 from pvibr.core import _vtk
 from pvibr.core._vtk import address
+from pvibr.core.arguments import as_array, checked_each
 from pvibr.core.params import Param
 from pvibr.effects.light_spread import LightSpread
 from pvibr.gl import Quad, Target, nbytes_of, release, set_fragment_uniforms, shader_source
 from pvibr.gl.drawer import Drawer
 from pvibr.gl.feature import Feature, FeatureSet, replacements, sections
 from pvibr.gl.texture import filtered
-from pvibr.maths.arguments import as_array, checked_each
 from pvibr.maths.views import covered
-from pvibr.scene.thing import Thing
+from pvibr.things.thing import Thing
 
 _PBR = 3  # VTK_PBR
 _MAPPERS = ('vtkDataSetMapper', 'vtkOpenGLPolyDataMapper')

@@ -8,7 +8,7 @@
 
 //@surfaces
 // Shared by the two programs that read surfaces.
-uniform sampler2D surface;   // normal and number, see pvibr/scene/buffers.py
+uniform sampler2D surface;   // normal and number, see pvibr/things/buffers.py
 uniform vec2 corner;         // of the picture in `surface`, texels
 uniform sampler2D depth;     // of the surfaces
 uniform sampler2D scene;     // depth of the whole scene

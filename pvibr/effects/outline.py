@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from pvibr.core._vtk import address
+from pvibr.core.arguments import checked_each
 from pvibr.core.colors import Color
 from pvibr.core.effect import Effect
 from pvibr.core.params import Param
@@ -14,11 +15,10 @@ from pvibr.gl import Quad, Target, Texture, nbytes_of, release, shader_source
 from pvibr.gl.feature import sections
 from pvibr.gl.target import fitting_target
 from pvibr.gl.tiles import SIDE, Tiles
-from pvibr.maths.arguments import checked_each
-from pvibr.scene.buffers import Drawn
-from pvibr.scene.casters import is_prop
-from pvibr.scene.thing import Thing
-from pvibr.scene.veil import Veil
+from pvibr.things.buffers import Drawn
+from pvibr.things.casters import is_prop
+from pvibr.things.thing import Thing
+from pvibr.things.veil import Veil
 
 
 class Outline(Effect):

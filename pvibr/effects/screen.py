@@ -11,7 +11,7 @@ from pvibr.core.colors import Color
 from pvibr.core.params import Param
 from pvibr.effects.full_screen import FullScreen, FullScreenImage
 from pvibr.gl import Texture, nbytes_of, release
-from pvibr.images.projected import as_rgba
+from pvibr.textures.projected import as_rgba
 
 _BLACK = (0.0, 0.0, 0.0)
 _BLEND_MODES = ('over', 'add', 'multiply', 'screen')

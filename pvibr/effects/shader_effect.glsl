@@ -29,7 +29,7 @@ float depth_at(vec2 uv) {
 }
 
 //@surface
-uniform sampler2D ibr_surface;  // see pvibr/scene/buffers.py
+uniform sampler2D ibr_surface;  // see pvibr/things/buffers.py
 uniform vec2 ibr_corner;        // of the picture in it, in texels
 vec4 ibr_surface_at(vec2 uv) {
   return texelFetch(ibr_surface, ibr_pixel(uv) + ivec2(ibr_corner), 0);

@@ -5,13 +5,13 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
+from pvibr.core.arguments import naming
 from pvibr.core.effect import Effect
 from pvibr.core.errors import ShaderError
 from pvibr.core.params import Param, params_of
 from pvibr.gl import Quad, nbytes_of, release, shader_source
 from pvibr.gl.feature import sections
-from pvibr.images.projected import Shown
-from pvibr.maths.arguments import naming
+from pvibr.textures.projected import Shown
 
 _TYPES = {bool: 'bool', int: 'int', float: 'float', str: 'int', tuple: 'vec'}
 _RESERVED = ('uv', 'size', 'time', 'scale', 'nothing', 'effect')

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from pvibr.core.effect import Effect
-from pvibr.export.surfaces import Surface, material_of, surface_of_part, tiled
+from pvibr.export.drawn_surfaces import Surface, material_of, surface_of_part, tiled
 from pvibr.meshes.parts import Part
 
 #: Fewest and most planes of a billboard cloud.
@@ -56,7 +56,7 @@ class Copies:
 
     def add_cloud(self, plane_count):
         """Add a billboard cloud as the coarsest level, if it has fewer triangles."""
-        from pvibr.billboard_clouds.cloud import billboard_cloud
+        from pvibr.substitutes.billboard_cloud import billboard_cloud
 
         if self.triangles[-1] < _HEAVY:
             return

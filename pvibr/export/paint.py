@@ -6,14 +6,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pvibr.export.surfaces import Surface, albedo_of, material_of
+from pvibr.export.drawn_surfaces import Surface, albedo_of, material_of
 from pvibr.maths.draping import sample
 from pvibr.maths.vectors import unit_vectors
 from pvibr.meshes.cutting import Cut, edges_of
-from pvibr.projection.samples import Samples
-from pvibr.projection.unwrap import tiles_of, unwrapped
-from pvibr.projection.visibility import Reach, toward_light
-from pvibr.scene.lights import lights_of
+from pvibr.things.lights import lights_of
+from pvibr.visibility.surface_samples import Samples
+from pvibr.visibility.unwrap import tiles_of, unwrapped
+from pvibr.visibility.visibility import Reach, toward_light
 
 #: Longest edge as a fraction of the scene, and the colour step across shorter edges that splits
 #: them.

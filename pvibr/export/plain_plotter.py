@@ -8,13 +8,13 @@ import numpy as np
 import pyvista as pv
 
 from pvibr.core._vtk import address
+from pvibr.core.arguments import checked_number, checked_whole
 from pvibr.core.errors import warn
-from pvibr.core.frame import Frame
 from pvibr.core.plotters import border_of, renderers_of
 from pvibr.export.scene import BakedScene, names_of
 from pvibr.export.web_report import web_report
-from pvibr.maths.arguments import checked_number, checked_whole
-from pvibr.scene.thing import Thing
+from pvibr.things.frame import Frame
+from pvibr.things.thing import Thing
 
 _RENDERER_SETTINGS = (
     *('Background', 'Background2', 'GradientBackground', 'TwoSidedLighting'),

@@ -9,15 +9,15 @@ import pyvista as pv
 
 from pvibr.core._vtk import address
 from pvibr.export.copies import Copies, chosen_levels
+from pvibr.export.drawn_surfaces import Surface, surface_of_part, tiled
 from pvibr.export.paint import Paint
 from pvibr.export.props import copied, range_teller
 from pvibr.export.strokes import add_strokes
-from pvibr.export.surfaces import Surface, surface_of_part, tiled
 from pvibr.gl.scene_pass import is_marker
 from pvibr.maths.vectors import unit_vectors
 from pvibr.meshes.decimate import lighter
 from pvibr.meshes.parts import as_parts
-from pvibr.projection.silhouette_lines import silhouette_lines
+from pvibr.visibility.silhouette_lines import silhouette_lines
 
 _SURFACE = 2  # VTK_SURFACE
 #: Offset of lines from their surface toward the eye, as a fraction of the distance.

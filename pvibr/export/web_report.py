@@ -6,10 +6,10 @@ import weakref
 from dataclasses import asdict, dataclass
 
 from pvibr.core import _vtk
+from pvibr.core.arguments import check_one_of
 from pvibr.core.errors import warn
 from pvibr.core.observers import weakly
 from pvibr.core.plotters import put_inner, trame_viewer
-from pvibr.maths.arguments import check_one_of
 
 #: Backends that show images rendered here; those that send the scene as data.
 PICTURES = ('static', 'server', 'none')

@@ -7,8 +7,10 @@ from contextlib import suppress
 import numpy as np
 import pyvista as pv
 
+from pvibr.core.arguments import checked_numbers
 from pvibr.core.effect import put_into
 from pvibr.core.signatures import takes
+from pvibr.figures.figure_picking import nearest_hit, stand_in
 from pvibr.figures.mesh_actors import (
     PosedMeshActor,
     as_mesh_actors,
@@ -16,15 +18,13 @@ from pvibr.figures.mesh_actors import (
     moved_figure,
     posed_part,
 )
-from pvibr.figures.picking import nearest_hit, stand_in
 from pvibr.figures.player import FigurePlayer
 from pvibr.figures.posing import Posing, draw_together
-from pvibr.maths.arguments import checked_numbers
 from pvibr.maths.transforms import transform_normals, transform_points
 from pvibr.meshes.parts import as_parts
-from pvibr.scene.picking import pixel_ray
-from pvibr.scene.placing import Placed
-from pvibr.scene.thing import Thing
+from pvibr.things.picking import pixel_ray
+from pvibr.things.placing import Placed
+from pvibr.things.thing import Thing
 
 
 class AnimatedActor(FigurePlayer, Placed):
@@ -45,7 +45,7 @@ class AnimatedActor(FigurePlayer, Placed):
     skinning : {'linear', 'dual'}
         Linear blend or dual quaternion skinning.
     bulge : float
-        Share of dual quaternions, see :func:`pvibr.maths.skinning.dual_blend`.
+        Share of dual quaternions, see :func:`pvibr.animation.skinning.dual_blend`.
     **mesh_kwargs
         Keywords of :meth:`pyvista.Plotter.add_mesh`, which override the looks of the meshes.
 

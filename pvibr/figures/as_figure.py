@@ -9,10 +9,10 @@ import pyvista as pv
 
 from pvibr.animation.figure import Figure
 from pvibr.animation.figure_mesh import FigureMesh
-from pvibr.animation.sources import series_of
+from pvibr.animation.figure_sources import series_of
 from pvibr.core.files import existing
-from pvibr.formats.trimesh_meshes import as_dataset, is_trimesh
-from pvibr.meshes.files import read_mesh
+from pvibr.io.trimesh_meshes import as_dataset, is_trimesh
+from pvibr.meshes.mesh_files import read_mesh
 
 #: VRM is glTF by another name.
 _GLTF = ('.glb', '.gltf', '.vrm')
@@ -44,7 +44,7 @@ def as_figure(source):
 def _of_file(path):
     kind = Path(path).suffix.lower()
     if kind in _GLTF:
-        from pvibr.animation.gltf.read import read_gltf
+        from pvibr.animation.read_gltf import read_gltf
 
         return read_gltf(path)
     if kind in _CONVERTERS:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from pvibr.core.arguments import check_one_of
 from pvibr.core.progress import baking
 from pvibr.core.signatures import takes
 from pvibr.figures.crowd_group import CrowdGroup, CrowdState, Playback
@@ -11,12 +12,11 @@ from pvibr.figures.mesh_actors import as_mesh_actors, drawn_figure, moved_figure
 from pvibr.figures.pose_atlas import bake_pose_atlas
 from pvibr.gl import nbytes_of
 from pvibr.instances.instances import Instances
-from pvibr.maths.arguments import check_one_of
 from pvibr.maths.transforms import trs
 from pvibr.meshes.parts import as_parts
 from pvibr.meshes.posed import posed
-from pvibr.scene.looks import as_colors, read_only
-from pvibr.scene.painted import Painted
+from pvibr.things.appearance import as_colors, read_only
+from pvibr.things.painted import Painted
 
 
 class Crowd(Instances):

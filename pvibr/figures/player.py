@@ -13,11 +13,11 @@ from pvibr.animation.ensemble import Ensemble
 from pvibr.animation.figure import Figure
 from pvibr.animation.mixer import ClipSource, PoseSource, revision_of
 from pvibr.animation.pose import Pose
+from pvibr.core.arguments import checked_number, naming
 from pvibr.core.errors import warn
 from pvibr.core.params import Param
-from pvibr.maths.arguments import checked_number, naming
 from pvibr.maths.transforms import signs_of
-from pvibr.scene.thing import Thing
+from pvibr.things.thing import Thing
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,15 +12,15 @@ from pvibr.animation.figure import Figure
 from pvibr.animation.normals import point_normals, with_flipped_winding
 from pvibr.core.errors import warn
 from pvibr.figures.mesh_actors import PosedMeshActor
-from pvibr.gl.offscreen import hidden_window
+from pvibr.gl.hidden_window import hidden_window
 from pvibr.instances.atlas import Atlas, pyramid
 from pvibr.instances.bake import Baker
 from pvibr.instances.cache import AtlasCache, key_of
 from pvibr.instances.levels import VERSION, LodModel, look_values
 from pvibr.instances.measure import measure
 from pvibr.instances.mesh_pool import MeshLevel
+from pvibr.instances.support import box_of, support_table
 from pvibr.maths import octahedral
-from pvibr.maths.support import box_of, support_table
 from pvibr.maths.transforms import transform_normals, transform_points
 from pvibr.meshes.parts import Part
 

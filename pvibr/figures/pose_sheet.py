@@ -13,7 +13,7 @@ import numpy as np
 from pvibr.gl import Quad, Target, Texture, release, shader_source, texture_limit
 from pvibr.gl.binder import Binder
 from pvibr.gl.feature import sections
-from pvibr.scene.shader_draws import pack
+from pvibr.things.shader_draws import pack
 
 #: Vertices of a row of the textures.
 WIDTH = 1024

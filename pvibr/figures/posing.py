@@ -7,13 +7,13 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 
+from pvibr.animation import skinning
 from pvibr.core.observers import tell_programs
 from pvibr.figures.pose_sheet import SAMPLERS, WIDTH, sheet_with_room
 from pvibr.figures.shapes import MeshShapes, ShapeStore
 from pvibr.gl import release, shader_source, texture_limit
 from pvibr.gl.feature import Feature, sections
-from pvibr.maths import skinning
-from pvibr.scene.shader_draws import pack
+from pvibr.things.shader_draws import pack
 
 #: Most vec4s of a pose that are passed as uniforms, and for how many meshes: OpenGL has room for
 #: 256, and many meshes share one texture upload.

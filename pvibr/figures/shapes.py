@@ -6,7 +6,7 @@ import numpy as np
 
 from pvibr.figures.pose_sheet import WIDTH, RowPool
 from pvibr.gl import Texture, nbytes_of, release
-from pvibr.scene.shader_draws import pack
+from pvibr.things.shader_draws import pack
 
 #: Memory budget for the shapes of one mesh, in bytes.
 BUDGET = 2**28

@@ -11,11 +11,11 @@ from pvibr.core.effect import Effect
 from pvibr.core.observers import weakly
 from pvibr.core.params import Param
 from pvibr.core.plotters import put_inner
-from pvibr.impostors.impostor import Impostor
+from pvibr.inspection.atlas_tiles import FLASH, Sheet, as_bytes, has_images
 from pvibr.inspection.marks import Marks, edges, outlines, projected
-from pvibr.inspection.tiles import FLASH, Sheet, as_bytes, has_images
 from pvibr.instances.instances import Instances
 from pvibr.maths.blocks import BLOCK
+from pvibr.substitutes.impostor import Impostor
 
 #: Colours of levels, hot for costly ones, distinct under colour blindness: Okabe and Ito, "Color
 #: Universal Design", 2008.

@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 
 from pvibr.core.files import replacing
+from pvibr.instances.support import SIDE, box_of, support_table
 from pvibr.maths import octahedral
-from pvibr.maths.support import SIDE, box_of, support_table
 from pvibr.maths.views import corners
 from pvibr.meshes.turntable import Turntable
-from pvibr.scene.soft_draws import WHOLE
+from pvibr.things.soft_draws import WHOLE
 
 MARGIN = 1.02  # half side of a tile in radii: silhouettes never touch its border
 # Share of covered texels that must be opaque for a separate draw of the core to pay: fine
@@ -45,7 +45,7 @@ class Atlas:
     radius : float
         Its radius.
     support : numpy.ndarray, shape (33, 33)
-        How far the mesh reaches from the centre, in radii, see :mod:`pvibr.maths.support`.
+        How far the mesh reaches from the centre, in radii, see :mod:`pvibr.instances.support`.
     views, tile : int
         Views along a side; texels along a side of a tile.
     half : bool

@@ -10,14 +10,14 @@ from pvibr.core import _vtk
 from pvibr.gl import Quad, Target, set_fragment_uniforms, shader_source, texture_limit
 from pvibr.gl.drawer import Drawer
 from pvibr.gl.feature import Feature
-from pvibr.gl.offscreen import hidden_window
+from pvibr.gl.hidden_window import hidden_window
 from pvibr.instances.atlas import MARGIN, Atlas, bounding_sphere
+from pvibr.instances.enclosing_surfaces import winding
+from pvibr.instances.support import support_table
 from pvibr.maths import octahedral
-from pvibr.maths.support import support_table
-from pvibr.maths.surfaces import winding
 from pvibr.maths.views import orthographic
-from pvibr.meshes.maps import attach_maps, emission_of
 from pvibr.meshes.materials import PROPERTY_TEXTURES, copy_property, copy_texture
+from pvibr.meshes.texture_maps import attach_maps, emission_of
 from pvibr.meshes.turntable import Turntable
 
 _FLAT = 0  # VTK_FLAT

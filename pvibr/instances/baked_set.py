@@ -6,15 +6,15 @@ from typing import Any
 
 import numpy as np
 
-from pvibr.instances.arguments import checked_ids
+from pvibr.instances.baked_materials import MATERIAL_CHANGED, BakedMaterial
 from pvibr.instances.explain import Explanation, explanation
 from pvibr.instances.group import InstanceGroup
+from pvibr.instances.instance_arguments import checked_ids
 from pvibr.instances.levels import make_model, no_images, unbaked
 from pvibr.instances.limits import Limits, forced_limits, limits_of, needs_images
-from pvibr.instances.materials import MATERIAL_CHANGED, BakedMaterial
 from pvibr.instances.memory import available_bytes, hold
+from pvibr.instances.mesh_sources import MESH_CHANGED, Sources
 from pvibr.instances.posed_set import PosedSet
-from pvibr.instances.sources import MESH_CHANGED, Sources
 from pvibr.meshes.materials import culled_faces
 from pvibr.meshes.poses import mirror, placed_by
 

@@ -6,8 +6,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from pvibr.scene.shader_draws import PBR
-from pvibr.scene.soft_draws import CORE, SOLID, SoftDraws
+from pvibr.things.shader_draws import PBR
+from pvibr.things.soft_draws import CORE, SOLID, SoftDraws
 
 #: View directions are divided into a square of patches; errors are measured in each.
 PATCH_SIDE = 4

@@ -56,7 +56,7 @@ uniform int ibr_tile;             // texels of a tile
 uniform int ibr_parallel;
 uniform float ibr_radius;         // bounding sphere, model units
 uniform float ibr_margin;         // half side of a tile in radii
-uniform sampler2D ibr_support;    // how far it reaches in q, see pvibr.maths.support
+uniform sampler2D ibr_support;    // how far it reaches in q, see pvibr.instances.support
 uniform float ibr_pixel_scale;    // pixels per unit tangent, or per world unit when parallel
 uniform float ibr_sharpness;      // texels per pixel that are asked for
 // On-screen diameters in px, a column for each patch of directions: from, to, and 1 where the mesh

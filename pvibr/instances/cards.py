@@ -17,7 +17,7 @@ from pvibr.instances.card_layers import PATCH_SIDE, PATCHES, CardLayer
 from pvibr.instances.placement import WIDTH
 from pvibr.maths.blocks import BLOCK
 from pvibr.meshes.turntable import SIDE_ELEVATION
-from pvibr.scene.shader_draws import DULL, ROW, pack
+from pvibr.things.shader_draws import DULL, ROW, pack
 
 _CHUNKS = 8192, 65_536  # cards per draw, in small and in large sets
 _DRAWS = 32  # draws per shader that the number of cards per draw aims at

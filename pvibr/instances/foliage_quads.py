@@ -11,13 +11,13 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from pvibr.core import _vtk
-from pvibr.gl.offscreen import rasterize
-from pvibr.images.sheet import shelves
+from pvibr.gl.hidden_window import rasterize
 from pvibr.instances.mesh_pool import lendable
 from pvibr.maths.views import orthographic
 from pvibr.meshes.materials import copy_property, copy_texture
 from pvibr.meshes.parts import Part, as_parts
 from pvibr.meshes.surfaces import set_active
+from pvibr.textures.sheet import shelves
 
 _SAMPLES = 2  # along a side of a texel
 _ONE_SIDED = 0.9  # net projected area of triangles along their group's normal, of their area

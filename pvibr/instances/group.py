@@ -8,16 +8,16 @@ from typing import Any
 
 import numpy as np
 
+from pvibr.instances.baked_materials import copy_light
 from pvibr.instances.card_layers import PATCH_SIDE, at_patches
 from pvibr.instances.cards import FADE, Cards
-from pvibr.instances.materials import copy_light
 from pvibr.instances.near_meshes import NearMeshes
 from pvibr.instances.placement import Placement, spheres
+from pvibr.instances.posed_bounds import PosedShape
 from pvibr.maths import octahedral
 from pvibr.maths.blocks import BLOCK, Blocks, ascending
-from pvibr.maths.posed_bounds import PosedShape
 from pvibr.meshes.turntable import SIDE_ELEVATION
-from pvibr.scene.shared_material import CardMaterial
+from pvibr.things.shared_material import CardMaterial
 
 SORTED = 16_384  # instances up to which each is sorted and culled on its own
 # In larger sets, visible instances up to which one shader still sorts each: some milliseconds.

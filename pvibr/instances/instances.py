@@ -7,31 +7,31 @@ from functools import partial
 import numpy as np
 import pyvista as pv
 
+from pvibr.core.arguments import check_one_of
 from pvibr.core.errors import warn
 from pvibr.core.params import Param
 from pvibr.core.plotters import put_inner
 from pvibr.core.signatures import takes
-from pvibr.instances.arguments import (
+from pvibr.instances.baked_set import BakedSet
+from pvibr.instances.cards import slabs
+from pvibr.instances.explain import measured_error
+from pvibr.instances.group import SORTED_SEEN
+from pvibr.instances.instance_arguments import (
     checked_cache,
     checked_index,
     index_of_phase,
     placed,
     repeated,
 )
-from pvibr.instances.baked_set import BakedSet
-from pvibr.instances.cards import slabs
-from pvibr.instances.explain import measured_error
-from pvibr.instances.group import SORTED_SEEN
 from pvibr.instances.limits import checked_force, needs_images
 from pvibr.instances.memory import checked_share
-from pvibr.instances.sources import Sources
-from pvibr.maths.arguments import check_one_of
+from pvibr.instances.mesh_sources import Sources
 from pvibr.meshes.parts import as_meshes, as_parts, with_own_culling
-from pvibr.scene import looks as look
-from pvibr.scene.draw_order import Stage
-from pvibr.scene.keywords import OF_MESH_SCALARS
-from pvibr.scene.painted import TABLE_OPTIONS
-from pvibr.scene.picking import joined, nearest_hit
+from pvibr.things import appearance as look
+from pvibr.things.draw_order import Stage
+from pvibr.things.keywords import OF_MESH_SCALARS
+from pvibr.things.painted import TABLE_OPTIONS
+from pvibr.things.picking import joined, nearest_hit
 
 
 class Instances(BakedSet):

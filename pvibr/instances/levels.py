@@ -16,18 +16,18 @@ from pvibr.instances.atlas import Atlas, bounding_sphere
 from pvibr.instances.bake import bake_parts, check_grid
 from pvibr.instances.cache import AtlasCache, key_of
 from pvibr.instances.cost_model import why_not_baked
+from pvibr.instances.hulls import hull_corners
 from pvibr.instances.limits import SIDE_SHADERS, Limits, by_cost, depth_limits, limits_of
 from pvibr.instances.measure import Reference, measure, mesh_needs, worst
 from pvibr.instances.memory import bytes_of, tiles
 from pvibr.instances.mesh_pool import MeshLevel
 from pvibr.instances.stored_levels import from_arrays, to_arrays
-from pvibr.maths.hulls import hull_corners
 from pvibr.meshes.decimate import displacement, is_surface, lighter
-from pvibr.meshes.maps import emission_of
 from pvibr.meshes.materials import TEXTURE_MODES
 from pvibr.meshes.parts import as_parts, check_triangles
 from pvibr.meshes.smoothed import interpolated, smoothed
-from pvibr.scene.content_key import textures_of
+from pvibr.meshes.texture_maps import emission_of
+from pvibr.things.content_key import textures_of
 
 VERSION = 53  # of the cache: raise it with any change of bake, measurement or decimation
 SHARE = 0.25  # triangles of a level relative to the next heavier one

@@ -10,18 +10,18 @@ import numpy as np
 
 from pvibr.core import _vtk
 from pvibr.core.errors import ShaderError
-from pvibr.core.frame import Frame
 from pvibr.gl.binder import Binder
-from pvibr.gl.offscreen import hidden_window, read_pixels
+from pvibr.gl.hidden_window import hidden_window, read_pixels
 from pvibr.instances.card_layers import PATCH_SIDE, PATCHES
 from pvibr.instances.cards import ALL_CARD_SHADERS, CARD_SHADERS
 from pvibr.instances.group import InstanceGroup
 from pvibr.instances.mesh_pool import MeshPool
+from pvibr.instances.sharpness import local_gradients, lowest_ratio
 from pvibr.maths import octahedral
 from pvibr.maths.flip import Flip
 from pvibr.maths.image_error import crossed, outline_distances
-from pvibr.maths.sharpness import local_gradients, lowest_ratio
 from pvibr.meshes.turntable import SIDE_ELEVATION
+from pvibr.things.frame import Frame
 
 _CELL = 9 / 8  # side of a view's cell in diameters: the sizes fit the reference's pixels
 _SAMPLES = 2  # reference samples along a side of a pixel, at a layout's largest size

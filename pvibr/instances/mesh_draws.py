@@ -13,7 +13,7 @@ from pvibr.gl.feature import Feature, sections
 from pvibr.instances.mesh_pool import cutoff, with_looks
 from pvibr.meshes.decimate import take_arrays
 from pvibr.meshes.parts import draws_more
-from pvibr.scene.shader_draws import ShaderDraws
+from pvibr.things.shader_draws import ShaderDraws
 
 #: Triangles per draw, and the most in large sets: enough to hide the cost of a draw call, and few
 #: enough that unused copies cost little.

@@ -10,7 +10,7 @@ import numpy as np
 from pvibr.core import _vtk
 from pvibr.gl.feature import DITHER, Feature
 from pvibr.instances.one_sided import OneSided
-from pvibr.scene.shader_draws import DULL, PBR
+from pvibr.things.shader_draws import DULL, PBR
 
 # An instance's colour replaces that of scalars and texture or multiplies it; cut-outs keep their
 # holes. The lit colour is VTK's before it multiplies by the texture.

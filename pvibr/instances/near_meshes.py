@@ -14,8 +14,8 @@ from pvibr.instances.mesh_draws import MeshDraws, can_batch
 from pvibr.instances.mesh_pool import MeshPool
 from pvibr.instances.one_sided import faces_outward
 from pvibr.maths.blocks import ascending, frustum_planes
-from pvibr.scene.looks import is_clear
-from pvibr.scene.shader_draws import ROW, pack
+from pvibr.things.appearance import is_clear
+from pvibr.things.shader_draws import ROW, pack
 
 _SHARE_BITS = 6  # of the dithered share of an instance's pixels
 _SHARED = 'ibr_texels', 'ibr_has_looks', 'ibr_multiply', 'ibr_radius'

@@ -8,7 +8,7 @@ import numpy as np
 
 from pvibr.core._vtk import address
 from pvibr.gl.doubles import is_cut_out
-from pvibr.maths.surfaces import winding
+from pvibr.instances.enclosing_surfaces import winding
 from pvibr.meshes.decimate import Welded
 from pvibr.meshes.materials import copied_property, culled_faces
 

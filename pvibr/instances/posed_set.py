@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
+from pvibr.core.arguments import as_array, naming
 from pvibr.core.colors import color_rows
 from pvibr.core.determinism import is_deterministic
 from pvibr.gl.binder import Binder
-from pvibr.instances.arguments import (
+from pvibr.instances.cards import slab_counts
+from pvibr.instances.group import InstanceGroup, unit_of
+from pvibr.instances.instance_arguments import (
     checked_ids,
     checked_index,
     index_for,
@@ -15,18 +18,15 @@ from pvibr.instances.arguments import (
     repeated,
     same_kind,
 )
-from pvibr.instances.cards import slab_counts
-from pvibr.instances.group import InstanceGroup, unit_of
 from pvibr.instances.levels import make_model
 from pvibr.instances.placement import centers_of
-from pvibr.maths.arguments import as_array, naming
 from pvibr.maths.blocks import BLOCK, members, morton_order
 from pvibr.meshes.posed import posed_source, source_of
 from pvibr.meshes.poses import placed_by
-from pvibr.scene import looks as look
-from pvibr.scene.item_set import ItemSet
-from pvibr.scene.scalar_bars import name_of
-from pvibr.scene.thing import joined_bounds
+from pvibr.things import appearance as look
+from pvibr.things.item_set import ItemSet
+from pvibr.things.scalar_bars import name_of
+from pvibr.things.thing import joined_bounds
 
 _SPREAD = 2.0  # growth of most blocks at which instances are sorted into new ones
 # What an update replaces, restored if a check or a bake fails.

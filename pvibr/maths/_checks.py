@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from pvibr.maths.arguments import as_array
+from pvibr.core.arguments import as_array
 
 #: How far R may be from a rotation; float32 and seven printed digits pass.
 ROTATION_TOLERANCE = 1e-6

@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from pvibr.core.arguments import checked_direction, checked_numbers, checked_positive
 from pvibr.maths import _checks
-from pvibr.maths.arguments import checked_direction, checked_numbers, checked_positive
 from pvibr.maths.lens_camera import LensCamera
 from pvibr.maths.orthographic import Orthographic
 from pvibr.maths.pinhole import GUESSED, Pinhole, check_principal_point

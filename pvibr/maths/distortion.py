@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.polynomial import Polynomial
 
-from pvibr.maths.arguments import as_array, check_finite
+from pvibr.core.arguments import as_array, check_finite
 
 _TERMS = 0, 4, 5, 8
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from pvibr.maths.arguments import check_one_of, checked_number
+from pvibr.core.arguments import check_one_of, checked_number
 
 #: Standard deviation of the logarithm of gains before any overlap is observed.
 PRIOR = 0.5

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pvibr.maths.arguments import check_one_of
+from pvibr.core.arguments import check_one_of
 from pvibr.maths.quaternions import to_matrices
 from pvibr.maths.vectors import as_units, unit_vectors
 

@@ -7,8 +7,8 @@ from functools import cached_property
 
 import numpy as np
 
+from pvibr.core.arguments import checked_numbers
 from pvibr.maths import _checks
-from pvibr.maths.arguments import checked_numbers
 from pvibr.maths.camera import PosedCamera
 from pvibr.maths.lenses import Lens
 from pvibr.maths.pinhole import Pinhole, check_intrinsics, check_rotation

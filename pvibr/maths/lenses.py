@@ -14,7 +14,7 @@ from functools import cached_property
 
 import numpy as np
 
-from pvibr.maths.arguments import as_array, check_one_of
+from pvibr.core.arguments import as_array, check_one_of
 
 _HALF = np.pi / 2
 #: By kind: the largest angle to the axis, and how many values it takes (None: any number).

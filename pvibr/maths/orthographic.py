@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pvibr.core.arguments import checked_direction, checked_numbers, checked_positive, naming
 from pvibr.maths import _checks
-from pvibr.maths.arguments import checked_direction, checked_numbers, checked_positive, naming
 from pvibr.maths.camera import Camera
 from pvibr.maths.vectors import products
 

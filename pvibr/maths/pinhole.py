@@ -7,8 +7,8 @@ from functools import cached_property
 
 import numpy as np
 
+from pvibr.core.arguments import checked_numbers
 from pvibr.maths import _checks
-from pvibr.maths.arguments import checked_numbers
 from pvibr.maths.camera import CV_FROM_GL, PosedCamera, unit_or_nan
 from pvibr.maths.distortion import coefficients, distort, undistort, valid_radius
 from pvibr.maths.vectors import products

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from pvibr.maths.arguments import place_of
+from pvibr.core.arguments import place_of
 
 _LEAST = 1e-280  # squared length; shorter vectors, or longer than the inverse, are rescaled first
 

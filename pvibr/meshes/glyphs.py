@@ -10,10 +10,10 @@ import numpy as np
 import pyvista as pv
 
 from pvibr.core import _vtk
+from pvibr.core.arguments import check_one_of
 from pvibr.core.errors import warn
 from pvibr.core.params import checked_flag
 from pvibr.core.spelling import nearest
-from pvibr.maths.arguments import check_one_of
 from pvibr.maths.transforms import trs
 from pvibr.meshes.parts import are_parts
 from pvibr.meshes.posed import checked_factor, named, nonzero_scales, toward

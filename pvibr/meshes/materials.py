@@ -6,7 +6,7 @@ import numpy as np
 import pyvista as pv
 
 from pvibr.core import _vtk
-from pvibr.maths.arguments import naming
+from pvibr.core.arguments import naming
 
 #: Keywords of a material that a colour, scalars or a texture of the user replace.
 _COLORING = (

@@ -11,11 +11,9 @@ import numpy as np
 import pyvista as pv
 
 from pvibr.core import _vtk
+from pvibr.core.arguments import checked_number, naming
 from pvibr.core.signatures import takes
-from pvibr.formats.trimesh_meshes import as_dataset, is_trimesh
-from pvibr.maths.arguments import checked_number, naming
-from pvibr.meshes.files import has_graph, read_mesh, scene_instances
-from pvibr.meshes.maps import attach_maps
+from pvibr.io.trimesh_meshes import as_dataset, is_trimesh
 from pvibr.meshes.materials import (
     checked_data,
     copied_property,
@@ -26,6 +24,7 @@ from pvibr.meshes.materials import (
     merged_look,
     set_textures,
 )
+from pvibr.meshes.mesh_files import has_graph, read_mesh, scene_instances
 from pvibr.meshes.surfaces import (
     check_points,
     clipped,
@@ -34,6 +33,7 @@ from pvibr.meshes.surfaces import (
     surface_of,
     triangles_of,
 )
+from pvibr.meshes.texture_maps import attach_maps
 from pvibr.meshes.turntable import Turns
 
 #: Names under which arrays passed by value go through surface filters.

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from pvibr.core.arguments import checked_each, naming
 from pvibr.core.files import existing
-from pvibr.formats.tables import table_of
-from pvibr.maths.arguments import checked_each, naming
+from pvibr.io.tables import table_of
 from pvibr.maths.transforms import trs
 from pvibr.meshes.poses import as_poses
 

@@ -10,10 +10,10 @@ import numpy as np
 import pyvista as pv
 
 from pvibr.core import _vtk
+from pvibr.core.arguments import as_array, check_finite, checked_number, naming
 from pvibr.core.errors import warn
 from pvibr.core.spelling import nearest
-from pvibr.formats.tables import columns_table
-from pvibr.maths.arguments import as_array, check_finite, checked_number, naming
+from pvibr.io.tables import columns_table
 from pvibr.maths.quaternions import to_matrices
 from pvibr.maths.transforms import trs
 from pvibr.maths.vectors import unit_vectors

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from pvibr.maths.arguments import as_array
+from pvibr.core.arguments import as_array
 
 #: Smallest |det| / (product of column lengths) of an invertible matrix: tiny scales pass,
 #: collapsed axes fail.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pyvista as pv
 
-from pvibr.capture.offscreen import SKY, Stage, add_ground
+from pvibr.scenes.stage import SKY, Stage, add_ground
 
 
 def stage(scene, size, **samples) -> Stage:

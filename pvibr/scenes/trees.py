@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import pyvista as pv
 
-from pvibr.maths.arguments import check_one_of, checked_positive
+from pvibr.core.arguments import check_one_of, checked_positive
 from pvibr.meshes.parts import as_parts
 
 GOLDEN_ANGLE = np.pi * (3 - np.sqrt(5))

@@ -11,7 +11,7 @@ from pvibr.core import _vtk
 from pvibr.core._vtk import address
 from pvibr.maths.kernels import vogel_disk
 from pvibr.maths.views import look_along
-from pvibr.scene.lights import lights_of
+from pvibr.things.lights import lights_of
 
 #: Direction to the sun in the first camera's axes: right, up, back.
 _TOWARD = np.array([0.45, 0.65, 0.6])

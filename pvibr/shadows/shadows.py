@@ -14,18 +14,18 @@ from pvibr.core.passes import has_shadows
 from pvibr.gl import nbytes_of, release, set_fragment_uniforms, shader_source, texture_units
 from pvibr.gl.drawer import Drawer
 from pvibr.gl.feature import Feature, FeatureSet, declared_samplers, sections
-from pvibr.scene.casters import Casters, Choice, set_surface_uniforms, surface_features
-from pvibr.scene.lights import SceneLight, lights_of
 from pvibr.shadows.derived_sun import DerivedSun
-from pvibr.shadows.maps import (
+from pvibr.shadows.moments import KINDS
+from pvibr.shadows.shadow_maps import (
     VEILS,
     LightMaps,
     filter_of,
     filter_radius,
     map_parts,
 )
-from pvibr.shadows.moments import KINDS
 from pvibr.shadows.volume import ShadowVolumes, receiver_text
+from pvibr.things.casters import Casters, Choice, set_surface_uniforms, surface_features
+from pvibr.things.lights import SceneLight, lights_of
 
 _GATHER = """//VTK::System::Dec
 #ifdef GL_ARB_texture_gather

@@ -7,8 +7,8 @@ import math
 
 import numpy as np
 
+from pvibr.core.arguments import checked_direction, checked_number
 from pvibr.core.errors import require
-from pvibr.maths.arguments import checked_direction, checked_number
 
 
 def sun_position(time, latitude, longitude):

@@ -16,7 +16,7 @@ from pvibr.gl.feature import Feature, sections
 from pvibr.gl.stencil import StencilTarget
 from pvibr.maths.silhouettes import LitMesh, edge_table, moved_table
 from pvibr.maths.views import View, corners
-from pvibr.scene.casters import sized
+from pvibr.things.casters import sized
 
 _SURFACE = 2  # VTK_SURFACE
 #: Rounding of float32, times the operations on the way to the screen.

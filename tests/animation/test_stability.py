@@ -10,8 +10,8 @@ from benchmarks.figures.models import tube
 from pvibr import Figure
 from pvibr.animation import Clip, Morphs, Pose, Skin, Track
 from pvibr.animation.blending import crossfade, mix
+from pvibr.animation.skinning import dual_blend, linear_blend
 from pvibr.maths import quaternions
-from pvibr.maths.skinning import dual_blend, linear_blend
 from tests.animation.conftest import refused
 
 HOW = pytest.mark.parametrize('how', ['linear', 'dual'])

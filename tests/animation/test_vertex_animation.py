@@ -6,8 +6,8 @@ import pyvista as pv
 from hypothesis import given
 from hypothesis import strategies as st
 
+from pvibr.animation.keyframes import SLOTS
 from pvibr.animation.vertex_animation import VertexAnimation
-from pvibr.maths.keyframes import SLOTS
 from tests.animation.conftest import refused
 
 

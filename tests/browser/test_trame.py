@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pvibr.component import IBRComponent
+from pvibr.api.plotter_component import IBRComponent
 from pvibr.effects import ORDER
 from tests.browser import everything
 from tests.browser.pages import JPEG, Reference, View, difference

@@ -10,7 +10,7 @@ import pvibr
 from pvibr.core.colors import Color
 from pvibr.core.effect import Effect
 from pvibr.core.params import params_of
-from tests.scene.test_keywords import OF_ITEMS
+from tests.things.test_keywords import OF_ITEMS
 
 EFFECTS = [getattr(pvibr, name) for name in pvibr.EFFECTS]
 SETTINGS = [

@@ -9,7 +9,7 @@ import pytest
 import pyvista as pv
 
 import pvibr
-from pvibr.component import IBRComponent
+from pvibr.api.plotter_component import IBRComponent
 from pvibr.core.effect import Effect
 from pvibr.core.params import params_of
 from pvibr.core.signatures import arguments_of, docstring_of, signature_of, takes
@@ -57,7 +57,7 @@ def test_what_adds_has_the_arguments_of_what_it_makes(name):
     assert documented(method.__doc__) == list(found)[1:]
     assert not any(p.kind is p.VAR_KEYWORD for p in found.values())
     assert method.__name__ == name
-    assert method.__module__ == 'pvibr.component'
+    assert method.__module__ == 'pvibr.api.plotter_component'
 
 
 def test_tab_completes_what_users_set():

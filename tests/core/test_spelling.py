@@ -9,7 +9,7 @@ import pyvista as pv
 
 import pvibr
 from pvibr.effects import ORDER
-from tests.scene.test_things import THINGS, Scene
+from tests.things.test_things import THINGS, Scene
 
 
 @pytest.fixture

@@ -14,7 +14,7 @@ import pvibr
 from benchmarks.effects.bloom import natural as natural_spectrum
 from pvibr.gl import Target, Texture
 from pvibr.gl.fused import Fused
-from pvibr.gl.offscreen import hidden_window, read_pixels
+from pvibr.gl.hidden_window import hidden_window, read_pixels
 from tests.effects.tone_curves import LUMINANCE
 
 SIZE = (160, 96)

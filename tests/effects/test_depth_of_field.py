@@ -8,8 +8,8 @@ import pyvista as pv
 
 import pvibr
 from benchmarks.effects import depth_of_field as bench
-from pvibr.core.frame import Frame
 from pvibr.maths.image_error import psnr
+from pvibr.things.frame import Frame
 from tests.pictures import shot
 
 SIZE = (200, 160)

@@ -7,7 +7,7 @@ import pytest
 import pyvista as pv
 
 import pvibr
-from pvibr.gl.offscreen import read_pixels
+from pvibr.gl.hidden_window import read_pixels
 
 pytestmark = pytest.mark.sampled
 

@@ -10,7 +10,7 @@ from scipy.spatial import cKDTree
 import pvibr
 from benchmarks.effects.outline import MESHES, agreement, contour, inner
 from pvibr.gl import scene_pass
-from pvibr.scene import buffers
+from pvibr.things import buffers
 
 pytestmark = pytest.mark.sampled
 

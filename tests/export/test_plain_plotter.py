@@ -14,13 +14,13 @@ import pvibr
 from pvibr import Figure
 from pvibr.animation import Clip, FigureMesh, Skeleton, Track
 from pvibr.core import _vtk
-from pvibr.core.frame import Frame
 from pvibr.export.copies import Copies, chosen_levels
+from pvibr.export.drawn_surfaces import surface_of_part, tiled
 from pvibr.export.html import reframe
 from pvibr.export.paint import Lamps, cut
-from pvibr.export.surfaces import surface_of_part, tiled
 from pvibr.meshes.parts import as_parts
 from pvibr.meshes.unit_meshes import balls
+from pvibr.things.frame import Frame
 
 SIZE = (160, 120)
 

@@ -8,7 +8,7 @@ import pyvista as pv
 
 from pvibr import Figure
 from pvibr.animation import Clip, FigureMesh, Pose, Skeleton, Track
-from pvibr.animation.gltf.lights import FigureCamera, FigureLight
+from pvibr.animation.gltf_lights import FigureCamera, FigureLight
 from tests.animation.conftest import refused
 
 DOWN = np.sqrt([0.5, 0.5])

@@ -16,7 +16,7 @@ import pvibr
 from pvibr import Figure
 from pvibr.animation import Pose, Skeleton, Skin
 from pvibr.gl import set_fragment_uniforms
-from pvibr.gl.offscreen import rasterize
+from pvibr.gl.hidden_window import rasterize
 from pvibr.instances.bake import unlit_actor
 from pvibr.instances.levels import content_key
 from pvibr.maths.quaternions import from_axis_angle, to_matrices

@@ -10,7 +10,7 @@ from pvibr.figures import animated_actor
 from pvibr.figures.pose_sheet import WIDTH, PoseSheet, RowPool
 from pvibr.figures.posing import Posing
 from pvibr.gl import Texture
-from pvibr.gl.offscreen import hidden_window
+from pvibr.gl.hidden_window import hidden_window
 from tests.animation.conftest import refused
 from tests.figures.makers import bend, growing, worm
 

@@ -162,7 +162,7 @@ def test_each_shape_is_uploaded_once():
 def test_several_poses_of_one_mould():
     """One pass poses a body many times: each pose has its own rows."""
     from pvibr.figures.posing import MeshPose, Posing
-    from pvibr.gl.offscreen import hidden_window
+    from pvibr.gl.hidden_window import hidden_window
 
     figure = worm()
     pl = pv.Plotter(off_screen=True)

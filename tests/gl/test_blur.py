@@ -7,7 +7,7 @@ import pytest
 
 from pvibr.gl import Quad, Target, Texture
 from pvibr.gl.blur import CHAINS, Blur, halving_taps
-from pvibr.gl.offscreen import hidden_window
+from pvibr.gl.hidden_window import hidden_window
 
 SPOT = """void main()
 {{

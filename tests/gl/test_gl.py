@@ -8,7 +8,7 @@ import pyvista as pv
 
 from pvibr.core.errors import ShaderError
 from pvibr.gl import Quad, Target, Texture, texture_limit
-from pvibr.gl.offscreen import hidden_window, read_pixels
+from pvibr.gl.hidden_window import hidden_window, read_pixels
 
 COPY = 'uniform sampler2D image; void main() { gl_FragData[0] = texture(image, uv); }'
 

@@ -12,9 +12,9 @@ from vtkmodules.vtkRenderingCore import vtkTextActor
 
 import pvibr
 from pvibr.core.errors import ClosedError
+from pvibr.inspection.atlas_tiles import FLASH, as_bytes, used_views
 from pvibr.inspection.inspection import LEVELS, level_counts
 from pvibr.inspection.marks import edges, outlines, projected
-from pvibr.inspection.tiles import FLASH, as_bytes, used_views
 from pvibr.instances.cards import FADE
 from pvibr.maths.octahedral import view_directions
 
@@ -295,7 +295,7 @@ def test_lines_are_where_vtk_draws(empty, parallel, move):
     pl.camera_position = [(move + 3, -7, 5), (move, 0, 0), (0, 0, 1)]
     pl.camera.parallel_projection = parallel
     pl.show(auto_close=False)
-    frame = pvibr.core.frame.Frame.of(pl.renderer)
+    frame = pvibr.things.frame.Frame.of(pl.renderer)
     low = np.array([[move - 1, -1.0, -0.5]])
     lines, kept = projected(frame, edges(low, low + 1).reshape(-1, 2, 3))
     assert len(lines) == len(kept) == 12
@@ -313,7 +313,7 @@ def test_lines_past_the_eye_are_cut(empty):
     pl = empty()
     pl.camera_position = [(0, 0, 0), (0, 0, -1), (0, 1, 0)]
     pl.show(auto_close=False)
-    frame = pvibr.core.frame.Frame.of(pl.renderer)
+    frame = pvibr.things.frame.Frame.of(pl.renderer)
     through = np.array([[[0.0, -1, 5], [0, -1, -20]], [[0, 0, 3], [0, 0, 9]]])
     lines, kept = projected(frame, through)
     assert kept.tolist() == [0]
@@ -342,7 +342,7 @@ def test_tiles_in_use_are_the_nearest_views(empty, atlases, level, turned):
     group = cubes.groups[0]
     cubes.force_level = level
     see(pl)
-    found = used_views(group, pvibr.core.frame.Frame.of(pl.renderer))
+    found = used_views(group, pvibr.things.frame.Frame.of(pl.renderer))
     toward = (pose[0, :3, :3].T if turned else np.eye(3)) @ np.array([3, -9, 7.0])
     views = group.atlas.views
     match = (view_directions(views, group.atlas.half) @ toward).reshape(views, views)

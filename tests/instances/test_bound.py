@@ -7,9 +7,9 @@ import pytest
 import pyvista as pv
 from scipy.spatial.transform import Rotation
 
-from pvibr.capture.offscreen import SAMPLES, Stage, covered, mesh_actors
 from pvibr.maths.image_error import crossed, displacements
 from pvibr.meshes.parts import as_parts
+from pvibr.scenes.stage import SAMPLES, Stage, covered, mesh_actors
 from tests.marks import slow
 
 pytestmark = pytest.mark.all_sizes

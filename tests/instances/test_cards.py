@@ -8,9 +8,9 @@ import pyvista as pv
 from scipy.ndimage import binary_erosion
 from scipy.spatial.transform import Rotation
 
-from pvibr.core.frame import Frame
+from pvibr.instances.support import support_table
 from pvibr.maths import octahedral
-from pvibr.maths.support import support_table
+from pvibr.things.frame import Frame
 from tests.instances.scenes import Scenes
 
 pytestmark = [pytest.mark.all_sizes, pytest.mark.sampled]

@@ -7,7 +7,7 @@ import pytest
 import pyvista as pv
 
 from pvibr import PvibrWarning
-from pvibr.instances.sources import Sources
+from pvibr.instances.mesh_sources import Sources
 from pvibr.meshes.parts import as_parts
 
 POSES = [[0, 0, 0], [1.6, 0, 0.2]]

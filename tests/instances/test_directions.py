@@ -7,11 +7,11 @@ import pytest
 import pyvista as pv
 from scipy.spatial.transform import Rotation
 
-from pvibr.core.frame import Frame
 from pvibr.instances.card_layers import PATCH_SIDE, PATCHES
 from pvibr.instances.cards import ALL_CARD_SHADERS
 from pvibr.instances.limits import SIDE_SHADERS, Limits, limits_of
 from pvibr.maths import octahedral
+from pvibr.things.frame import Frame
 
 SIDE = 9
 COLORS = {

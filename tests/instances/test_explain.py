@@ -13,9 +13,9 @@ from scipy.spatial.transform import Rotation
 
 import pvibr
 from pvibr.core import _vtk
-from pvibr.core.frame import Frame
 from pvibr.instances.cards import FADE
 from pvibr.instances.explain import measured_error
+from pvibr.things.frame import Frame
 from tests.marks import slow
 
 pytestmark = pytest.mark.all_sizes

@@ -567,7 +567,7 @@ def test_bad_settings_change_nothing(scenes, see, bean, name, value):
     np.testing.assert_array_equal(see.grab(pl), shown)
 
 
-SHADERS = 'gl.feature.Feature.landed', 'scene.shader_draws.ShaderDraws._set_shader'
+SHADERS = 'gl.feature.Feature.landed', 'things.shader_draws.ShaderDraws._set_shader'
 FAILURES = {
     'both did not land': (SHADERS[0], 'drawn (as|by) .* instead'),
     'meshes did not land': (SHADERS[0], 'actor'),

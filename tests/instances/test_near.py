@@ -8,12 +8,12 @@ import pyvista as pv
 from scipy.spatial.transform import Rotation
 
 import pvibr
-from pvibr.capture.offscreen import Stage
-from pvibr.gl.offscreen import read_pixels
+from pvibr.gl.hidden_window import read_pixels
 from pvibr.maths.flip import flip
 from pvibr.maths.image_error import box_reduce
 from pvibr.meshes.decimate import lighter
 from pvibr.meshes.parts import as_parts
+from pvibr.scenes.stage import Stage
 
 pytestmark = pytest.mark.sampled
 

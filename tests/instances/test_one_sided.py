@@ -8,7 +8,7 @@ import pyvista as pv
 from scipy.spatial.transform import Rotation
 
 from pvibr.instances.one_sided import OneSided
-from tests.maths.test_surfaces import eight as figure_eight
+from tests.instances.test_enclosing_surfaces import eight as figure_eight
 
 SIZE = (120, 90)
 CAMERA = {'eye': (7, -8, 6), 'focus': (0, 0, 0), 'angle': 32}

@@ -7,7 +7,7 @@ import numpy as np
 import pvibr.instances.cards
 from pvibr.gl import Quad, Target, Texture, shader_source
 from pvibr.gl.feature import sections
-from pvibr.gl.offscreen import hidden_window
+from pvibr.gl.hidden_window import hidden_window
 
 HEAD = """
 uniform sampler2D points;

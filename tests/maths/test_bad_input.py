@@ -6,18 +6,18 @@ import numpy as np
 import pytest
 import pyvista as pv
 
+from pvibr.animation.keyframes import frame_weights
+from pvibr.animation.skinning import dual_blend, normalized_weights
+from pvibr.instances.sharpness import sharpness
 from pvibr.maths import quaternions as quat
-from pvibr.maths.billboard_clouds import greedy_planes, kmeans_planes
 from pvibr.maths.draping import blend, border, exposure_gains, sample, weights
 from pvibr.maths.facing import cards, eye_of
-from pvibr.maths.impostors import dop_corners
 from pvibr.maths.kernels import vogel_disk
-from pvibr.maths.keyframes import frame_weights
-from pvibr.maths.packing import largest_scale
-from pvibr.maths.sharpness import sharpness
 from pvibr.maths.silhouettes import LitMesh, edge_table
-from pvibr.maths.skinning import dual_blend, normalized_weights
 from pvibr.maths.transforms import trs
+from pvibr.substitutes.cloud_maths import greedy_planes, kmeans_planes
+from pvibr.substitutes.impostor_maths import dop_corners
+from pvibr.substitutes.packing import largest_scale
 
 UV = [[0.5, 0.5]]
 ORIGIN = [[0, 0, 0]]

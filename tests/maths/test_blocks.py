@@ -8,9 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pvibr.core import _vtk
-from pvibr.core.frame import Frame
 from pvibr.maths.blocks import Blocks, frustum_planes, morton_order
 from pvibr.maths.views import View
+from pvibr.things.frame import Frame
 
 FEW = settings(deadline=None, max_examples=40)
 

@@ -5,16 +5,16 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from pvibr.effects.reflections import through_rectangle
+from pvibr.instances.support import table_of
 from pvibr.maths.blocks import ascending, members
 from pvibr.maths.bounds import bounds_of
-from pvibr.maths.depth_test import seen, texel_size, uncertain
 from pvibr.maths.facing import turned_azimuths
 from pvibr.maths.quaternions import unit_matrices
-from pvibr.maths.reflections import through_rectangle
-from pvibr.maths.support import table_of
 from pvibr.maths.transforms import inverses, signs_of
 from pvibr.maths.vectors import as_units, products, unit_vectors
 from pvibr.maths.views import box_distance, may_see, perspective
+from pvibr.visibility.depth_test import seen, texel_size, uncertain
 
 QUARTER_TURN = [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]
 VIEW = perspective([0, 0, 5], [0, 0, -1], 1.0, 1.0, 10.0)

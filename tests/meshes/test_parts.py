@@ -6,8 +6,8 @@ import pyvista as pv
 import trimesh
 from PIL import Image
 
-from pvibr.meshes.files import scene_instances
 from pvibr.meshes.materials import copy_property
+from pvibr.meshes.mesh_files import scene_instances
 from pvibr.meshes.parts import Part, as_meshes, as_parts
 
 

@@ -12,8 +12,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from pvibr.formats.cities import read_city
-from pvibr.meshes.files import read_mesh, scene_instances
+from pvibr.io.cities import read_city
+from pvibr.meshes.mesh_files import read_mesh, scene_instances
 from pvibr.meshes.pose_files import read_poses
 
 finite = st.floats(-1e12, 1e12)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pvibr.maths.surfaces import winding
+from pvibr.instances.enclosing_surfaces import winding
 from pvibr.scenes.walker import walker
 
 

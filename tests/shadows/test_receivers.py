@@ -10,7 +10,7 @@ import pvibr
 from benchmarks.common.light_scenes import light_at
 from pvibr.maths.views import look_along, orthographic, perspective
 from pvibr.shadows import shadows
-from pvibr.shadows.maps import in_shader
+from pvibr.shadows.shadow_maps import in_shader
 
 
 @pytest.mark.parametrize('parallel', [True, False])

@@ -700,7 +700,7 @@ def test_an_actor_of_two_subplots_is_shadowed_in_one():
 
 
 def test_fewer_texels_than_asked_are_told(monkeypatch):
-    monkeypatch.setattr('pvibr.scene.depth_view.texture_limit', lambda _window: 512)
+    monkeypatch.setattr('pvibr.things.depth_view.texture_limit', lambda _window: 512)
     scene = Scene()
     shadows = scene.pl.ibr.add(pvibr.Shadows(resolution=1024))
     with pytest.warns(PvibrWarning, match='resolution = 1024 would take 4 MiB'):

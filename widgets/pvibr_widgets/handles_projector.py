@@ -9,7 +9,7 @@ import numpy as np
 from pvibr.maths.cameras import as_camera
 from pvibr.maths.orthographic import Orthographic
 from pvibr.maths.pinhole import Pinhole
-from pvibr.projection.projector import Projector
+from pvibr.photos.projector import Projector
 from pvibr_widgets.handles import Handles
 from pvibr_widgets.handles_stage import Stage
 

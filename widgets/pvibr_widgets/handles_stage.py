@@ -7,9 +7,9 @@ import weakref
 
 import numpy as np
 
+from pvibr.api.plain_renderer import attach
 from pvibr.capture.clock import draw, has_page
-from pvibr.core.frame import Frame
-from pvibr.plain_renderer import attach
+from pvibr.things.frame import Frame
 from pvibr_widgets.handles_keys import Ring
 
 _rings: weakref.WeakKeyDictionary = weakref.WeakKeyDictionary()

@@ -7,10 +7,10 @@ import math
 import re
 import warnings
 
+from pvibr.api.plain_renderer import attach
 from pvibr.core.errors import ClosedError, PvibrWarning
 from pvibr.core.observers import weakly
 from pvibr.core.params import params_of
-from pvibr.plain_renderer import attach
 from pvibr_widgets.presets import Presets
 from pvibr_widgets.python_code import code_of
 from pvibr_widgets.rows import Row

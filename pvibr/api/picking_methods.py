@@ -1,0 +1,162 @@
+"""Picking and buffers of ``plotter.ibr``."""
+
+from __future__ import annotations
+
+from pvibr.api.state_methods import Facade
+from pvibr.core.arguments import check_one_of, checked_number, checked_positive, checked_whole
+from pvibr.core.colors import as_rgb
+from pvibr.core.params import checked_flag
+from pvibr.things.click_picking import ClickPicking
+
+
+class PickFacade(Facade):
+    """What is at the pixels of a plotter.
+
+    Parameters are those of :class:`pvibr.api.plotter_component.IBRComponent`.
+    """
+
+    def __init__(self, plotter):
+        super().__init__(plotter)
+        self._buffer_objects: list = []
+        self._clicks: ClickPicking | None = None
+
+    def pick(self, x, y):
+        """Pick the thing at a pixel of the active subplot.
+
+        Parameters
+        ----------
+        x, y : int
+            Pixel coordinates from the lower left corner of the window.
+
+        Returns
+        -------
+        object or None
+            The nearest hit; None if nothing is hit. Of what stands for actors, such as an
+            impostor, its ``actor`` is the one that was hit.
+        """
+        return self._picked(checked_number('x', x), checked_number('y', y))[1]
+
+    def _picked(self, x, y) -> tuple:
+        """Return the thing at a pixel and its hit; two times None for nothing."""
+        pairs = [(e, h) for e in self.pipeline.effects if (h := e.pick(x, y)) is not None]
+        return min(pairs, key=lambda p: getattr(p[1], 'distance', 0.0), default=(None, None))
+
+    def enable_picking(
+        self,
+        callback=None,
+        *,
+        left_clicking=False,
+        show=True,
+        show_message=True,
+        use_picker=False,
+        style='wireframe',
+        color='pink',
+        line_width=5,
+        font_size=18,
+    ):
+        """Pick things by the mouse, as PyVista's ``enable_mesh_picking`` picks meshes.
+
+        Parameters
+        ----------
+        callback : callable, optional
+            Called with the result of :meth:`pick`, unless nothing is hit.
+        left_clicking : bool
+            Pick with the left mouse button instead of the right one; the key P also picks.
+        show : bool
+            Highlight what was picked; of a set of items, the one that was hit.
+        show_message : bool or str
+            Show how to pick, or another message.
+        use_picker : bool
+            Also pass a ``vtkCellPicker`` that has picked there to the function.
+        style, color, line_width : optional
+            Look of the highlight, as in ``add_mesh``.
+        font_size : int
+            Size of the message.
+
+        Raises
+        ------
+        TypeError
+            If the renderer has no PyVista plotter, or `callback` is no function.
+
+        Examples
+        --------
+        >>> import pyvista as pv
+        >>> pl = pv.Plotter(off_screen=True)
+        >>> balls = pl.ibr.add_spheres([[0, 0, 0], [2, 0, 0]])
+        >>> pl.ibr.enable_picking(lambda hit: print(hit.index), left_clicking=True)
+        >>> pl.ibr.disable_picking()
+        >>> pl.close()
+        """
+        if getattr(self._plotter, 'iren', None) is None:
+            raise TypeError(
+                'picking by mouse needs a PyVista plotter; call pick(x, y) from your own events'
+            )
+        if callback is not None and not callable(callback):
+            raise TypeError(f'callback = {callback!r}: must be a function of the hit, or None')
+        flags = {'left_clicking': left_clicking, 'use_picker': use_picker}
+        how = {name: checked_flag(name, value) for name, value in flags.items()}
+        show = checked_flag('show', show)
+        check_one_of('style', style, ('surface', 'wireframe', 'points'))
+        color, line_width = as_rgb('color', color), checked_positive('line_width', line_width)
+        font_size = checked_whole('font_size', font_size, 1, 1000)
+        if not isinstance(show_message, str):
+            show_message = checked_flag('show_message', show_message)
+        self.disable_picking()
+        self._clicks = ClickPicking(self._plotter, self._picked, callback, **how)
+        if show:
+            self._clicks.show(style=style, color=color, line_width=line_width)
+        if show_message:
+            self._clicks.tell(show_message, font_size)
+
+    def disable_picking(self):
+        """Stop picking with the mouse."""
+        clicks, self._clicks = self._clicks, None
+        if clicks is not None:
+            clicks.stop()
+
+    def buffer(self, name):
+        """Render the active subplot and return one of its buffers.
+
+        Normals and ids are those of opaque surfaces, without translucent props and volumes.
+
+        Parameters
+        ----------
+        name : {'depth', 'normal', 'id', 'color'}
+            ``'depth'`` is the distance along the view direction in world units, inf on the
+            background; ``'normal'`` is in view space, toward the eye, 0 on the background and on
+            unlit surfaces; ``'id'`` is an index into `buffer_objects`, -1 where nothing is;
+            ``'color'`` is the image with all effects and without annotations.
+
+        Returns
+        -------
+        numpy.ndarray
+            (height, width) or (height, width, channels) float32, ids int32; top row first.
+
+        Raises
+        ------
+        ValueError
+            If there is no such buffer.
+
+        Examples
+        --------
+        >>> import pyvista as pv
+        >>> pl = pv.Plotter(off_screen=True, window_size=(64, 48))
+        >>> ball = pl.add_mesh(pv.Sphere())
+        >>> ids = pl.ibr.buffer('id')
+        >>> ids.shape, ids[24, 32].item(), ids[0, 0].item()
+        ((48, 64), 0, -1)
+        >>> pl.ibr.buffer_objects[0] is ball
+        True
+        >>> pl.close()
+        """
+        pipeline = self.pipeline
+        self._show()
+        tap = pipeline.buffer(name)
+        if name == 'id':
+            self._buffer_objects = tap.numbered
+        return tap.array
+
+    @property
+    def buffer_objects(self) -> list:
+        """Actors and things that the ids of the last ``buffer('id')`` refer to."""
+        return list(self._buffer_objects)

@@ -1,0 +1,491 @@
+"""One renderer's chain of effects and things."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from contextlib import nullcontext
+from difflib import get_close_matches
+from functools import partial
+from typing import Any
+
+from pvibr.core.effect import Effect, put_into
+from pvibr.core.errors import ClosedError, warn
+from pvibr.core.passes import has_shadows, is_llvmpipe, loses_depth, peels_samples
+from pvibr.core.plotters import list_all_props
+from pvibr.core.report import Report, Row
+from pvibr.effects import ORDER
+from pvibr.gl.annotations import Annotations
+from pvibr.gl.fused import Fused
+from pvibr.gl.hidden_window import RENDERERS
+from pvibr.gl.picture import Picture
+from pvibr.gl.scene_pass import ScenePass
+from pvibr.gl.texture import nbytes_of, release
+from pvibr.things.buffers import Buffers, Tap
+from pvibr.things.casters import Surfaces
+from pvibr.things.draw_order import DrawOrder
+from pvibr.things.frame import Frame
+from pvibr.things.splats import Splats
+from pvibr.things.thing import Thing
+
+_IDLE_FRAMES = 8  # without image effects, after which their pictures are freed
+_PEELS_NOTHING = (
+    'Translucent things are missing: VTK with depth peeling draws none on this software driver '
+    "if windows are multisampled. Call disable_anti_aliasing() or enable_anti_aliasing('ssaa')."
+)
+
+
+def _unheard():
+    pass
+
+
+class Pipeline:
+    """What runs before and after a renderer draws; empty, it does nothing and costs nothing."""
+
+    def __init__(self, renderer, pace=None):
+        self.renderer = renderer
+        RENDERERS.add(renderer)
+        self.time = 0.0
+        self._adaptive_quality = pace
+        self._entries: list[_Entry] = []
+        self._effects: tuple[Effect, ...] = ()
+        self._things: list[Effect] = []
+        self._observers: list[int] = []
+        self._frames = 0
+        self._turn: _Turn | None = None
+        self.buffers = Buffers(renderer)
+        self.order = DrawOrder(renderer)
+        self.surfaces = Surfaces(renderer)
+        self._stage = _Stage(renderer, self.buffers)
+        self.watch: Any = None
+        #: Called when effects came or went.
+        self.changed: Callable[[], None] = _unheard
+        self._closed = self._peels = False
+
+    def __repr__(self) -> str:
+        return f'<Pipeline: {self._names() or "no effects"}, {self._frames} frames>'
+
+    @property
+    def window(self):
+        """The renderer's window, None while it has none."""
+        return self.renderer.GetRenderWindow()
+
+    @property
+    def effects(self) -> tuple[Effect, ...]:
+        """What is in it, in the order in which it runs."""
+        return self._effects
+
+    @property
+    def things(self) -> list:
+        """What draws by actors of its own, such as instances."""
+        return self._things
+
+    def buffer(self, name) -> Tap:
+        """Draw a frame and read one of its buffers."""
+        tap = Tap(name)
+        self.add(tap)
+        try:
+            with (
+                nullcontext() if self._adaptive_quality is None else self._adaptive_quality.full()
+            ):
+                self.window.Render()
+            why = next(e.row.why for e in self._entries if e.effect is tap)
+        finally:
+            self.remove(tap)
+        if tap.array is None:
+            raise RuntimeError(f'buffer {name!r} could not be read: {why or "no frame was drawn"}')
+        return tap
+
+    def stops(self, frame, picture) -> float:
+        """Return the exposure of a frame, for effects that come before it."""
+        exposing = [e.effect for e in self._entries if e.running]
+        return sum(e.expose(frame, picture) for e in exposing)
+
+    def horizon_color(self, frame) -> tuple[float, ...]:
+        """Return the colour of what is far away: that of the horizon, else of the background."""
+        found = (e.horizon_color(frame) for e in self._effects if e.enabled)
+        seen = next((color for color in found if color is not None), None)
+        return seen or frame.renderer.GetBackground()
+
+    def add(self, effect) -> Effect:
+        """Put an effect or a thing in; it is in the next frame."""
+        self.check_addable(effect)
+        effect.attach(self)
+        put_into(effect, self)
+        self._enter(sorted([*self._entries, _Entry(effect, Row(effect.name))], key=_place))
+        self._observe()
+        return effect
+
+    def _enter(self, entries):
+        """Have these entries, in their order; asked for what is in it many times in a frame."""
+        self._entries = entries
+        self._effects = tuple(entry.effect for entry in entries)
+        self._things = [e for e in self._effects if isinstance(e, Thing)]
+
+    def check_addable(self, effect):
+        """Raise an error unless an effect can be added."""
+        if self._closed:
+            raise ClosedError('the plotter is closed: make a new one and add the effect there')
+        if not isinstance(effect, Effect):
+            near = get_close_matches(getattr(effect, '__name__', str(effect)), ORDER, 1, 0.8)
+            meant = near[0] if near else 'Shadows'
+            raise TypeError(
+                f'effect = {effect!r}: must be a pvibr.Effect, such as pvibr.{meant}()'
+            )
+        if effect.before not in (None, *ORDER):
+            raise ValueError(
+                f'{effect.name}.before = {effect.before!r}: must be one of {", ".join(ORDER)}'
+            )
+        if effect.pipeline is not None:
+            effect.pipeline.forget_removed()
+        if effect.pipeline is not None:
+            here = 'this subplot' if effect.pipeline is self else 'another subplot'
+            raise ValueError(
+                f'{effect.name} is in {here} already: remove it first, or add one more of its kind'
+            )
+
+    def remove(self, effect):
+        """Take an effect or a thing out and free what it holds on the GPU."""
+        if effect not in self.effects:
+            name = effect.name if isinstance(effect, Effect) else f'thing = {effect!r:.80}'
+            raise ValueError(f'{name} is not in this subplot; here are: {self._names() or "none"}')
+        put_into(effect, self)  # Python's collector may have cleared it, a weak reference
+        self._enter([e for e in self._entries if e.effect is not effect])
+        self.make_current()
+        try:
+            effect.release()
+        finally:
+            effect.detach()
+            put_into(effect, None)
+            self._observe()
+
+    def clear(self):
+        """Take everything out."""
+        for effect in self.effects:
+            self.remove(effect)
+
+    def release(self):
+        """Remove all effects for good, while the context is alive; calling it again is fine."""
+        self._closed = True
+        try:
+            self.clear()
+        finally:
+            self._stage.release()
+            self.buffers.release()
+
+    def report(self) -> Report:
+        """Return what ran in the last frame, what was skipped and why."""
+        return Report(
+            [e.reported() for e in self._entries],
+            self._frames,
+            self._stage.nbytes + self.buffers.nbytes,
+            '' if self._adaptive_quality is None else self._adaptive_quality.why,
+        )
+
+    def _names(self):
+        return ', '.join(effect.name for effect in self.effects)
+
+    def make_current(self):
+        """Make the context of the window current, if it was drawn."""
+        window = self.window
+        if window is not None and not window.GetNeverRendered():
+            window.MakeCurrent()
+
+    def _observe(self):
+        """Watch the renderer while, and only while, there is something to run."""
+        if self.watch is not None:
+            self.watch.set(bool(self._entries))
+        self.changed()
+        if self._entries and not self._observers:
+            # Before and after everyone else's: what others do at these events is in the picture.
+            self._observers = [
+                self.renderer.AddObserver('StartEvent', self._on_start, -1.0),
+                self.renderer.AddObserver('EndEvent', self._on_end, 1.0),
+                self.renderer.AddObserver('ActiveCameraEvent', self._on_camera),
+            ]
+        elif not self._entries:
+            for tag in self._observers:
+                self.renderer.RemoveObserver(tag)
+            self._observers = []
+            self.make_current()
+            self._stage.release()
+            self.buffers.release()
+            list_all_props(self.renderer)
+
+    def view(self) -> Frame:
+        """Return the view of the camera as it is now, at the quality of the last frame."""
+        quality = 1.0 if self._adaptive_quality is None else self._adaptive_quality.latest
+        return Frame.of(self.renderer, time=self.time, quality=quality)
+
+    def _on_start(self, _renderer, _event):
+        if self._turn is not None:  # a frame that did not end
+            self._turn.put_camera_back()
+            self._turn = None
+        self.forget_removed()
+        quality = (
+            1.0
+            if self._adaptive_quality is None
+            else self._adaptive_quality.quality(self.renderer)
+        )
+        frame = Frame.of(self.renderer, index=self._frames, time=self.time, quality=quality)
+        self.surfaces.begin()
+        self._turn = turn = _Turn(frame)
+        for entry in self._entries if not frame.picking else ():
+            if entry.effect.enabled:
+                turn.take(turn.guard([entry], entry.effect.as_sampled, turn.begun))
+        for entry in self._entries:
+            entry.running = False
+        for entry in self._entries:
+            self._call_back(turn)
+            entry.begin(turn)
+        self._call_back(turn)
+        if self._entries:
+            turn.guard(self._entries, self.order.sort, turn.drawn, self.things)
+        images = [e for e in self._entries if e.running and e.effect.is_image_effect]
+        if images and not frame.picking:
+            turn.images = images
+            effects = [e.effect for e in images]
+            turn.guard(images, self._stage.begin, turn.frame, effects, self.things)
+        elif not frame.picking:
+            self._stage.rest()
+        turn.camera = self.renderer.GetActiveCamera()
+
+    def _on_camera(self, _renderer, _event):
+        """Prepare things for a light of which VTK draws a shadow map, and for the eye again."""
+        turn, camera = self._turn, self.renderer.GetActiveCamera()
+        if turn is None or turn.camera is None or not has_shadows(self.renderer):
+            return
+        frame = turn.drawn
+        if camera is not turn.camera:
+            frame = frame.elsewhere(Frame.of(self.renderer).view, frame.size)
+        for entry in self._entries:
+            if entry.running and isinstance(entry.effect, Thing):
+                turn.guard([entry], entry.effect.prepare, frame)
+
+    def _call_back(self, turn):
+        """Prepare things again that an effect has drawn in other views."""
+        astray = turn.frame.astray
+        for entry in self._entries if astray else ():
+            if entry.effect in astray and entry.running:
+                turn.guard([entry], entry.effect.prepare, turn.drawn)
+        astray.clear()
+
+    def _on_end(self, _renderer, _event):
+        turn, self._turn = self._turn, None
+        if turn is None:
+            return
+        if not turn.frame.picking:
+            self._frames += 1
+        for entry in self._entries:
+            if entry.running:
+                turn.guard([entry], entry.effect.finish, turn.frame_of(entry.effect))
+        turn.put_camera_back()
+        self.order.finish()
+        self._stage.end(turn)
+        if not self._peels and peels_samples(self.renderer):
+            self._peels = True
+            if is_llvmpipe(self.window):
+                turn.failures.append(_PEELS_NOTHING)
+        turn.warn()
+
+    def forget_removed(self):
+        """Forget things whose props were removed by the plotter's own means, between frames."""
+        for effect in self.effects if self._turn is None else ():
+            if effect.is_gone(self.renderer):
+                self.remove(effect)
+
+
+class _Entry:
+    """An effect in a pipeline, with what it did last."""
+
+    def __init__(self, effect, row):
+        self.effect, self.row = effect, row
+        self.running = self._awake = False
+
+    def begin(self, turn):
+        """Ask whether the frame needs the effect, and prepare it."""
+        effect, row = self.effect, self.row
+        self.running = False
+        if 0 in turn.frame.size or (turn.frame.picking and not effect.picks):
+            return
+        row.ms = 0.0
+        if not effect.enabled:
+            self.stop('off', row.why if row.state == 'off' else 'enabled is False')
+        else:
+            self._ask(turn)
+        if self._awake and not self.running:
+            turn.guard([self], effect.deactivate)
+        self._awake = self.running
+
+    def _ask(self, turn):
+        effect, row = self.effect, self.row
+        frame = turn.frame_of(effect)
+        needed = turn.guard([self], effect.needed, frame)
+        if needed is True:
+            self.running, row.state, row.why = True, 'ran', ''
+            self._awake = True
+            turn.guard([self], effect.prepare, frame)
+        elif effect.enabled:
+            self.stop('skipped', needed or 'not needed')
+
+    def stop(self, state, why):
+        self.running = False
+        self.row.state, self.row.why = state, str(why)
+
+    def reported(self):
+        """Return the row with what the effect itself says."""
+        details = dict(self.effect.report())
+        self.row.effect = self.effect.name
+        self.row.bytes = int(details.pop('bytes', 0))
+        self.row.details = details
+        return self.row
+
+
+class _Turn:
+    """One frame on its way through a pipeline, with what went wrong in it."""
+
+    def __init__(self, frame):
+        self.images: list[_Entry] = []
+        self.failures: list[str] = []
+        self.begun: Frame | None = None
+        self.camera = None  # once all is prepared for it
+        self.take(frame)
+
+    def take(self, frame):
+        """Be of a frame; of None it stays as it is."""
+        if frame is not None and frame is not self.begun:
+            self.begun = frame
+            self.drawn, self.frame = (frame, frame) if frame.picking else frame.within_passes()
+
+    def put_camera_back(self):
+        """Let the renderer have the user's camera again, after a sample."""
+        sample = self.frame.sample
+        if sample is not None:
+            self.frame.renderer.SetActiveCamera(sample.camera)
+
+    def frame_of(self, effect):
+        """Return the frame as it is drawn, for effects on the picture as it is shown."""
+        return self.frame if effect.is_image_effect else self.drawn
+
+    def guard(self, entries, hook: Callable, *args):
+        """Call a hook; an error must not reach VTK's loop: those that it concerns go off."""
+        start = time.perf_counter()
+        try:
+            return hook(*args)
+        except Exception as error:  # noqa: BLE001, RUF100
+            for entry in entries:
+                self._fail(entry, error)
+            return None
+        finally:
+            entries[0].row.ms += 1e3 * (time.perf_counter() - start)
+
+    def _fail(self, entry, error):
+        entry.effect.enabled = False
+        entry.stop('off', f'{type(error).__name__}: {error}')
+        why = entry.row.why.rstrip('.')
+        self.failures.append(
+            f'{entry.effect.name} is off, the picture is drawn without it: {why}. '
+            'Mend the cause, then set its enabled = True, or remove it.'
+        )
+
+    def warn(self):
+        """Say what went wrong, once; last, since a filter may turn a warning into an error."""
+        if self.failures:
+            warn('\n'.join(self.failures))
+
+
+class _Stage:
+    """Where image effects work: the scene's pass, the picture, the annotations."""
+
+    def __init__(self, renderer, buffers):
+        self.renderer, self.buffers = renderer, buffers
+        self._things: list = []
+        self._annotations = Annotations(renderer)
+        self._begun = False
+        self._idle = 0
+        self._picture: Picture | None = None
+        self._scene: ScenePass | None = None
+        self._fused: Fused | None = None
+        self._splats = Splats(renderer)
+
+    @property
+    def nbytes(self) -> int:
+        return nbytes_of(self._picture, self._scene, self._annotations)
+
+    def begin(self, frame, effects, things):
+        """Before the renderer draws: flat props out, and what effects need besides colours in."""
+        self._things = things
+        self._begun, self._idle = True, 0
+        self._splats.look()
+        self._annotations.hide(frame.size)
+        self._scene = scene = self._scene or ScenePass(self.renderer.GetRenderWindow())
+        # A renderer that draws over others' pixels has no picture of its own in floats.
+        own = not self.renderer.GetPreserveColorBuffer()
+        single = own and any(e.one_sample for e in effects)
+        floats = own and (
+            any(e.needs_hdr for e in effects)
+            or (any(e.draws_background for e in effects) and self._splats.shine())
+        )
+        self._splats.match(floats)
+        scene.begin(frame, floats, single=single)
+        if any(e.surfaces for e in effects):
+            self.buffers.attach(frame, scene, things)
+
+    def end(self, turn):
+        """After the renderer drew: all back in its place, then effects, then flat props."""
+        begun, self._begun, scene = self._begun, False, self._scene
+        if not begun or scene is None:
+            return
+        scene.end()
+        self.buffers.detach()
+        self._annotations.show()
+        self._splats.settle()
+        place = turn.frame.origin, turn.frame.size
+        running = [e for e in turn.images if e.running]
+        if running or scene.is_apart:
+            turn.guard(turn.images, self._run, turn, scene, running, place)
+        self._annotations.draw(*place)
+
+    def _run(self, turn, scene, entries, place):
+        picture = self._picture_of(place, scene.needs_hdr)
+        on_black = any(e.effect.draws_background for e in entries)
+        picture.take(scene.target, on_black=on_black)
+        if loses_depth(self.renderer):
+            picture.find_depth = partial(self.buffers.depth, turn.frame, self._things)
+        for entry in entries:
+            picture.last = entry is entries[-1]
+            turn.guard([entry], entry.effect.render, turn.frame, picture)
+        picture.present()
+
+    def _picture_of(self, place, needs_hdr):
+        old = self._picture
+        if old is None or (old.origin, old.size, old.needs_hdr) != (*place, needs_hdr):
+            if old is not None:
+                old.release()
+            window, (origin, size) = self.renderer.GetRenderWindow(), place
+            self._fused = self._fused or Fused(window)
+            self._picture = Picture(window, origin, size, self._fused, needs_hdr)
+        return self._picture
+
+    def rest(self):
+        """Free the pictures after some frames without image effects; making them takes long."""
+        self._idle += 1
+        if self._idle >= _IDLE_FRAMES:
+            self._free()
+
+    def _free(self):
+        release(self._picture, self._scene)
+        self._picture = self._scene = None
+
+    def release(self):
+        self._free()
+        release(self._fused, self._annotations)
+        self._fused = None
+
+
+def _place(entry):
+    """Return a number to sort by: of the class or the nearest of its bases that has a place."""
+    if entry.effect.before is not None:
+        return ORDER.index(entry.effect.before) - 0.5
+    names = [c.__name__ for c in type(entry.effect).__mro__]
+    return next((ORDER.index(n) for n in names if n in ORDER), -1)

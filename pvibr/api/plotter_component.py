@@ -1,0 +1,376 @@
+"""``plotter.ibr``: what users add to a subplot, and what they read of it."""
+
+from __future__ import annotations
+
+import contextlib
+import weakref
+from typing import TYPE_CHECKING
+
+import pyvista as pv
+
+from pvibr.api.add_methods import AddMethod
+from pvibr.api.camera_methods import CameraFacade
+from pvibr.api.capture_methods import CaptureFacade
+from pvibr.api.export_methods import ExportFacade
+from pvibr.api.picking_methods import PickFacade
+from pvibr.api.pipeline import Pipeline
+from pvibr.api.presets import LooksFacade
+from pvibr.api.state_methods import StateFacade
+from pvibr.core.hooks import Hooks
+from pvibr.core.observers import weakly
+from pvibr.core.params import checked_flag
+from pvibr.core.plotters import next_theme, renderers_of
+from pvibr.core.report import Report
+from pvibr.core.signatures import accepts
+from pvibr.export.exporters import plain_exporters, release_exporters
+from pvibr.export.web_report import Watch
+from pvibr.things.mesh_widgets import mesh_widgets
+from pvibr.things.scalar_bars import Bar
+from pvibr.things.thing import Thing
+
+if TYPE_CHECKING:
+    from pvibr.figures.animated_actor import AnimatedActor
+    from pvibr.figures.crowd import Crowd
+    from pvibr.instances.instances import Instances
+    from pvibr.photos.photo_mesh import PhotoMesh
+    from pvibr.points.billboards import Billboards
+    from pvibr.points.cylinders import Cylinders
+    from pvibr.points.ellipsoids import Ellipsoids
+    from pvibr.points.spheres import Spheres
+    from pvibr.substitutes.image_layers import ImageLayers
+    from pvibr.substitutes.impostor import Impostor
+
+
+@pv.register_plotter_component('ibr')
+class IBRComponent(
+    CameraFacade, CaptureFacade, ExportFacade, LooksFacade, PickFacade, StateFacade
+):
+    """Image-based rendering of a plotter; it acts on the active subplot.
+
+    Once the plotter is closed, methods that add, draw or export raise a `ClosedError`.
+
+    Parameters
+    ----------
+    plotter : pyvista.BasePlotter
+        The plotter.
+
+    Examples
+    --------
+    >>> import pyvista as pv
+    >>> pl = pv.Plotter(off_screen=True)
+    >>> balls = pl.ibr.add_spheres([[0, 0, 0], [2, 0, 0]])
+    >>> pl.ibr
+    <plotter.ibr: 1 subplot, 1 thing, 0 effects, time 0 s>
+    >>> pl.close()
+    """
+
+    def __init__(self, plotter):
+        super().__init__(plotter)
+        self._at_close: list = []
+        self._last_report = Report([])
+        self._hooks = Hooks(plotter)
+
+    def __repr__(self) -> str:
+        if self._is_closed:
+            return '<plotter.ibr: closed>'
+        things = sum(len(p.things) for p in self._pipelines)
+        effects = len(self._all_effects()) - things
+        subplots = len(renderers_of(self._plotter))
+        counts = (subplots, 'subplot'), (things, 'thing'), (effects, 'effect')
+        parts = [f'{count} {noun}{"" if count == 1 else "s"}' for count, noun in counts]
+        playing = ', playing' if self.playing else ''
+        return f'<plotter.ibr: {", ".join(parts)}, time {self.time:g} s{playing}>'
+
+    # -- subplots --------------------------------------------------------------------------------
+
+    def _pipeline_of(self, renderer) -> Pipeline:
+        for pipeline in self._pipelines:
+            if pipeline.renderer is renderer:
+                pipeline.forget_removed()
+                return pipeline
+        pipeline = Pipeline(renderer, self._adaptive_quality)
+        pipeline.time = self._time
+        pipeline.watch = Watch(renderer, self._hand_over.warn)
+        pipeline.changed = weakly(self._hook)
+        self._pipelines.append(pipeline)
+        return pipeline
+
+    def _hook(self):
+        """Replace methods of the plotter while, and only while, anything is in a subplot."""
+        holds = any(pipeline.effects for pipeline in self._pipelines)
+        if holds and not self._hooks:
+            self._hooks.put(mesh_widgets(self._plotter) | plain_exporters(self._plotter, self))
+        elif self._hooks and not holds:
+            release_exporters(self._plotter)
+            self._hooks.take_off()
+            self._adaptive_quality.release()
+
+    @property
+    def effects(self) -> tuple:
+        """Effects and things in the active subplot, in the order in which they run."""
+        return self.pipeline.effects
+
+    def __len__(self) -> int:
+        """Return how many effects and things are in the active subplot."""
+        return len(self.effects)
+
+    def __bool__(self) -> bool:
+        return True
+
+    def __iter__(self):
+        return iter(self.effects)
+
+    def __contains__(self, item) -> bool:
+        """Return True if an effect, or one of this name, is in the active subplot."""
+        return any(e is item or e.name == item for e in self.effects)
+
+    def __getitem__(self, name):
+        """Return the effect or thing in the active subplot that has a name."""
+        found = [effect for effect in self.effects if effect.name == name]
+        if not found:
+            names = ', '.join(repr(effect.name) for effect in self.effects) or 'nothing'
+            raise KeyError(f'no thing {name!r} is in this subplot; here are: {names}')
+        return found[0]
+
+    # -- adding and removing ---------------------------------------------------------------------
+
+    def add(self, effect):
+        """Add an effect or a thing to the active subplot.
+
+        It replaces what has the same given name. Effects of which a subplot has only one, such as
+        `Bloom`, replace the one that is there; others, such as `Outline`, replace one made of the
+        same arguments and not changed since. So a notebook cell may be run twice.
+
+        Parameters
+        ----------
+        effect : pvibr.Effect
+            An effect that is in no subplot yet.
+
+        Returns
+        -------
+        pvibr.Effect
+            The same effect; its settings can be changed at any time.
+
+        Raises
+        ------
+        TypeError
+            If `effect` is not an effect.
+        ValueError
+            If the effect is already in a subplot.
+        """
+        pipeline = self.pipeline
+        pipeline.check_addable(effect)
+        for old in [e for e in pipeline.effects if _replaces(effect, e)]:
+            pipeline.remove(old)
+        pipeline.add(effect)
+        if isinstance(effect, Thing) and effect.bar is not None:  # also of what was removed
+            effect.bar.show(effect)
+        return effect
+
+    def _add_thing(
+        self,
+        make,
+        args,
+        kwargs,
+        *,
+        show_scalar_bar=None,
+        scalar_bar_args=None,
+        label=None,
+        reset_camera=None,
+        render=False,
+    ):
+        """Add a thing to the active subplot, in place of what has its name.
+
+        Parameters
+        ----------
+        make : callable
+            Class or function that makes the thing.
+        args : tuple
+            Its positional arguments.
+        kwargs : dict
+            Its keyword arguments.
+        show_scalar_bar : bool, optional
+            Whether to add a scalar bar; by default as the theme says.
+        scalar_bar_args : dict, optional
+            Options of :meth:`pyvista.Plotter.add_scalar_bar`.
+        label : str, optional
+            Entry of the legend that :meth:`pyvista.Plotter.add_legend` adds.
+        reset_camera : bool, optional
+            Whether to reset the camera; by default only if it was never set.
+        render : bool
+            Whether to render at once.
+
+        Returns
+        -------
+        pvibr.Effect
+            The thing.
+        """
+        self._check_open()
+        bar = Bar(show_scalar_bar, scalar_bar_args)
+        reset_camera = checked_flag('reset_camera', reset_camera, optional=True)
+        render = checked_flag('render', render)
+        if not isinstance(label, str | None):
+            raise TypeError(f'label = {label!r}: must be a str or None')
+        if accepts(make, 'theme'):
+            if kwargs.get('color') is True:  # PyVista's word for the next one
+                kwargs['color'] = None
+            kwargs.setdefault('theme', next_theme(self._plotter, kwargs.get('color')))
+        thing = make(*args, **kwargs)
+        thing.bar, thing.label = bar, label
+        bar.check(self._plotter, thing)
+        self.add(thing)
+        self._show(reset_camera, render)
+        return thing
+
+    add_instances: AddMethod[Instances] = AddMethod(
+        'pvibr.instances.instances.Instances', _add_thing
+    )
+    add_animated: AddMethod[AnimatedActor | Crowd] = AddMethod(
+        'pvibr.figures.animated.animated', _add_thing
+    )
+    add_billboards: AddMethod[Billboards] = AddMethod(
+        'pvibr.points.billboards.Billboards', _add_thing
+    )
+    add_spheres: AddMethod[Spheres] = AddMethod('pvibr.points.spheres.Spheres', _add_thing)
+    add_cylinders: AddMethod[Cylinders] = AddMethod('pvibr.points.cylinders.Cylinders', _add_thing)
+    add_ellipsoids: AddMethod[Ellipsoids] = AddMethod(
+        'pvibr.points.ellipsoids.Ellipsoids', _add_thing
+    )
+    add_impostor: AddMethod[Impostor] = AddMethod(
+        'pvibr.substitutes.impostor.Impostor', _add_thing
+    )
+    add_image_layers: AddMethod[ImageLayers] = AddMethod(
+        'pvibr.substitutes.image_layers.ImageLayers', _add_thing
+    )
+    add_photos: AddMethod[PhotoMesh] = AddMethod('pvibr.photos.photo_mesh.PhotoMesh', _add_thing)
+
+    def remove(self, thing):
+        """Remove an effect or a thing from its subplot.
+
+        Parameters
+        ----------
+        thing : pvibr.Effect or str
+            An effect or a thing in one of the plotter's subplots, or the name of one in the
+            active subplot.
+
+        Raises
+        ------
+        KeyError
+            If nothing in the active subplot has the name.
+        ValueError
+            If it is in no subplot of this plotter.
+        """
+        thing = self[thing] if isinstance(thing, str) else thing
+        here = (p for p in self._pipelines if thing in p.effects)
+        next(here, self.pipeline).remove(thing)
+
+    def clear(self):
+        """Remove all effects and things from the active subplot, and its look."""
+        self._take_off(self.pipeline)
+        self.pipeline.clear()
+
+    # -- reports ---------------------------------------------------------------------------------
+
+    def inspect(self, on=None, *, levels=True, cells=True, atlas=True, table=True):
+        """Show how the active subplot is drawn, or stop showing it.
+
+        Parameters
+        ----------
+        on : bool, optional
+            Whether to show it; by default the call toggles.
+        levels : bool
+            Whether to colour instances by the level of detail that draws them, with a legend.
+        cells : bool
+            Whether to show the boxes that are culled as units.
+        atlas : bool, Instances or Impostor
+            Whether, or of which thing, to show the images, those in use outlined.
+        table : bool
+            Whether to list the images taken for the last frame and its milliseconds.
+
+        Returns
+        -------
+        pvibr.inspection.inspection.Inspection or None
+            Its settings can be changed, and ``remove()`` ends it; None if it is not shown.
+
+        Raises
+        ------
+        TypeError
+            If an argument is of the wrong type.
+
+        Examples
+        --------
+        >>> import pyvista as pv
+        >>> pl = pv.Plotter(off_screen=True)
+        >>> view = pl.ibr.inspect(cells=False)
+        >>> view.table = False
+        >>> pl.ibr.inspect() is None
+        True
+        >>> pl.close()
+        """
+        from pvibr.inspection.inspection import toggle
+
+        return toggle(self.pipeline, on, atlas, levels=levels, cells=cells, table=table)
+
+    def report(self) -> Report:
+        """Return a report on which effects ran in the last frame, and why others did not.
+
+        Once the plotter is closed, as ``show()`` leaves it, the report is that of its last frame.
+        """
+        return self._last_report if self._is_closed else self.pipeline.report()
+
+    # -- the end ---------------------------------------------------------------------------------
+
+    def on_close(self, function):
+        """Call a function when this is closed, for example to close a panel.
+
+        Parameters
+        ----------
+        function : callable
+            Called once, without arguments.
+        """
+        self._at_close.append(function)
+
+    def close(self):
+        """Release everything; plotters call it when they close. It may be called again."""
+        if self._pipelines and not self._is_closed:
+            with contextlib.suppress(Exception):  # an effect's report must not keep it open
+                self._last_report = self.pipeline.report()
+        self._closed = True
+        with contextlib.suppress(Exception):  # the window may be gone
+            self.disable_picking()
+        self._hand_over.stop()
+        self._clock.stop()
+        self._adaptive_quality.release()
+        self._buffer_objects = []
+        while self._pipelines:
+            self._pipelines.pop().release()
+        while self._at_close:
+            self._at_close.pop()()
+        self._let_go()
+
+    def _let_go(self):
+        """Keep the plotter alive no longer: what it leaves undone ends with it, not at random."""
+        if not isinstance(self._plotter, weakref.ProxyTypes):
+            plotter = weakref.proxy(self._plotter)
+            parts = self._hand_over, self._clock, self._adaptive_quality, self._screenshots
+            for part in (self, *parts):
+                vars(part)['_plotter'] = plotter
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *error):
+        self.close()
+
+    def __plotter_close__(self):
+        self.close()
+
+    def __plotter_deep_clean__(self):
+        self._pipelines.clear()
+
+
+def _replaces(effect, old) -> bool:
+    """Return True if an effect takes the place of another: of its name, its kind, or its like."""
+    same_kind = effect.single and type(effect) is type(old)
+    same = effect.once and effect.is_like(old)
+    return old.name == effect.given_name or same_kind or same

@@ -1,1 +1,0 @@
-"""Calibrated photographs: read from and written for photogrammetry programs."""

@@ -1,1 +1,0 @@
-"""Parts of a scene drawn as images that are reused between frames."""

@@ -1,1 +1,0 @@
-"""Actors drawn as images of themselves."""

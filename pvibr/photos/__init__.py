@@ -1,0 +1,1 @@
+"""Calibrated photographs: camera files, and their projection onto surfaces."""

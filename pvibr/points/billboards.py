@@ -1,0 +1,503 @@
+"""Billboards: an image at each point, turned toward the eye, all in one draw."""
+
+from __future__ import annotations
+
+import numpy as np
+import pyvista as pv
+
+from pvibr.core.errors import ShaderError
+from pvibr.core.params import Param
+from pvibr.core.signatures import takes
+from pvibr.gl import Texture, nbytes_of, shader_source
+from pvibr.gl.feature import Feature, sections
+from pvibr.maths.blocks import BLOCK
+from pvibr.points.billboard_cards import (
+    BillboardLayout,
+    as_anchor,
+    checked_cutout,
+    checked_opacity,
+)
+from pvibr.points.billboard_images import LiveImage, SheetImages
+from pvibr.textures.projected import is_live
+from pvibr.textures.sheet import as_images
+from pvibr.things.appearance import read_only
+from pvibr.things.clipping import KEPT
+from pvibr.things.draw_order import PARTS
+from pvibr.things.frame import Frame
+from pvibr.things.item_set import CardSet
+from pvibr.things.painted import TABLE_OPTIONS, scalars_of
+from pvibr.things.picking import Hit, pixel_ray
+from pvibr.things.shader_draws import ROW, ShaderDraws, pack
+
+_CHUNK = 65_536  # billboards per draw
+_WIDE = 3072  # texels, a multiple of 3 and 4
+_CORNERS = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])  # in shares of width and height
+_HIT = 0.05  # least alpha at which a blended billboard can be picked
+
+
+class Billboards(CardSet):
+    """An image at each of many points, turned toward the eye.
+
+    Parameters
+    ----------
+    points : array_like, shape (n, 3), dataset or table
+        World units.
+    image : path, array, pyvista.Texture, pvibr.LiveTexture, or a list of the first three
+        Image or images; several are packed into one texture. Arrays are (h, w) or (h, w, c), row 0
+        at the top, of uint8, uint16, bool, or float from 0 to 1.
+    size : float or array_like, shape (n,), (n, 2) or (1, 2)
+        Height, or width and height, of each card or of all; a height alone keeps the image's
+        proportions.
+    facing : {'spherical', 'cylindrical', 'screen', 'world'}
+        Towards the camera; towards it about `axis` only; parallel to the screen; fixed.
+    axis : array_like, shape (3,) or (n, 3), optional
+        Up direction of the cards; by default z for cylindrical cards, the camera's up for
+        spherical ones.
+    towards : {'point', 'plane'}
+        Face the camera's position, or its image plane.
+    orientation : array_like, shape (4,) or (n, 4), optional
+        Quaternions (w, x, y, z) of cards with ``facing='world'``, from x right, y up, z front.
+    rotation : float or array_like, shape (n,)
+        Radians counter-clockwise about the card's normal.
+    index : array_like of int, shape (n,), optional
+        Image of each card; by default in turn, or the first frame of a flipbook.
+    frames : tuple of 2 int, optional
+        Columns and rows of a sprite sheet.
+    fps : float, optional
+        Frame rate of a flipbook, which starts at `index` and loops.
+    cutout : float or None
+        Alpha threshold above which texels are opaque; None for alpha blending.
+    size_unit : {'world', 'pixel'}
+        Unit of `size`.
+    anchor : {'center', 'bottom', 'top'} or array_like, shape (2,)
+        Position of the point on the card, in shares of width and height from the lower left.
+    views : int
+        Number of consecutive images that show an object from around the axis of cylindrical
+        cards, the first from x (from y if the axis is close to x), the others counter-clockwise.
+        Each card shows the view nearest to the camera.
+    blend_views : bool
+        Blend the two nearest views.
+    yaw : float or array_like, shape (n,)
+        Rotation of the object itself about the axis, in radians.
+    colors : array_like, shape (n, 3), optional
+        Colours that multiply the image; uint8 or float.
+    scalars : array_like, shape (n,), optional
+        Values mapped to colours as in ``add_mesh``.
+    visible : array_like of bool, shape (n,), optional
+        Mask of the items that are drawn.
+    opacity : float or array_like, shape (n,)
+        Opacity of all, or of each if they are blended.
+    lighting : bool
+        Apply lighting to the cards.
+    pickable : bool
+        Allow picking.
+    name : str, optional
+        Name in the plotter and in reports.
+    theme : pyvista.plotting.themes.Theme, optional
+        Defaults of the colour map.
+    **table
+        Colour map of the scalars, as in ``add_mesh``.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If an argument is invalid.
+    FileNotFoundError
+        If an image does not exist.
+
+    Notes
+    -----
+    Cut-outs are opaque and depth-tested. Blended billboards are sorted from far to near among
+    other translucent props by the centres of these, or per pixel with depth peeling. All cast
+    shadows, turned to the light, in the size that the camera sees; blended ones where texels are
+    at least half opaque.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import pyvista as pv
+    >>> import pvibr
+    >>> pl = pv.Plotter(off_screen=True)
+    >>> dots = pl.ibr.add(pvibr.Billboards([[0, 0, 0], [1, 0, 0]], np.ones((8, 8)), size=0.5))
+    >>> len(dots), dots.facing
+    (2, 'spherical')
+    >>> pl.close()
+    """
+
+    web = 'baked', 'quads, turned to the current camera'
+    fps = Param(None, 'Frame rate of a flipbook.', range='(-inf, inf)', unit='1/s', kind=float)
+    _noun = 'points'
+    cutout: float | None
+
+    @takes(table=TABLE_OPTIONS)
+    def __init__(
+        self,
+        points,
+        image,
+        *,
+        size=1.0,
+        facing='spherical',
+        axis=None,
+        towards='point',
+        orientation=None,
+        rotation=0.0,
+        index=None,
+        frames=None,
+        fps=None,
+        cutout=0.5,
+        size_unit='world',
+        anchor='center',
+        views=1,
+        blend_views=False,
+        yaw=0.0,
+        colors=None,
+        scalars=None,
+        visible=None,
+        opacity=1.0,
+        lighting=False,
+        pickable=True,
+        name=None,
+        theme=None,
+        **table,
+    ):
+        super().__init__(fps=fps)
+        self.name = name
+        self.cutout = checked_cutout(cutout)
+        self._images: LiveImage | SheetImages
+        if is_live(image):
+            self._images = LiveImage(image)
+        else:
+            self._images = SheetImages(as_images(image, frames), cutout)
+        if index is None and fps is not None:
+            index = 0
+        self.layout = BillboardLayout(
+            points,
+            self._images.sizes,
+            size,
+            facing=facing,
+            axis=axis,
+            towards=towards,
+            orientation=orientation,
+            rotation=rotation,
+            index=index,
+            size_unit=size_unit,
+            anchor=as_anchor(anchor),
+            views=views,
+            blend_views=blend_views,
+            yaw=yaw,
+        )
+        self._opacity = checked_opacity(opacity, len(self.layout), self.cutout is not None)
+        self._begin_looks(table, scalars_of(points, scalars), colors, visible, theme)
+        self.pickable = pickable
+        self._begin(lighting)
+
+    def _begin(self, lighting):
+        self._begin_drawing()
+        self._uniforms: dict = {}
+        self._window = None
+        self._drawn_count = 0
+        opacity = float(self._opacity) if np.ndim(self._opacity) == 0 else 1.0
+        look = {'lighting': bool(lighting), 'opacity': opacity, 'interpolation': 'Gouraud'}
+        self.prop = pv.Property(color='white', **look)
+        slot_count = max(-(-len(self) // BLOCK), 1) * BLOCK
+        self._chunk, draw_count = min(slot_count, _CHUNK), -(-slot_count // _CHUNK)
+        # Blended billboards have other draws for shadows, of texels at least half opaque.
+        self._draws = self._new_draws(draw_count + PARTS * self.blends, self.blends)
+        self._shadow_draws = self._new_draws(draw_count, False) if self.blends else None
+        self._lead_materials()
+        self._fit()
+
+    def _new_draws(self, draws, blends) -> ShaderDraws:
+        look = {'prop': self.prop, 'feature': _feature(False), 'translucent': blends}
+        return ShaderDraws(draws=draws, chunk=self._chunk, binder=self.binder, **look)
+
+    def _materials_of_all(self):
+        return [draws.material for draws in self._all_draws()]
+
+    def _switch_clipping(self):
+        for draws in self._all_draws():
+            draws.set_feature(_feature(bool(self._planes)))
+
+    def _all_draws(self) -> list:
+        return [draws for draws in (self._draws, self._shadow_draws) if draws is not None]
+
+    def _fit(self):
+        """Apply changed local positions or sizes."""
+        if self._world is not None:
+            self.layout.place(None)
+        self._set_bounds(self.layout.bounds)
+        if self._world is not None:
+            self.layout.place(self._world)
+        self._fit_draws()
+
+    def _fit_draws(self):
+        for draws in self._all_draws():
+            draws.place_cards(self.layout.reach_bounds())
+
+    def _check_linear(self, linear):
+        super()._check_linear(linear)
+        if self.facing == 'world':
+            self._check_similar(linear, "cards with facing='world' stay rectangles")
+        if np.linalg.det(linear) < 0:
+            raise ValueError(f'scale or user_matrix of {self.name} must not mirror images')
+
+    def _put(self):
+        """Upload positions for the next frame."""
+        self.layout.place(self._world)
+        self._fit_draws()
+        self._drop('ibr_points', 'ibr_looks')
+
+    # -- positions and looks ------------------------------------------------------------------
+
+    def __len__(self):
+        return len(self.layout)
+
+    def _places(self) -> np.ndarray:
+        return self.layout.points
+
+    def item_spheres(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return points, shape (n, 3), and the reach of their cards."""
+        indices = np.arange(len(self))
+        sizes = self.layout.placed(Frame.of(self.pipeline.renderer), indices)[1]
+        return self.layout.points, np.hypot(*np.moveaxis(sizes, 1, 0))
+
+    def item_mesh(self, index) -> pv.PolyData:
+        """Return the card of an item in world space, for VTK's pickers."""
+        corners = self._corners(Frame.of(self.pipeline.renderer), np.array([index]))
+        return pv.PolyData(corners[0], faces=[4, 0, 1, 2, 3])
+
+    def _corners(self, frame, indices) -> np.ndarray:
+        """Return the corners of some cards, shape (k, 4, 3)."""
+        axes, sizes = self.layout.placed(frame, indices)
+        offsets = (_CORNERS - self.layout.anchor) * sizes[:, None]
+        return self.layout.points[indices, None] + offsets @ axes[..., :2].swapaxes(1, 2)
+
+    @property
+    def facing(self) -> str:
+        """What the cards face."""
+        return self.layout.facing
+
+    @property
+    def blends(self) -> bool:
+        """Whether images are translucent and therefore drawn from far to near."""
+        return self.cutout is None or super().blends
+
+    @property
+    def points(self) -> np.ndarray:
+        """Positions, shape (n, 3), in its own space."""
+        return read_only(self.layout.own_points)
+
+    @points.setter
+    def points(self, points):
+        self.layout.move(points)
+        self._fit()
+        self._drop('ibr_points', 'ibr_looks')
+
+    @property
+    def size(self) -> np.ndarray:
+        """Height, or width and height, of all cards or each, in world units or pixels."""
+        return read_only(self.layout.local_size)
+
+    @size.setter
+    def size(self, size):
+        self.layout.resize(size)
+        self._fit()
+        self._drop('ibr_points', 'ibr_looks')
+
+    @property
+    def rotation(self) -> np.ndarray:
+        """Rotation in the plane of the card, shape (n,), radians."""
+        return read_only(self.layout.rotation)
+
+    @rotation.setter
+    def rotation(self, rotation):
+        self.layout.rotate(rotation)
+        self._drop('ibr_points')
+
+    @property
+    def index(self) -> np.ndarray:
+        """Index of each card's image, shape (n,)."""
+        return read_only(self.layout.index)
+
+    @index.setter
+    def index(self, index):
+        self.layout.set_index(index)
+        self._drop('ibr_points')
+
+    # -- frames -------------------------------------------------------------------------------
+
+    def content_key(self) -> tuple:
+        """Return a value that changes with the content, camera excluded."""
+        return *super().content_key(), self._step(), self._images.draws, self.layout.size_key()
+
+    def _step(self) -> int:
+        """Return the number of images that a flipbook has advanced."""
+        if not self.fps or self.pipeline is None:
+            return 0
+        return int(np.floor(self.pipeline.time * self.fps + 1e-9)) % self.layout.n_images
+
+    def actors(self) -> list:
+        """Return all actors, invisible ones included."""
+        return [actor for draws in self._all_draws() for actor in draws.actors]
+
+    def drawn(self) -> list:
+        """Return the visible actors, without those of shadow maps."""
+        return [a for a in self._draws.actors if a.GetVisibility()]
+
+    def depths(self) -> list:
+        """Return the actors that cast shadows."""
+        return [a for a in (self._shadow_draws or self._draws).actors if a.GetVisibility()]
+
+    @property
+    def cast_bounds(self) -> np.ndarray:
+        """World bounds of the shadow casters, shape (6,)."""
+        return self.layout.cast_bounds()
+
+    def needed(self, frame) -> bool | str:
+        """Return True if there is anything to draw, else the reason why not."""
+        return (self.visibility and self._images.missing) or super().needed(frame)
+
+    def prepare(self, frame):
+        """Choose which items are drawn and in which order."""
+        failure = next((draws.failure for draws in self._all_draws() if draws.failure), None)
+        if failure:
+            raise ShaderError(failure)
+        super().prepare(frame)
+
+    def _choice_key(self) -> tuple:
+        return *super()._choice_key(), self._step()
+
+    def _choose(self, frame, other_depths):
+        active_draws, idle_draws, least_opacity = self._draws, self._shadow_draws, 0.5 / 255
+        if frame.casting and idle_draws is not None:
+            active_draws, idle_draws = idle_draws, active_draws
+            least_opacity = 0.5 / max(self.prop.GetOpacity(), 1e-6)
+        sort = self.blends and active_draws is self._draws
+        entries, unit, part_cuts = self.layout.entries_in_view(frame, other_depths, sort=sort)
+        self._drawn_count = min(len(entries) * unit, len(self))
+        self._uniforms |= self.layout.view_uniforms(frame) | {
+            **(self._planes.uniforms(frame) if self._planes else {}),
+            'ibr_unit': unit,
+            'ibr_step': self._step(),
+            'ibr_eye_from_world': frame.view_from_world[:3, :3],
+            'ibr_clip_from_eye': frame.clip_from_view,
+            'ibr_parallel': int(frame.parallel),
+            'ibr_least_opacity': least_opacity,
+        }
+        if idle_draws is not None:
+            idle_draws.show_spans(())
+        active_draws.upload(self._window, np.asarray(entries, np.float32).reshape(-1, 1))
+        parts = active_draws.show_parts(part_cuts, unit)
+        if sort:
+            self._order_parts(frame, other_depths, parts)
+
+    # -- the GPU ------------------------------------------------------------------------------
+
+    def _upload(self, window):
+        if self._window is None:
+            self._window = window
+            self._stale = {'ibr_points', 'ibr_looks', 'ibr_rects'}
+        stale_names, self._stale = self._stale, set()
+        if 'ibr_rects' in stale_names:
+            self._images.upload(window)
+        arrays = {
+            'ibr_points': (self.layout.texels, _WIDE, 4),
+            'ibr_looks': (self._looks, ROW, 4),
+            'ibr_rects': (self._images.rects, ROW, 4),
+        }
+        for name in stale_names:
+            build, width, channels = arrays[name]
+            self.textures.setdefault(name, Texture(window)).upload(pack(build(), width, channels))
+        if 'ibr_points' in stale_names:
+            self._uniforms |= self.layout.uniforms()
+        self._uniforms |= self._images.uniforms() | {
+            'ibr_cutout': float(self.cutout or 0.0),
+            'ibr_straight': int(isinstance(self._images, LiveImage)),
+        }
+        for draws in self._all_draws():
+            draws.textures = {**self.textures, 'ibr_sheet': self._images.texture}
+            draws.uniforms = self._uniforms
+
+    def _looks(self):
+        looks = self._tints(1.0)
+        looks[~self.visible, 3] = 0
+        return looks[self.layout.order]
+
+    def release(self):
+        """Free GPU memory; the context is current."""
+        for draws in self._all_draws():
+            draws.release(self._window)
+        for owner in (*self.textures.values(), self._images):
+            owner.release()
+        self.textures, self._window, self._content_key = {}, None, None
+
+    def report(self) -> dict:
+        """Return GPU memory, counts and the size of the texture."""
+        return {
+            'bytes': nbytes_of(*self.textures.values(), *self._all_draws(), self._images),
+            'billboards': len(self),
+            'drawn': self._drawn_count,
+            'images': self.layout.n_images,
+            **self._images.report(),
+        }
+
+    def bake_into(self, scene):
+        """Add the cards as quads, turned to the camera, to a scene without pvibr."""
+        indices = np.flatnonzero(self.visible)
+        frame = scene.frame
+        corners = self._corners(frame, indices)
+        image, rects = self._images.whole()
+        low, high = rects[self._shown_images(frame, indices)].reshape(-1, 2, 1, 2).swapaxes(0, 1)
+        coordinates = (low + _CORNERS * (high - low)) / image.shape[1::-1]
+        cutout, lighting = None if self.blends else self.cutout, bool(self.prop.GetLighting())
+        colors = self._tints(self.prop.GetOpacity())[indices]
+        look = {'cutout': cutout, 'colors': colors, 'lighting': lighting}
+        scene.quads(self, corners, coordinates, image, **look)
+
+    def _shown_images(self, frame, indices) -> np.ndarray:
+        """Return the index of the image that each of some cards shows."""
+        layout = self.layout
+        image_ids = (layout.index[indices] + self._step()) % layout.n_images
+        views = [layout.view_of(frame, i) for i in indices] if layout.views > 1 else 0
+        return image_ids * layout.views + views
+
+    def _tints(self, opacity):
+        looks = np.empty((len(self), 4), np.uint8)
+        looks[:, :3] = 255 if self._colors is None else self._colors
+        opacity = self._opacity if np.ndim(self._opacity) else opacity
+        looks[:, 3] = np.rint(255 * np.asarray(opacity))
+        return looks
+
+    # -- picking ------------------------------------------------------------------------------
+
+    def pick(self, x, y) -> Hit | None:
+        """Return the nearest billboard whose image is not transparent under a pixel."""
+        if not self._can_pick():
+            return None
+        renderer = self.pipeline.renderer
+        start, direction = pixel_ray(renderer, x, y)
+        is_visible, frame = self.visible, Frame.of(renderer)
+        for i, distance, uv in self.layout.hits(frame, start, direction):
+            point = start + distance * direction
+            if not (is_visible[i] and self._planes.kept(point)):
+                continue
+            (number,) = self._shown_images(frame, [i])
+            if self._images.alpha(number, uv) >= (self.cutout or _HIT):
+                return Hit(int(i), tuple(point.tolist()), float(distance))
+        return None
+
+
+def _feature(clips) -> Feature:
+    shader_parts = sections(shader_source(__file__))
+    vertex = {
+        'VTK::PositionVC::Dec': shader_parts['vertex.declare'],
+        'VTK::PositionVC::Impl': shader_parts['vertex.position'],
+    }
+    fragment = {
+        'VTK::PositionVC::Dec': clips * f'#define CLIPS 1\n{KEPT}'
+        + shader_parts['fragment.declare'],
+        'VTK::PositionVC::Impl': shader_parts['fragment.sample'],
+        'VTK::Color::Impl': '//VTK::Color::Impl\n' + shader_parts['fragment.color'],
+        'VTK::Normal::Impl': 'vec3 normalVCVSOutput = ibr_normal;\n',
+    }
+    return Feature('billboards' + '_clipped' * clips, vertex, fragment)

@@ -1,0 +1,458 @@
+"""Quadrics by the million, ray-cast on cards."""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import numpy as np
+import pyvista as pv
+
+from pvibr.core.arguments import as_array, checked_lengths
+from pvibr.core.colors import as_rgb
+from pvibr.core.params import checked_flag
+from pvibr.core.signatures import takes
+from pvibr.gl import Texture, nbytes_of, release
+from pvibr.maths.blocks import BLOCK, Blocks, morton_order
+from pvibr.points.billboard_cards import as_points, checked_opacity
+from pvibr.points.quadric_cards import (
+    BLENDED,
+    DRAW_MODES,
+    GIANTS,
+    Layer,
+    Shape,
+    eye_of,
+    giant_blocks,
+    view_uniforms,
+    visible_blocks,
+    with_eye_at_origin,
+)
+from pvibr.points.quadric_occlusion import Occlusion
+from pvibr.points.quadric_rays import Meeting
+from pvibr.things.appearance import as_rgba, read_only
+from pvibr.things.draw_order import depths_of
+from pvibr.things.item_set import CardSet
+from pvibr.things.painted import TABLE_OPTIONS, scalars_of
+from pvibr.things.picking import Hit, joined, pixel_ray
+from pvibr.things.shader_draws import PBR, ROW, pack
+
+# Alpha of looks: 0 hidden; 1 to 127 opacity, in the material's colour; from 128 opacity plus 128,
+# in the item's own colour.
+_OPAQUE = 127
+
+
+class Quadrics(CardSet):
+    """Quadrics of one shape by the million, ray-cast per pixel, without triangles.
+
+    Parameters are those of :class:`pvibr.Spheres`. A subclass sets ``shape`` and its positions,
+    then calls ``super().__init__``; it has ``_spheres``, ``_extents``, ``_rows`` and ``_meet``.
+    """
+
+    web = 'baked', 'meshes'
+    shape: Shape
+
+    @takes(table=TABLE_OPTIONS)
+    def __init__(
+        self,
+        *,
+        color=None,
+        colors=None,
+        scalars=None,
+        visible=None,
+        opacity=1.0,
+        lighting=None,
+        ambient=None,
+        diffuse=None,
+        specular=None,
+        specular_power=None,
+        pbr=None,
+        metallic=None,
+        roughness=None,
+        pickable=True,
+        name=None,
+        theme=None,
+        **table,
+    ):
+        super().__init__()
+        self.name = name
+        self._opacity = checked_opacity(opacity, len(self), cut=False)
+        self._begin_looks(table, scalars, colors, visible, theme)
+        self.pickable = pickable
+        physical = checked_flag('pbr', pbr, optional=True)
+        self.prop = pv.Property(
+            theme=theme,
+            color=None if color is None else as_rgb('color', color),
+            lighting=lighting,
+            ambient=ambient,
+            diffuse=diffuse,
+            specular=specular,
+            specular_power=specular_power,
+            metallic=metallic,
+            roughness=roughness,
+            interpolation='Physically based rendering' if physical else 'Phong',
+        )  # not flat: VTK never lights flat points
+        self._noun = self.shape.name
+        self._begin_drawing('ibr_items', 'ibr_looks')
+        self.uniforms: dict = {}
+        self.window = None
+        self._set_bounds(self._world_bounds())
+        self._hidden = 0
+        self._make_layers()
+        self._share_opacity()
+
+    def _make_layers(self):
+        self._layers = [Layer(self, mode) for mode in (*DRAW_MODES, BLENDED)]
+        self._lead_materials()
+        self._occlusion = Occlusion()
+
+    def _materials_of_all(self):
+        return [layer.material for layer in self._layers]
+
+    # -- the interface of shapes --------------------------------------------------------------
+
+    def _spheres(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return centres, shape (n, 3), and radii of bounding spheres; radius 0 is not drawn."""
+        raise NotImplementedError
+
+    def _extents(self) -> np.ndarray:
+        """Return the half sizes of the bounding boxes, shape (n, 3)."""
+        raise NotImplementedError
+
+    def _rows(self, middles) -> np.ndarray:
+        """Return the shader's texels, shape (n, t, 4); `middles` are relative to their blocks."""
+        raise NotImplementedError
+
+    def _residuals(self, eye, index) -> np.ndarray:
+        """Return residuals at the eye, see :func:`residual_texels`."""
+        raise NotImplementedError
+
+    def _meet(self, start, direction, index) -> Meeting:
+        """Return the intersections of a ray with some items."""
+        raise NotImplementedError
+
+    def _bodies(self, indices=slice(None)) -> list:
+        """Return meshes of some items: levels, sizes, matrices, and colours or None."""
+        raise NotImplementedError
+
+    def _colored(self, indices):
+        return None if self._colors is None else self._colors[indices, ..., :3]
+
+    def _as_colors(self, colors):
+        return as_rgba(colors, len(self))
+
+    def _alphas(self):
+        """Return the items' opacities without the material's, shape (n,), or None if all are 1."""
+        item_opacity = self._opacity if self._opacity.ndim else None
+        if self._colors is None or self._colors.shape[-1] == 3:
+            return item_opacity
+        alphas = self._colors[:, 3] / 255
+        return alphas if item_opacity is None else item_opacity * alphas
+
+    def item_spheres(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return centres, shape (n, 3), and radii of the items' bounding spheres."""
+        return self._spheres()
+
+    def item_mesh(self, index) -> pv.PolyData:
+        """Return the mesh of an item in world units, for VTK's pickers."""
+        bodies = self._bodies([index])
+        return joined([(levels[0], matrices[0]) for levels, _, matrices, _ in bodies])
+
+    def _places(self) -> np.ndarray:
+        return self._spheres()[0]
+
+    # -- looks and positions ------------------------------------------------------------------
+
+    def _world_bounds(self) -> tuple[float, ...]:
+        if not len(self):
+            return (1.0, -1.0) * 3
+        middles, extents = self._spheres()[0], self._extents()
+        low, high = (middles - extents).min(0), (middles + extents).max(0)
+        return tuple(np.stack([low, high], 1).ravel().tolist())
+
+    @property
+    def opacity(self):
+        """Opacity of all items, a number, or of each, shape (n,)."""
+        return self.prop.GetOpacity() if self._opacity.ndim == 0 else read_only(self._opacity)
+
+    @opacity.setter
+    def opacity(self, opacity):
+        self._opacity = checked_opacity(opacity, len(self), cut=False)
+        self._share_opacity()
+        self._repaint()
+
+    def _share_opacity(self):
+        self.prop.SetOpacity(1.0 if self._opacity.ndim else float(self._opacity))
+
+    @property
+    def blends(self) -> bool:
+        """Whether items are translucent and therefore drawn from far to near."""
+        has_alpha = self._colors is not None and self._colors.shape[-1] == 4
+        varies = self._opacity.ndim and len(self) and self._opacity.min() < 1
+        return bool(has_alpha or varies) or super().blends
+
+    @property
+    def clips(self) -> bool:
+        """Whether clipping planes apply."""
+        return bool(self._planes)
+
+    def _switch_clipping(self):
+        for layer in (*self._layers, *self._occlusion.layers):
+            layer.clip()
+
+    def _place(self):
+        """Compute world positions and sizes from local ones."""
+        raise NotImplementedError
+
+    def _become(self, shape):
+        """Switch to another shape."""
+        if shape is self.shape:
+            return
+        if self.pipeline is not None:
+            self.pipeline.make_current()
+            super()._take_out(self.pipeline.renderer)
+        self.release()
+        self.shape = shape
+        self._make_layers()
+        if self.pipeline is not None:
+            super()._put_in(self.pipeline.renderer)
+
+    def _moved(self):
+        """Apply changed local positions or sizes."""
+        world, self._world = self._world, None
+        self._place()
+        self._set_bounds(self._world_bounds())
+        self._world = world
+        if world is not None:
+            self._place()
+        self._invalidate()
+
+    def _put(self):
+        self._place()
+        self._invalidate()
+
+    def _invalidate(self):
+        """Upload positions for the next frame."""
+        for name in ('_order', '_blocks'):
+            self.__dict__.pop(name, None)
+        bounds = self._world_bounds()
+        for layer in (*self._layers, *self._occlusion.layers):
+            layer.bound(bounds)
+        self._drop('ibr_items', 'ibr_looks')
+
+    def _checked_points(self, name, new_points):
+        """Return checked points; their number must not change."""
+        new_points = as_points(new_points, name)
+        if len(new_points) != len(self):
+            raise ValueError(
+                f'{name} must keep its number, {len(self)} {self._noun}, got {len(new_points)}'
+            )
+        return new_points
+
+    # -- frames -------------------------------------------------------------------------------
+
+    def actors(self) -> list:
+        """Return all actors, invisible ones included."""
+        return [actor for layer in self._layers for actor in layer.actors]
+
+    def depths(self) -> list:
+        """Return the actors that cast shadows: none if translucent."""
+        return [] if self.blends else self.drawn()
+
+    def prepare(self, frame):
+        """Choose which items are drawn and how."""
+        shiny = self.prop.GetSpecular() > 0 or self.prop.GetInterpolation() == PBR
+        for layer in self._layers:
+            layer.set_shiny(shiny)
+        super().prepare(frame)
+
+    def _choose(self, frame, other_depths):
+        eye_frame = with_eye_at_origin(frame)
+        self.uniforms = view_uniforms(eye_frame, len(self))
+        eye = frame.view_from_world[:3, 3] - eye_frame.view_from_world[:3, 3]
+        self.uniforms['ibr_eye'] = tuple(eye.tolist())
+        if self.clips:
+            self.uniforms |= self._planes.uniforms(frame)
+        (self._show_blended if self.blends else self._show_opaque)(eye_frame, other_depths)
+
+    def _show_opaque(self, frame, _others):
+        visible = visible_blocks(self._blocks, frame, self.shape)
+        is_hidden = self._occlusion.hidden(self, frame, visible)
+        self._hidden = min(int(is_hidden.sum()) * BLOCK, len(self))
+        is_giant = visible.modes == DRAW_MODES.index(GIANTS)
+        slots = self._slots(visible.entries[is_giant, 3].astype(int))
+        residuals = self._residuals(eye_of(frame), self._order[slots])
+        entries = self._entries_of(frame, slots, own_middles=True)
+        self._layers[0].show(entries, 1, residuals=residuals)
+        for k, layer in enumerate(self._layers[1:], 1):
+            layer.show(visible.entries[(visible.modes == k) & ~is_hidden])
+
+    def _show_blended(self, frame, other_depths):
+        """Show the items in view from far to near, with other props in between."""
+        for layer in self._layers[:-1]:
+            layer.show(np.zeros((0, 4)))
+        self._hidden = 0
+        block_ids, origins = self._blocks.seen(frame)[:2]
+        giant_ids = block_ids[giant_blocks(self._blocks, frame, origins, block_ids)]
+        slots = self._slots(block_ids)
+        depths = depths_of(frame, self._spheres()[0][self._order[slots]])
+        far_to_near = np.argsort(-depths, kind='stable')
+        slots, depths = slots[far_to_near], depths[far_to_near]
+        entries, residuals = self._entries_of(frame, slots, own_middles=len(giant_ids) > 0), None
+        if len(giant_ids):
+            residuals, in_giant = np.zeros((len(slots), 4)), np.isin(slots // BLOCK, giant_ids)
+            residuals[in_giant] = self._residuals(eye_of(frame), self._order[slots[in_giant]])
+        cuts = np.searchsorted(-depths, [-d for d in other_depths], side='right').tolist()
+        self._order_parts(frame, other_depths, self._layers[-1].show(entries, 1, cuts, residuals))
+
+    def _slots(self, blocks):
+        """Return the slots of the items in blocks."""
+        slots = (blocks[:, None] * BLOCK + np.arange(BLOCK)).ravel()
+        return slots[slots < len(self)]
+
+    def _entries_of(self, frame, slots, own_middles):
+        """Return entries of one item each, with the middle of the item or of its block."""
+        view = frame.view_from_world
+        middles = self._spheres()[0][self._order[slots]] if own_middles else self._blocks.centers
+        origins = middles @ view[:3, :3].T + view[:3, 3]
+        return np.column_stack([origins if own_middles else origins[slots // BLOCK], slots])
+
+    # -- the GPU ------------------------------------------------------------------------------
+
+    def _upload(self, window):
+        if self.window is None:
+            self.window = window
+            self._stale = {'ibr_items', 'ibr_looks'}
+        stale_names, self._stale = self._stale, set()
+        texel_builders = {'ibr_items': self._items, 'ibr_looks': self._looks}
+        for name in stale_names:
+            texture = self.textures.setdefault(name, Texture(window))
+            texture.upload(pack(texel_builders[name](), ROW, 4))
+
+    @cached_property
+    def _order(self):
+        """Morton order of the items, shape (n,)."""
+        return morton_order(self._spheres()[0])
+
+    @cached_property
+    def _blocks(self):
+        """Blocks of neighbours that are culled together."""
+        middles, reach = self._spheres()
+        return Blocks.of(middles[self._order], reach[self._order], BLOCK)
+
+    def _items(self):
+        middles = self._spheres()[0].copy()
+        middles[self._order] -= np.repeat(self._blocks.centers, BLOCK, 0)[: len(self)]
+        return self._rows(middles)[self._order].astype(np.float32).reshape(-1, 4)
+
+    def _looks(self):
+        looks = np.zeros((len(self), self.shape.looks, 4), np.uint8)
+        alphas = self._alphas()
+        looks[..., 3] = _OPAQUE if alphas is None else np.rint(_OPAQUE * alphas)[:, None]
+        if self._colors is not None:
+            looks[..., :3] = self._colors[..., :3].reshape(len(self), -1, 3)
+            looks[looks[..., 3] > 0, 3] += 1 + _OPAQUE
+        looks[~self.visible, :, 3] = 0
+        return looks[self._order].reshape(-1, 4)
+
+    def release(self):
+        """Free GPU memory; the context is current."""
+        self.binder.unbind()
+        for layer in self._layers:
+            layer.release(self.window)
+        self._occlusion.release(self.window)
+        release(*self.textures.values())
+        self.textures, self.window, self._content_key = {}, None, None
+
+    def report(self) -> dict:
+        """Return GPU memory and counts by draw mode."""
+        return {
+            'bytes': nbytes_of(*self.textures.values(), *self._layers, self._occlusion),
+            self._noun: len(self),
+            **{layer.mode.name: layer.drawn for layer in self._layers},
+            'hidden': self._hidden,
+        }
+
+    def bake_into(self, scene):
+        """Add the items as meshes to a scene without pvibr."""
+        indices = np.flatnonzero(self.visible & (self._spheres()[1] > 0))
+        alphas = self._alphas()
+        for levels, largest, matrices, colors in self._bodies(indices):
+            is_finite = np.isfinite(matrices).all((1, 2))
+            colors = None if colors is None else colors[is_finite]
+            if alphas is not None:
+                colors = self._with_opacity(colors, alphas[indices[is_finite]])
+            scene.copies(self, levels, matrices[is_finite], largest=largest, colors=colors)
+
+    def _with_opacity(self, colors, alphas):
+        if colors is None:
+            plain = np.rint(255 * np.array(self.prop.GetColor())).astype(np.uint8)
+            colors = np.tile(plain, (len(alphas), 1))
+        return np.column_stack([colors, np.rint(255 * alphas).astype(np.uint8)])
+
+    # -- picking ------------------------------------------------------------------------------
+
+    def pick(self, x, y) -> Hit | None:
+        """Return the nearest item under a pixel."""
+        if not self._can_pick():
+            return None
+        start, direction = pixel_ray(self.pipeline.renderer, x, y)
+        middles, radii = self._spheres()
+        offsets = middles - start
+        across = offsets - (offsets @ direction)[:, None] * direction
+        ray_distances = np.linalg.norm(across, axis=1)
+        index = np.flatnonzero(self.visible & (ray_distances <= radii) & (radii > 0))
+        if not len(index):
+            return None
+        meeting = self._meet(start, direction, index)
+        if self.clips:
+            points = start + np.nan_to_num(meeting.distances)[..., None] * direction
+            meeting = meeting._replace(hits=meeting.hits & self._planes.kept(points))
+        distances, _, _ = meeting.first()
+        k = int(distances.argmin())
+        if not np.isfinite(distances[k]):
+            return None
+        distance = float(distances[k])
+        return Hit(int(index[k]), tuple((start + distance * direction).tolist()), distance)
+
+
+class PointQuadrics(Quadrics):
+    """Quadrics with one point each, their centre.
+
+    Parameters are those of :class:`pvibr.Spheres`.
+    """
+
+    #: Centres in its own space, and in the world.
+    _own_points: np.ndarray
+    _points: np.ndarray
+
+    def __len__(self):
+        return len(self._own_points)
+
+    @property
+    def points(self) -> np.ndarray:
+        """Centres, shape (n, 3), in its own space."""
+        return read_only(self._own_points)
+
+    @points.setter
+    def points(self, points):
+        self._own_points = self._checked_points('points', points)
+        self._moved()
+
+    def _place(self):
+        self._points = self._in_world(self._own_points)
+
+
+def with_scalars(points, looks) -> dict:
+    """Return looks with scalars that name an array of `points` resolved."""
+    scalars = looks.get('scalars')
+    return looks | {'scalars': scalars_of(points, scalars)} if isinstance(scalars, str) else looks
+
+
+def lengths_of(name, lengths, shape) -> np.ndarray:
+    """Return lengths as a checked float64 array of a shape, copied."""
+    length_array = as_array(name, lengths, float).copy()
+    if length_array.shape not in ((), shape, shape[1:]):
+        allowed = ', '.join(str(s) for s in dict.fromkeys((shape, shape[1:])) if s)
+        raise ValueError(
+            f'{name} must be one number or of shape {allowed}, got shape {length_array.shape}'
+        )
+    return np.broadcast_to(checked_lengths(name, length_array), shape).copy()

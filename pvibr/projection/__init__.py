@@ -1,1 +1,0 @@
-"""Images projected onto meshes, and visibility."""

@@ -1,1 +1,0 @@
-"""Spheres, cylinders and ellipsoids, ray-cast on cards."""

@@ -1,1 +1,0 @@
-"""Shared by things in a scene: casters, lights, views, buffers, looks, picking."""

@@ -1,0 +1,1 @@
+"""Actors and meshes drawn as images or planes of themselves."""

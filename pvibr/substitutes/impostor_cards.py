@@ -1,0 +1,105 @@
+"""Impostors on the GPU: one draw of many cards that share a pool of tiles."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pvibr.gl import Texture, shader_source
+from pvibr.gl.feature import Feature, sections
+from pvibr.things.shader_draws import DULL, ShaderDraws
+
+_ROW, _TEXELS = 128, 5  # cards per row of the table, texels per card
+
+
+def card_feature(*, depth, shiny, several) -> Feature:
+    """Return the shader of cards by VTK's tags."""
+    shader_parts = sections(shader_source(__file__, 'impostor'))
+    light_tag = '//VTK::Light::Impl\n'
+    return Feature(
+        f'impostor_{int(depth)}{int(shiny)}{int(several)}',
+        {
+            'VTK::PositionVC::Dec': shader_parts['vertex.declare'],
+            'VTK::PositionVC::Impl': shader_parts['vertex.position'],
+        },
+        {
+            'VTK::PositionVC::Dec': f'#define MATERIALS {int(several)}\n'
+            + shader_parts['fragment.declare'],
+            'VTK::PositionVC::Impl': shader_parts['fragment.sample'],
+            'VTK::Depth::Impl': depth * shader_parts['fragment.depth'] + '//VTK::Depth::Impl\n',
+            'VTK::Color::Impl': '//VTK::Color::Impl\n' + shader_parts['fragment.color'],
+            'VTK::Normal::Impl': 'vec3 normalVCVSOutput = ibr_normal;\n',
+            'VTK::Light::Impl': light_tag.join(_SHINY if shiny else DULL),
+        },
+    )
+
+
+# VTK declares both only if there is a light.
+_SHINY = (
+    '#define specularColor ibr_specular\n#define specularPower ibr_matter.w\n',
+    '#undef specularColor\n#undef specularPower\n',
+)
+
+
+class ImpostorCards(ShaderDraws):
+    """The actor that draws all cards."""
+
+    def __init__(self):
+        super().__init__(chunk=0)
+        self._bounds = np.array([1.0, -1.0] * 3)
+        self._textures: tuple[Texture, Texture] | None = None  # a row per card, and materials
+        self._card_table: np.ndarray | None = None  # as it is on the GPU
+        self._material_count = 0
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes on the GPU, without the pool."""
+        return sum(texture.nbytes for texture in self._textures or ())
+
+    def fit(self, count, bounds):
+        """Make room for cards within bounds."""
+        low, high = bounds[::2], bounds[1::2]
+        if self.chunk:
+            low, high = np.minimum(low, self._bounds[::2]), np.maximum(high, self._bounds[1::2])
+        new_bounds = np.stack([low, high], 1).ravel()
+        if count <= self.chunk and np.array_equal(new_bounds, self._bounds):
+            return
+        self.chunk, self._bounds = max(self.chunk, count), new_bounds
+        self.place_cards(self._bounds)
+
+    def attach(self, *, depth, materials):
+        """Attach the shader and set the materials."""
+        several = len(materials) > 1
+        self.set_feature(card_feature(depth=depth, shiny=materials.shiny, several=several))
+        if self._textures is not None and len(materials) != self._material_count:
+            self._textures[1].upload(materials.table())
+        self._material_count = len(materials)
+        self._materials = materials
+
+    def show(self, frame, card_rows, pool):
+        """Draw cards in a frame."""
+        if self._textures is None:
+            materials = Texture(frame.window).upload(self._materials.table())
+            self._textures = Texture(frame.window), materials
+        cards, materials = self._textures
+        table_height = max(1, -(-len(card_rows) // _ROW))
+        table = np.zeros((table_height * _ROW, _TEXELS, 4), np.float32)
+        table[: len(card_rows)] = card_rows
+        if self._card_table is None or not np.array_equal(table, self._card_table):
+            self._card_table = table
+            cards.upload(table.reshape(table_height, _ROW * _TEXELS, 4))
+        clip, view = frame.clip_from_view, frame.view_from_world
+        self.textures = {**pool.textures, 'ibr_cards': cards, 'ibr_materials': materials}
+        self.uniforms = {
+            'ibr_count': len(card_rows),
+            'ibr_clip_from_eye': clip,
+            'ibr_eye_from_world': view[:3, :3],
+            'ibr_clip_depth': (clip[2, 2], clip[2, 3], clip[3, 2], clip[3, 3]),
+        }
+        self.show_spans([(0, len(card_rows))])
+
+    def release(self, window):
+        """Free GPU memory; the context is current."""
+        super().release(window)
+        for texture in self._textures or ():
+            texture.release()
+        self._textures = self._card_table = None

@@ -1,0 +1,206 @@
+"""Images of objects, several per object, in a pool of tiles, and their errors."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pvibr.gl.drawer import Drawer
+from pvibr.substitutes.impostor_maths import Card, card_view, displacement, stretch_of
+from pvibr.substitutes.tile_pool import TilePool
+
+#: Texels per pixel of a new image, so that it still serves from nearer.
+RESERVE = 1.15
+#: Texels per pixel, along a side, at which an image is rendered again.
+FINEST = 4.0
+_SHAPES: tuple = ((3,), (3,), (3, 3), (2,), (2,), (), ())  # of a card's fields
+
+
+class Images:
+    """Images of n objects, `views` each."""
+
+    _pool: TilePool  # while `_is_open`
+    _is_open = False
+
+    def __init__(self, count, views, drawer: Drawer):
+        self.count, self.views = count, views
+        view_count = count * views
+        self.card = Card(*(np.zeros((view_count, *shape)) for shape in _SHAPES))
+        self.alive = np.zeros(view_count, bool)
+        self.parallel = np.zeros(view_count, bool)
+        self.texel = np.zeros(view_count)
+        self.planes = np.zeros((view_count, 2))
+        self.tile = np.zeros((view_count, 3), int)  # corner and side
+        self.size = np.zeros((view_count, 2), int)
+        self.shown_frame = np.full(view_count, -1)  # last frame that showed it
+        self.rendered_frame = np.full(view_count, -1)  # frame that rendered it
+        self.drawer = drawer
+
+    def grow(self, objects):
+        """Insert places for new objects before the given ones."""
+        insert_at = np.repeat(objects, self.views) * self.views
+        self.count += len(objects)
+        self.card = Card(*(np.insert(field, insert_at, 0, axis=0) for field in self.card))
+        for name in ('alive', 'parallel', 'texel', 'planes', 'tile', 'size'):
+            setattr(self, name, np.insert(getattr(self, name), insert_at, 0, axis=0))
+        self.shown_frame, self.rendered_frame = (
+            np.insert(a, insert_at, -1) for a in (self.shown_frame, self.rendered_frame)
+        )
+
+    # -- errors ----------------------------------------------------------------------------------
+
+    def errors(self, objects, eyes):
+        """Return each object's best image, -1 if none, its displacement and texel size in px."""
+        view_ids = objects[:, None] * self.views + np.arange(self.views)
+        usable = self.alive[view_ids] & (self.parallel[view_ids] == eyes.parallel)
+        errors = np.full((2, *view_ids.shape), np.inf)  # displacement, texel size
+        if usable.any():
+            card = self.card.rows(view_ids[usable])
+            px_per_radian = eyes.pixels(card.center, np.maximum(card.depth, 0.0))
+            errors[0, usable] = displacement(card, eyes.eye, eyes.toward) * px_per_radian
+            texel_angle = self.texel[view_ids[usable]] / eyes.away(card.center)
+            errors[1, usable] = texel_angle * px_per_radian
+        best = np.arange(len(objects)), errors.max(0).argmin(axis=1)
+        displaced, texel_px = errors[:, best[0], best[1]]
+        has_image = np.isfinite(np.maximum(displaced, texel_px))
+        return np.where(has_image, view_ids[best], -1), displaced, texel_px
+
+    # -- rendering -------------------------------------------------------------------------------
+
+    @property
+    def pool(self) -> TilePool | None:
+        """The tiles on the GPU; None before the first image."""
+        return self._pool if self._is_open else None
+
+    def open(self, frame, area, memory) -> TilePool:
+        """Return the pool, created on first use."""
+        if not self._is_open:
+            self._pool, self._is_open = TilePool(frame.window, area, memory), True
+        return self._pool
+
+    def sizes(self, card, eyes, max_error) -> np.ndarray:
+        """Return image sizes at screen resolution, margins included, shape (n, 2)."""
+        # The larger of the sizes seen now and from the image's own eye.
+        eye_distance = np.minimum(eyes.away(card.center), np.linalg.norm(card.eye, axis=1))
+        pixels_per_unit = eyes.pixels(card.center, card.depth) / eye_distance
+        side_px = (card.high - card.low) * pixels_per_unit[:, None]
+        return np.ceil(np.minimum(side_px * RESERVE / max_error, 1e6)).astype(int) + 2
+
+    def reserve(self, obj, side, frame_index) -> int | None:
+        """Return the index of a new image with a tile, None if the pool is full."""
+        own_views = obj * self.views + np.arange(self.views)
+        free_views = own_views[~self.alive[own_views]]
+        oldest_view = own_views[self.shown_frame[own_views].argmin()]
+        view = int(free_views[0] if len(free_views) else oldest_view)
+        if self.alive[view]:
+            self.drop([view])
+        tiles = self._pool.tiles
+        side = tiles.fits(side)
+        corner = tiles.take(side)
+        while corner is None:
+            older_views = np.flatnonzero(self.alive & (self.shown_frame < frame_index))
+            if not len(older_views) or side > tiles.side:
+                return None
+            self.drop([older_views[self.shown_frame[older_views].argmin()]])
+            corner = tiles.take(side)
+        self.tile[view] = *corner, side
+        return view
+
+    def drop(self, views):
+        """Discard images and free their tiles."""
+        for view in views:
+            if self.alive[view]:
+                x, y, side = self.tile[view].tolist()
+                self._pool.tiles.give((x, y), side)
+                self.alive[view] = False
+
+    def drop_objects(self, objects):
+        """Discard all images of some objects."""
+        self.drop((np.asarray(objects, int)[:, None] * self.views + np.arange(self.views)).ravel())
+
+    def draw(self, view, card, index, image_size, sources, *, parallel):
+        """Render an image, within ``pool.target.drawing()``."""
+        image_size = np.asarray(image_size)
+        texel_size = (card.high[index] - card.low[index]) / (image_size - 2)
+        image_view = card_view(card, index, texel_size, parallel=parallel)
+        x, y, _ = self.tile[view].tolist()
+        self.drawer.look(image_view, (x, y, *image_size.tolist()))
+        self.drawer.have_a_light()
+        self.drawer.fill((0.0, 0.0, 0.0, 0.0))
+        # GL reads columns, so the rows of view from world give its transpose.
+        world_from_view = image_view.view_from_world[:3, :3].ravel().tolist()
+        for source in sources:
+            source.draw(self.drawer.inner, world_from_view, float(texel_size.min()))
+        for field, new_field in zip(self.card, card, strict=True):
+            field[view] = new_field[index]
+        self.card.low[view] -= texel_size
+        self.card.high[view] += texel_size
+        self.texel[view], self.size[view] = texel_size.max(), image_size
+        self.planes[view] = image_view.near, image_view.far
+        self.parallel[view], self.alive[view] = parallel, True
+
+    # -- drawing ---------------------------------------------------------------------------------
+
+    def card_rows(self, frame, views) -> np.ndarray:
+        """Return the texels of some images for :meth:`ImpostorCards.show`, shape (n, 5, 4)."""
+        card, view_rotation = self.card.rows(views), frame.view_from_world[:3, :3]
+        card_center = _in_view(frame, card.center)
+        right, up, back = (card.axes[:, k] @ view_rotation.T for k in range(3))
+        card_width, card_height = (card.high - card.low).T
+        is_parallel = self.parallel[views]
+        table = np.zeros((len(views), 5, 4))
+        table[:, 0, :3] = card_center + card.low[:, :1] * right + card.low[:, 1:] * up
+        table[:, 0, 3] = np.where(is_parallel, self.planes[views].mean(1), card.away)
+        table[:, 1, :3], table[:, 2, :3] = card_width[:, None] * right, card_height[:, None] * up
+        table[:, 1:3, 3] = self.planes[views]
+        image_eye = card_center + card.eye @ view_rotation.T
+        table[:, 3, :3] = np.where(is_parallel[:, None], -back, image_eye)
+        table[:, 3, 3] = is_parallel
+        table[:, 4, :2], table[:, 4, 2:] = self.tile[views, :2], self.size[views]
+        return table
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes on the GPU."""
+        return self._pool.nbytes if self._is_open else 0
+
+    def close_pool(self):
+        """Discard all images and free the pool; the context is current."""
+        if self._is_open:
+            self._pool.release()
+        self._is_open = False
+        self.alive[:] = False
+
+    def release(self):
+        """Free GPU memory; the context is current."""
+        self.close_pool()
+        self.drawer.release()
+
+
+class Eyes:
+    """The camera of a frame, and projected sizes."""
+
+    def __init__(self, frame):
+        self.frame, self.eye, self.parallel = frame, frame.eye, frame.parallel
+        self.up = frame.view_from_world[1, :3]
+        self.toward = frame.view_from_world[2, :3] if frame.parallel else None
+        clip = frame.clip_from_view
+        half_widths = [(1 + abs(clip[k, 2])) / clip[k, k] for k in range(2)]
+        self._corner = float(np.hypot(*half_widths))
+
+    def away(self, places) -> np.ndarray:
+        """Return the distances of points, 1 in a parallel view."""
+        if self.parallel:
+            return np.ones(len(places))
+        return np.linalg.norm(places - self.eye, axis=1)
+
+    def pixels(self, places, radius) -> np.ndarray:
+        """Return pixels per radian at points; in a parallel view, per world unit."""
+        scale = self.frame.pixel_scale
+        if self.parallel:
+            return np.full(len(places), scale)
+        return scale * stretch_of(_in_view(self.frame, places), radius, self._corner)
+
+
+def _in_view(frame, places):
+    # Subtract the eye first for precision far from the origin.
+    return (places - frame.eye) @ frame.view_from_world[:3, :3].T

@@ -1,0 +1,193 @@
+"""The actors that impostors replace, and doubles that draw their unlit surfaces."""
+
+from __future__ import annotations
+
+from itertools import product
+
+import numpy as np
+import pyvista as pv
+
+from pvibr.core import _vtk
+from pvibr.meshes.materials import copy_property
+from pvibr.substitutes.impostor_maths import dop_corners
+from pvibr.things.actor_watch import NOT_FINITE, ineligibility, updated_data
+from pvibr.things.stray_cells import without_strays
+
+# Images store the colour before lighting, which VTK then multiplies by the texture, and the normal
+# after VTK's flip for back faces; for actors without lighting, the colour alone.
+_UNLIT = """//VTK::Light::Impl
+  fragOutput0 = vec4(diffuseColor, 1.0);
+  vec3 ibr_normal = ibr_world_from_view * normalVCVSOutput;
+"""
+_PLAIN = """//VTK::Light::Impl
+  vec3 ibr_normal = vec3(0.0);
+"""
+_OUTPUT = """  if (gl_FragData[0].a < 0.5) discard;
+  gl_FragData[0].a = 1.0;
+  gl_FragData[1] = vec4(ibr_normal * 0.5 + 0.5, ibr_material / 255.0);
+//VTK::DepthPeeling::Impl
+"""
+
+
+class Materials:
+    """Numbered materials: ambient, diffuse, specular, its power and colour."""
+
+    most = 256
+
+    def __init__(self):
+        self._numbers: dict[tuple, int] = {}
+
+    def number(self, prop) -> int:
+        """Return the number of a property's material."""
+        specular = prop.GetSpecular()
+        # Without highlights, their power and colour do not matter.
+        highlight = (1.0, 0.0, 0.0, 0.0)
+        if specular:
+            highlight = prop.GetSpecularPower(), *prop.GetSpecularColor()
+        key = prop.GetAmbient(), prop.GetDiffuse(), specular, *highlight, 0.0
+        if key not in self._numbers and len(self._numbers) == self.most:
+            scale = np.array([1, 1, 1, 0.01, 1, 1, 1, 0])
+            difference = [np.abs(scale * np.subtract(k, key)).sum() for k in self._numbers]
+            return int(np.argmin(difference))
+        return self._numbers.setdefault(key, len(self._numbers))
+
+    def __len__(self):
+        return len(self._numbers)
+
+    @property
+    def shiny(self) -> bool:
+        """Whether any material has highlights."""
+        return any(key[2] > 0 for key in self._numbers)
+
+    def table(self) -> np.ndarray:
+        """Return the materials as an image, shape (2, 256, 4), float32."""
+        table = np.zeros((2, self.most, 4), np.float32)
+        for key, number in self._numbers.items():
+            table[:, number] = np.reshape(key, (2, 4))
+        return table
+
+
+class Source:
+    """An actor, and a double that draws its unlit surface."""
+
+    def __init__(self, actor, materials):
+        self.actor, self.materials = actor, materials
+        self.why, self.seconds = 'not drawn yet', np.inf
+        self.center, self.half, self.radius = np.zeros(3), np.zeros((3, 3)), 0.0
+        self.corners = np.zeros((80, 3))
+        self.cells = self.tries = 0
+        self._double = _vtk.vtkActor()
+        self._look_times: tuple = ()
+        self._shape_key: tuple = ()
+        self._local_radius = 0.0
+        self._local_corners = np.zeros((80, 3))
+
+    @property
+    def shown(self) -> bool:
+        """Whether the actor is visible to the user."""
+        return bool(self.actor.GetVisibility())
+
+    def update(self, dops):
+        """Update eligibility, bounding box and double."""
+        self.why = ineligibility(self.actor, relit=True)
+        if self.why:
+            data = updated_data(self.actor.GetMapper())
+            self.cells = data.GetNumberOfCells() if data and data.IsA('vtkDataSet') else 0
+            self.seconds, self._shape_key = np.inf, ()
+            return
+        data = self.actor.GetMapper().GetInput()
+        self._measure(data, dops)
+        world_from_model = pv.array_from_vtkmatrix(self.actor.GetMatrix())[:3]
+        if not np.isfinite(world_from_model).all():
+            self.why = NOT_FINITE
+            return
+        bounds = np.reshape(self.actor.GetMapper().GetBounds(), (3, 2))
+        # Relative to the middle, for precision far from the origin.
+        self.center = world_from_model[:, :3] @ bounds.mean(1) + world_from_model[:, 3]
+        self.half = np.diag(np.diff(bounds, axis=1)[:, 0] / 2) @ world_from_model[:, :3].T
+        self.radius = float(self._local_radius * np.linalg.norm(world_from_model[:, :3], 2))
+        self.corners = self._local_corners @ world_from_model[:, :3].T
+        if self.radius == 0.0:
+            self.why = 'a point'
+        self._copy_looks(data)
+
+    def _measure(self, data, dops):
+        shape_key = data, data.GetMTime()
+        if shape_key == self._shape_key:
+            return
+        self._shape_key, self.cells, self.seconds = shape_key, data.GetNumberOfCells(), np.inf
+        self.tries = 0
+        bounds = np.reshape(self.actor.GetMapper().GetBounds(), (3, 2))
+        points = data.GetPoints() if data.IsA('vtkPointSet') else None
+        if points is None:
+            box_corners = np.array(list(product(*bounds)))
+            self._local_corners, self._local_radius = _hull(box_corners, bounds.mean(1))
+            return
+        array = points.GetData()
+        key, modified_time = (array.GetAddressAsString(''), *bounds.ravel()), array.GetMTime()
+        if dops.get(key, (-1,))[0] != modified_time:
+            coordinates = _vtk.vtk_to_numpy(array)
+            # Points that no cell uses may be NaN.
+            coordinates = coordinates[np.isfinite(coordinates).all(1)]
+            dops[key] = modified_time, _hull(coordinates, bounds.mean(1))
+        self._local_corners, self._local_radius = dops[key][1]
+
+    def _copy_looks(self, data):
+        actor = self.actor
+        mapper, prop = actor.GetMapper(), actor.GetProperty()
+        drawn_data = without_strays(data)
+        cleaned_time = 0 if drawn_data is data else data.GetMTime()
+        look_times = mapper, mapper.GetMTime(), prop, prop.GetMTime(), data, cleaned_time
+        number = self.materials.number(actor.GetProperty())
+        double = self._double
+        double.SetUserMatrix(actor.GetMatrix())
+        double.SetTexture(actor.GetTexture())
+        if look_times == self._look_times:
+            return
+        self._look_times = look_times
+        double.SetMapper(copied(actor.GetMapper(), drawn_data))
+        copy_property(double.GetProperty(), actor.GetProperty())
+        unlit(double, number)
+
+    def draw(self, renderer, world_from_view, texel):
+        """Draw colour and coverage, normal and material."""
+        uniforms = self._double.GetShaderProperty().GetFragmentCustomUniforms()
+        uniforms.SetUniformMatrix3x3('ibr_world_from_view', world_from_view)
+        self._double.RenderOpaqueGeometry(renderer)
+
+    def release(self, window):
+        """Free GPU memory; the context is current."""
+        if window is not None:
+            self._double.SetTexture(None)  # the actor's own
+            self._double.ReleaseGraphicsResources(window)
+        self._double, self._look_times = _vtk.vtkActor(), ()
+
+
+def _hull(points, middle):
+    """Return corners of a bounding polytope relative to a centre, and the radius."""
+    offsets = points - middle
+    squares = np.einsum('ni,ni->n', offsets, offsets)
+    return dop_corners(offsets), float(np.sqrt(squares.max()))
+
+
+def unlit(actor, number):
+    """Make an actor draw colour and coverage, normal and material number."""
+    prop, shader = actor.GetProperty(), actor.GetShaderProperty()
+    is_lit = bool(prop.GetLighting())
+    prop.SetInterpolation(min(prop.GetInterpolation(), 2))
+    prop.SetAmbient(0.0)
+    prop.SetDiffuse(1.0)
+    prop.SetSpecular(0.0)
+    for tag, text in (('Light', _UNLIT if is_lit else _PLAIN), ('DepthPeeling', _OUTPUT)):
+        name = f'//VTK::{tag}::Impl'
+        shader.ClearFragmentShaderReplacement(name, True)
+        shader.AddFragmentShaderReplacement(name, True, text, False)
+    shader.GetFragmentCustomUniforms().SetUniformf('ibr_material', float(number))
+
+
+def copied(mapper, data):
+    """Return a copy of a mapper for other data."""
+    copy = _vtk.vtkPolyDataMapper() if data.IsA('vtkPolyData') else _vtk.vtkDataSetMapper()
+    copy.ShallowCopy(mapper)
+    copy.SetInputDataObject(data)
+    return copy

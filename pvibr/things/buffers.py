@@ -1,0 +1,350 @@
+"""Buffers of a frame beside colour: depth, normals, object ids."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from pvibr.core._vtk import address
+from pvibr.core.arguments import check_one_of
+from pvibr.core.effect import Effect
+from pvibr.gl import Quad, Target, Texture, nbytes_of, release, set_fragment_uniforms
+from pvibr.gl.drawer import Drawer
+from pvibr.gl.feature import Feature, FeatureSet
+from pvibr.gl.scene_pass import is_marker
+from pvibr.gl.target import fitting_target
+from pvibr.things.casters import Surfaces
+from pvibr.things.draw_order import Stage
+from pvibr.things.frame import Frame
+from pvibr.things.seen_from import seen_from
+
+NAMES = ('depth', 'normal', 'id', 'color')
+
+_SURFACE = 2  # VTK_SURFACE
+# A second colour, so that the scene's own drawing can write it as well. VTK blends all colours, so
+# its alpha is 1: two numbers of the normal, 2 for none, and the number, below 0 where the normal
+# looks away. VTK has a normal only where it lights; cards and spheres say where theirs is.
+_WRITE = """#ifdef IBR_NORMAL
+#define IBR_BUFFERED normalize(IBR_NORMAL)
+#else
+#define IBR_BUFFERED {normal}
+#endif
+  if (ibr_id > 0.5)
+    gl_FragData[1] = vec4(IBR_BUFFERED.xy, IBR_BUFFERED.z < 0.0 ? -ibr_id : ibr_id, 1.0);
+  else if (ibr_id < -0.5)
+    gl_FragData[1] = vec4(0.0);  // blended: nothing
+//VTK::DepthPeeling::Impl
+"""
+_LIT, _UNLIT = (
+    Feature(name, fragment={'VTK::DepthPeeling::Impl': _WRITE.replace('{normal}', normal)})
+    for name, normal in (('buffer_lit', 'normalVCVSOutput'), ('buffer_unlit', 'vec3(2.0)'))
+)
+_LINEAR = """uniform sampler2D depth; uniform vec2 planes; uniform int parallel;
+void main()
+{
+  float d = texture(depth, uv).r;
+  float z = parallel == 1 ? mix(planes.x, planes.y, d)
+    : planes.x * planes.y / (planes.y - d * (planes.y - planes.x));
+  gl_FragData[0] = vec4(d < 1.0 ? z : -1.0);
+}
+"""
+
+
+class Geometry(NamedTuple):
+    """Normals, numbers and depth of opaque surfaces as the camera sees them, in textures."""
+
+    surface: Texture
+    depth: Texture
+    numbered: list
+    origin: tuple[int, int] = (0, 0)
+
+
+class _Numbers:
+    """Object ids, which programs of actors write as a second colour."""
+
+    def __init__(self, renderer):
+        self.renderer = renderer
+        self._attached = FeatureSet()
+        self._numbered: list = []
+
+    def put(self, numbers):
+        """Set ids of actors, pairs of both, until `clear`."""
+        lights = [light.GetSwitch() for light in self.renderer.GetLights()]
+        before = []
+
+        def features_of(actor):
+            before.append((actor, actor.GetShaderProperty().GetShaderMTime()))
+            return (_LIT if _is_lit(actor, any(lights)) else _UNLIT,)
+
+        def version_of(actor):
+            return actor.GetMTime(), *_data_time(actor.GetMapper()), lights
+
+        numbers = list(numbers)
+        self._attached.attach([actor for actor, _ in numbers], features_of, version_of)
+        changed = {
+            actor.GetMapper()
+            for actor, time in before
+            if actor.GetShaderProperty().GetShaderMTime() != time
+        }
+        # A mapper of several actors asks the newest whether to build its programs again.
+        for actor in self._attached.actors() if changed else ():
+            if actor.GetMapper() in changed:
+                actor.GetShaderProperty().Modified()
+        for actor, number in numbers:
+            set_fragment_uniforms([actor], {'ibr_id': float(number)})
+        self._numbered += [actor for actor, _ in numbers]
+
+    def clear(self):
+        """Reset the ids: VTK's own passes have second colours of their own."""
+        set_fragment_uniforms(self._numbered, {'ibr_id': 0.0})
+        self._numbered = []
+
+    def release(self):
+        self.clear()
+        self._attached.clear()
+
+
+def _data_time(mapper):
+    """Return when a mapper or its data changed."""
+    data = mapper.GetInputDataObject(0, 0)
+    return mapper.GetMTime(), data.GetMTime() if data is not None else 0
+
+
+def _is_lit(actor, lights) -> bool:
+    """Return whether all programs of an actor have a normal."""
+    prop, data = actor.GetProperty(), actor.GetMapper().GetInput()
+    if not prop.GetLighting() or not lights:
+        return False
+    if data is None or not data.IsA('vtkDataSet'):
+        return data is not None
+    if prop.GetInterpolation() and data.GetPointData().GetNormals() is not None:
+        return True
+    if prop.GetRepresentation() != _SURFACE:
+        return False
+    return not (data.IsA('vtkPolyData') and data.GetNumberOfVerts() + data.GetNumberOfLines())
+
+
+class Drawn:
+    """Geometry of chosen actors, in a pass of its own."""
+
+    def __init__(self, renderer):
+        self._numbers = _Numbers(renderer)
+        self._drawer = Drawer(renderer)
+        self._surfaces = Surfaces(renderer)
+        self._target: Any = None
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes on the GPU."""
+        return nbytes_of(self._target)
+
+    def draw(self, frame, things=(), choice=None) -> Geometry:
+        """Draw a frame."""
+        actors, chosen = self._surfaces.chosen(choice, things)
+        seen = replace(frame, casting=True, own=False)
+        ready = [t for t in chosen if t.enabled and t.needed(frame) is True]
+        self._target = target = fitting_target(
+            self._target, self._drawer.window, frame.size, ('rgba8', 'rgba32f'), depth=True
+        )
+        with seen_from(ready, seen), target.drawing(clear=(0.0, 0.0, 0.0, 0.0)):
+            self._drawer.look(frame.view, (0, 0, *frame.size))
+            for number, actor in enumerate(actors.values(), 1):
+                if actor.GetVisibility():
+                    self._draw([actor], number)
+            for number, thing in enumerate(chosen, len(actors) + 1):
+                if thing in ready:
+                    self._draw(thing.draws(seen), number)
+        self._drawer.done()
+        return Geometry(target.colors[1], target.depth, [*actors.values(), *chosen])
+
+    def _draw(self, actors, number):
+        self._numbers.put((actor, number) for actor in actors)
+        self._drawer.draw(actors)
+        self._numbers.clear()
+
+    def release(self):
+        """Free the GPU's memory; the context must be alive."""
+        release(self._numbers, self._target, self._drawer)
+        self._target = None
+
+
+class _Shared:
+    """Geometry written in the scene's own pass, if nothing prevents it."""
+
+    def __init__(self, renderer):
+        self.renderer = renderer
+        self._numbers = _Numbers(renderer)
+        self._surfaces = Surfaces(renderer)
+        self._texture: Any = None
+        self._numbered: list = []
+
+    def attach(self, frame, scene, things):
+        """Attach it to the scene's pass."""
+        self._texture = None
+        actors, things = self._surfaces.chosen(None, things)
+        if not self._is_free(scene, actors, things):
+            return
+        numbers = [
+            (actor, number)
+            for number, actor in enumerate(actors.values(), 1)
+            if actor.GetVisibility() and not actor.HasTranslucentPolygonalGeometry()
+        ]
+        for number, thing in enumerate(things, len(actors) + 1):
+            soft = {address(actor) for key, actor in thing.order if key[0] == Stage.FRINGE}
+            numbers += [
+                (actor, -1 if address(actor) in soft else number)
+                for actor in thing.drawn()
+                if not actor.HasTranslucentPolygonalGeometry()  # nor those: peeling has colours
+            ]
+        self._numbers.put(numbers)
+        self._numbered = [*actors.values(), *things]
+        self._texture = scene.attach_surfaces(frame)
+
+    def _is_free(self, scene, actors, things) -> bool:
+        """Return whether every opaque draw writes either both colours or one."""
+        renderer = self.renderer
+        busy = (
+            renderer.GetPass() is not None,
+            renderer.GetUseHiddenLineRemoval(),
+            renderer.GetGradientBackground(),
+            renderer.GetTexturedBackground(),
+            renderer.GetBackgroundAlpha() > 0,
+            scene.framebuffer.GetMultiSamples() > 1,
+        )
+        return not any(busy) and not any(self._strangers(actors, things))
+
+    def _strangers(self, actors, things):
+        known = {address(a) for t in things for a in (*t.actors(), *t.props)}
+        for prop in self.renderer.GetViewProps():
+            if prop.GetVisibility() and not prop.IsA('vtkVolume') and not is_marker(prop):
+                yield address(prop) not in actors and address(prop) not in known
+
+    def detach(self):
+        """Reset the ids after the scene is drawn."""
+        self._numbers.clear()
+
+    def geometry(self, frame, picture) -> Geometry | None:
+        """Return the geometry, None if something prevented it."""
+        if self._texture is None:
+            return None
+        return Geometry(self._texture, picture.depth, self._numbered, frame.origin)
+
+    def release(self):
+        """Take all off the actors."""
+        self._numbers.release()
+        self._texture = None
+
+
+class Buffers:
+    """One frame's buffers, as textures for effects and as arrays."""
+
+    def __init__(self, renderer):
+        self.renderer = renderer
+        self._shared: _Shared | None = None
+        self._drawn: Drawn | None = None
+        self._frame: Frame | None = None
+        self._geometry: Any = None
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes on the GPU."""
+        return nbytes_of(self._drawn)
+
+    @property
+    def numbered(self) -> list:
+        """Actors and things that ids are indices into."""
+        return list(self._geometry.numbered) if self._geometry else []
+
+    def attach(self, frame, scene, things):
+        """Write normals and ids in the scene's pass, if possible."""
+        self._shared = self._shared or _Shared(self.renderer)
+        self._shared.attach(frame, scene, things)
+
+    def detach(self):
+        """Reset the actors after the frame is drawn."""
+        if self._shared is not None:
+            self._shared.detach()
+
+    def geometry(self, frame, picture, things) -> Geometry:
+        """Return a frame's normals and ids, redrawn if the scene pass wrote none."""
+        if self._frame is not frame:
+            shared = self._shared.geometry(frame, picture) if self._shared else None
+            self._geometry = shared or self._again(frame, things)
+            self._frame = frame
+        return self._geometry
+
+    def depth(self, frame, things) -> Texture:
+        """Return the depth of a frame that VTK's passes leave without."""
+        if self._frame is not frame:
+            self._geometry, self._frame = self._again(frame, things), frame
+        return self._geometry.depth
+
+    def _again(self, frame, things):
+        self._drawn = self._drawn or Drawn(self.renderer)
+        return self._drawn.draw(frame, things)
+
+    def array(self, name, frame, picture, things) -> np.ndarray:
+        """Return a buffer of a frame."""
+        if name == 'color':
+            texels = picture.color.download()
+            scale = 255 if texels.dtype == np.uint8 else 1
+            return np.ascontiguousarray(texels[::-1].astype(np.float32) / scale)
+        if name == 'depth':
+            far = self._linear_depth(frame, picture)[::-1, :, 0]
+            return np.where(far < 0, np.float32(np.inf), far)
+        geometry = self.geometry(frame, picture, things)
+        (x, y), (width, height) = geometry.origin, picture.size
+        texels = geometry.surface.download()[y : y + height, x : x + width][::-1]
+        texels = np.where(texels[..., 3:] > 0, texels, 0)
+        if name == 'id':
+            return np.rint(np.abs(texels[..., 2])).astype(np.int32) - 1
+        return _normals(texels)
+
+    def _linear_depth(self, frame, picture):
+        width, height = picture.size
+        quad = Quad(frame.window, _LINEAR, 'linear depth')
+        target = Target(frame.window, width, height, ('r32f',), filter='nearest')
+        try:
+            with target.drawing():
+                planes = {'planes': (frame.near, frame.far), 'parallel': int(frame.parallel)}
+                quad.draw(planes, {'depth': picture.depth})
+            return target.colors[0].download()
+        finally:
+            release(target, quad)
+
+    def release(self):
+        """Free the GPU's memory; the context must be alive."""
+        release(self._shared, self._drawn)
+        self._shared = self._drawn = self._frame = self._geometry = None
+
+
+def _normals(texels):
+    """Return the normals in texels of `Geometry.surface`, 0 without surface."""
+    x, y = texels[..., 0], texels[..., 1]
+    z = np.copysign(np.sqrt(np.maximum(1 - x * x - y * y, 0)), texels[..., 2])
+    normal = np.stack([x, y, z], -1)
+    normal[(texels[..., 3] == 0) | (x > 1.5)] = 0
+    return normal
+
+
+class Tap(Effect):
+    """Reads a buffer of the next frame; the picture stays as it is."""
+
+    def __init__(self, buffer):
+        check_one_of('name', buffer, NAMES)
+        super().__init__()
+        self.buffer, self.array = buffer, None
+        self.numbered: list = []
+
+    @property
+    def surfaces(self) -> bool:
+        """Whether it reads normals or ids."""
+        return self.buffer in ('normal', 'id')
+
+    def render(self, frame, picture):
+        """Read it."""
+        buffers = self.pipeline.buffers
+        self.array = buffers.array(self.buffer, frame, picture, self.pipeline.things)
+        self.numbered = buffers.numbered

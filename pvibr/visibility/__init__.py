@@ -1,0 +1,1 @@
+"""What cameras and lights see of surfaces, as data; no plotter is needed."""
