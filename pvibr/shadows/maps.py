@@ -68,7 +68,7 @@ class LightMaps:
             self.release()
             return
         wanted = self.owner.resolution
-        shape = {'kept': self._cascades, 'square': bool(casters.thin)}
+        shape = {'previous': self._cascades, 'square': bool(casters.thin)}
         self.source = self._source(frame, bounds)
         whole, self._cascades = light_views(self.source, bounds, frame, wanted, CASCADES, **shape)
         self.views = whole + [cascade.view for cascade in self._cascades]

@@ -292,7 +292,7 @@ def test_what_is_wrong_is_said(figure):
         ({'clips': ['bend']}, 'clips has 1 entries'),
         ({'loop': 1.0}, 'loop has shape'),
         ({'skinning': 'cubic'}, 'skinning is'),
-        ({'colors': [[1, 2, 3]]}, 'colors has shape'),
+        ({'colors': [[1, 2, 3]]}, 'colors must be of shape'),
     ):
         with pytest.raises(ValueError, match=words):
             Crowd(figure, apart(), cache=False, **wrong)
