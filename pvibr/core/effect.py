@@ -280,8 +280,8 @@ class Effect(Spelled):
         unknown_names = sorted(set(settings) - set(params))
         if unknown_names:
             hint, names = nearest(unknown_names[0], params), ', '.join(unknown_names)
-            known = ', '.join(params) or 'none'
-            raise TypeError(f'{self.name} has no setting {names}{hint}; it has: {known}')
+            setting_names = ', '.join(params) or 'none'
+            raise TypeError(f'{self.name} has no setting {names}{hint}; it has: {setting_names}')
         return {n: params[n].check(v, type(self).__name__) for n, v in settings.items()}
 
     def _set(self, settings):

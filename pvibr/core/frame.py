@@ -191,16 +191,16 @@ def _whole(renderer):
 def _tile(renderer, window):
     """Return the same for the tile of a large screenshot."""
     tile, viewport, size = window.GetTileViewport(), renderer.GetViewport(), window.GetSize()
-    corners, shares = [], []
+    tile_corners, drawn_shares = [], []
     for i in range(4):
         view_low, view_high = viewport[i % 2], viewport[2 + i % 2]
         tile_low, tile_high = tile[i % 2], tile[2 + i % 2]
         tile_edge = max(view_low, tile_low) if i < 2 else min(view_high, tile_high)
-        shares.append((tile_edge - view_low) / (view_high - view_low or 1))
+        drawn_shares.append((tile_edge - view_low) / (view_high - view_low or 1))
         within_tile = min(max(viewport[i], tile_low), tile_high) - tile_low
-        corners.append(round(within_tile * size[i % 2]))
-    x0, y0, x1, y1 = corners
-    return (x0, y0), (x1 - x0, y1 - y0), tuple(shares)
+        tile_corners.append(round(within_tile * size[i % 2]))
+    x0, y0, x1, y1 = tile_corners
+    return (x0, y0), (x1 - x0, y1 - y0), tuple(drawn_shares)
 
 
 def _matrix(vtk_matrix) -> np.ndarray:

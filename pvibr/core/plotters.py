@@ -127,10 +127,10 @@ def add_by_component(kind):
         bound_arguments = add_signature.bind(renderer, actor, *args, **kwargs).arguments
         bound_arguments |= {'remove_existing_actor': False}
         with in_subplot(renderer.parent, renderer):
-            ibr = renderer.parent.ibr
-            ibr.pipeline.check_addable(actor)
+            ibr_component = renderer.parent.ibr
+            ibr_component.pipeline.check_addable(actor)
             actor.name = user_name = bound_arguments.get('name') or actor.given_name
-            ibr.add(actor)
+            ibr_component.add(actor)
         try:
             return method(**bound_arguments | {'name': actor.name})
         finally:

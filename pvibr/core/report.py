@@ -35,13 +35,13 @@ class Report:
     def __str__(self) -> str:
         cells = [_COLUMNS, *(_cells(row) for row in self.rows)]
         column_widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
-        lines = [_line(row, column_widths) for row in cells]
+        text_lines = [_line(row, column_widths) for row in cells]
         for row in self.rows:
-            lines += [f'{row.effect}.{k}: {v}' for k, v in row.details.items()]
-        lines.append(f'{self.frames} frames, {self.picture_bytes:,} bytes between effects')
+            text_lines += [f'{row.effect}.{k}: {v}' for k, v in row.details.items()]
+        text_lines.append(f'{self.frames} frames, {self.picture_bytes:,} bytes between effects')
         if self.quality:
-            lines.append(f'quality: {self.quality}')
-        return '\n'.join(lines)
+            text_lines.append(f'quality: {self.quality}')
+        return '\n'.join(text_lines)
 
 
 def _cells(row):

@@ -160,6 +160,6 @@ def _constants(kernel, width):
     offsets, weights = halving_taps(kernel, width)
     constants = f'#define PAIRS {kernel}\n'
     for name, values in (('PLACES', offsets), ('WEIGHTS', weights)):
-        numbers = ', '.join(f'{v:.9f}' for v in values)
-        constants += f'const float {name}[{kernel}] = float[{kernel}]({numbers});\n'
+        literals = ', '.join(f'{v:.9f}' for v in values)
+        constants += f'const float {name}[{kernel}] = float[{kernel}]({literals});\n'
     return constants

@@ -71,13 +71,14 @@ def rasterize_views(actors, views, size, formats=('rgba8',), *, samples=1, blend
     with hidden_window() as (window, renderer):
         while max(size) * samples > texture_limit(window) and samples > 1:
             samples //= 2
-        wide, high = (samples * int(n) for n in size)
-        drawer, target = Drawer(renderer), Target(window, wide, high, formats, depth=True)
+        pixel_width, pixel_height = (samples * int(n) for n in size)
+        drawer = Drawer(renderer)
+        target = Target(window, pixel_width, pixel_height, formats, depth=True)
         try:
             for view in views:
                 window.MakeCurrent()  # the consumer may draw elsewhere in between
                 with target.drawing(clear=(0.0, 0.0, 0.0, 0.0)):
-                    drawer.look(view, (0, 0, wide, high))
+                    drawer.look(view, (0, 0, pixel_width, pixel_height))
                     if blend:
                         window.GetState().SetEnumState(gl.BLEND, True)
                         window.GetState().vtkglBlendFuncSeparate(*gl.OVER)

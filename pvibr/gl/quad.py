@@ -49,15 +49,17 @@ def quads_of(window, module_file, shared='') -> dict[str, Quad]:
 def _log(fragment):
     """Return the driver's log of a fragment shader, compiled alone since VTK keeps none."""
     output_numbers = sorted(set(re.findall(r'gl_FragData\[(\d+)\]', fragment)))
-    head = ''.join(f'out vec4 fragOutput{n};\n' for n in output_numbers)
+    output_lines = ''.join(f'out vec4 fragOutput{n};\n' for n in output_numbers)
     text = re.sub(r'gl_FragData\[(\d+)\]', r'fragOutput\1', fragment)
     shader = _vtk.vtkShader()
     shader.SetType(shader.Fragment)
-    shader.SetSource(f'#version 150\nin vec2 uv;\n{head}{text}')
+    shader.SetSource(f'#version 150\nin vec2 uv;\n{output_lines}{text}')
     is_compiled = shader.Compile()
-    log = 'it does not link; is main() missing?' if is_compiled else shader.GetError().strip()
+    driver_log = shader.GetError().strip()
+    if is_compiled:
+        driver_log = 'it does not link; is main() missing?'
     shader.Cleanup()
-    return log
+    return driver_log
 
 
 class Quad:

@@ -187,13 +187,13 @@ def is_end(prop) -> bool:
 
 def _no_area():
     """Return a degenerate triangle: VTK calls no mapper without cells."""
-    points, data = _vtk.vtkPoints(), _vtk.vtkPolyData()
+    corner_points, triangle = _vtk.vtkPoints(), _vtk.vtkPolyData()
     for _ in range(3):
-        points.InsertNextPoint(0.0, 0.0, 0.0)
-    data.SetPoints(points)
-    data.Allocate(1)
-    data.InsertNextCell(_vtk.VTK_TRIANGLE, 3, [0, 1, 2])
-    return data
+        corner_points.InsertNextPoint(0.0, 0.0, 0.0)
+    triangle.SetPoints(corner_points)
+    triangle.Allocate(1)
+    triangle.InsertNextCell(_vtk.VTK_TRIANGLE, 3, [0, 1, 2])
+    return triangle
 
 
 def like_window(window, size, format, samples=0) -> Target:

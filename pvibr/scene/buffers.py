@@ -108,8 +108,8 @@ class _Numbers:
 
 def _data_time(mapper):
     """Return the modification times of a mapper and its data."""
-    data = mapper.GetInputDataObject(0, 0)
-    return mapper.GetMTime(), data.GetMTime() if data is not None else 0
+    input_data = mapper.GetInputDataObject(0, 0)
+    return mapper.GetMTime(), input_data.GetMTime() if input_data is not None else 0
 
 
 def _is_lit(actor, any_light) -> bool:
@@ -289,8 +289,8 @@ class Buffers:
         """Return a buffer of a frame as an array, top row first."""
         if name == 'color':
             texels = picture.color.download()
-            scale = 255 if texels.dtype == np.uint8 else 1
-            return np.ascontiguousarray(texels[::-1].astype(np.float32) / scale)
+            max_value = 255 if texels.dtype == np.uint8 else 1
+            return np.ascontiguousarray(texels[::-1].astype(np.float32) / max_value)
         if name == 'depth':
             view_depth = self._linear_depth(frame, picture)[::-1, :, 0]
             return np.where(view_depth < 0, np.float32(np.inf), view_depth)

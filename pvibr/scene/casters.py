@@ -229,7 +229,9 @@ def is_smooth(actor) -> bool:
     if not has_points or data.GetPointData().GetNormals() is None:
         return False
     is_interpolated = prop.GetLighting() and prop.GetInterpolation() != _FLAT
-    return is_interpolated and not is_thin(actor) and _has_unit_normals(actor, data.GetPointData())
+    if not is_interpolated or is_thin(actor):
+        return False
+    return _has_unit_normals(actor, data.GetPointData())
 
 
 def _has_unit_normals(actor, point_data) -> bool:
@@ -267,11 +269,11 @@ def is_thin(actor) -> bool:
         return False  # its sizes are in world units
     if actor.GetProperty().GetRepresentation() != _SURFACE:
         return True
-    data = actor.GetMapper().GetInput()
+    input_data = actor.GetMapper().GetInput()
     return (
-        bool(data)
-        and data.IsA('vtkPolyData')
-        and not (data.GetNumberOfPolys() or data.GetNumberOfStrips())
+        bool(input_data)
+        and input_data.IsA('vtkPolyData')
+        and not (input_data.GetNumberOfPolys() or input_data.GetNumberOfStrips())
     )
 
 
@@ -280,8 +282,8 @@ def _draws_lines(actor) -> bool:
     representation = actor.GetProperty().GetRepresentation()
     if representation != _SURFACE:
         return representation == _WIREFRAME
-    data = actor.GetMapper().GetInput()
-    return bool(data) and data.IsA('vtkPolyData') and data.GetNumberOfLines() > 0
+    input_data = actor.GetMapper().GetInput()
+    return bool(input_data) and input_data.IsA('vtkPolyData') and input_data.GetNumberOfLines() > 0
 
 
 def draws_spheres(actor) -> bool:

@@ -56,8 +56,8 @@ def light_key(light) -> tuple:
 
 def shape_of(light) -> tuple:
     """Return a light's cone and attenuation."""
-    cone = light.GetPositional(), light.GetConeAngle(), light.GetExponent()
-    return *cone, tuple(light.GetAttenuationValues())
+    cone_shape = light.GetPositional(), light.GetConeAngle(), light.GetExponent()
+    return *cone_shape, tuple(light.GetAttenuationValues())
 
 
 def colors_of(light) -> list:
@@ -78,9 +78,12 @@ def scene_key(pipeline) -> tuple:
     renderer = pipeline.renderer
     things = [thing for thing in pipeline.things if thing.enabled]
     casters = pipeline.surfaces.casters(None, things)
-    known = {*casters.addresses, *(address(p) for t in things for p in (*t.actors(), *t.props))}
+    own_addresses = {
+        *casters.addresses,
+        *(address(p) for t in things for p in (*t.actors(), *t.props)),
+    }
     props = [p for p in renderer.GetViewProps() if p.GetVisibility() and not is_inner(p)]
-    other_props = [p for p in props if p.IsA('vtkProp3D') and address(p) not in known]
+    other_props = [p for p in props if p.IsA('vtkProp3D') and address(p) not in own_addresses]
     return (
         casters.key(),
         [(address(p), p.GetRedrawMTime()) for p in other_props],

@@ -119,12 +119,12 @@ class DepthView:
 
     def _stale(self, views, casters) -> list[int]:
         """Return the views that changed, or see other casters than when drawn."""
-        changed = casters.key() != self.key
+        has_changed = casters.key() != self.key
         self.key = casters.key()
         stale_views = []
         for k, view in enumerate(views):
             view_key, casters_key = self.keys[k] or (None, None)
-            if view_key != view.key() or (changed and casters_key != casters.seen(view).key()):
+            if view_key != view.key() or (has_changed and casters_key != casters.seen(view).key()):
                 stale_views.append(k)
         return stale_views
 
@@ -147,8 +147,8 @@ class DepthView:
         return [feature for feature, is_needed in features.items() if is_needed]
 
     def _draw_veil(self, view, k, casters, mode):
-        rect = (*self.corner(k), self.resolution, self.resolution)
-        self.drawer.look(view, rect, clear=False)
+        view_rect = (*self.corner(k), self.resolution, self.resolution)
+        self.drawer.look(view, view_rect, clear=False)
         self.drawer.fill((1.0, 1.0, 1.0, 1.0))
         actors = casters.seen(view).translucent
         set_fragment_uniforms(actors, {'ibr_veil': mode})

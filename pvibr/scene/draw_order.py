@@ -51,12 +51,14 @@ class DrawOrder:
     def others(self, frame, thing, things) -> list[float]:
         """Return the depths at which a thing splits its draws, the farthest first."""
         self._find_others(frame, things)
-        depths = sorted(depth for depth, _ in self._other_depths)
-        if len(depths) > MOST:
-            depths = [depths[i] for i in np.linspace(0, len(depths) - 1, MOST).astype(int)]
+        split_depths = sorted(depth for depth, _ in self._other_depths)
+        if len(split_depths) > MOST:
+            split_depths = [
+                split_depths[i] for i in np.linspace(0, len(split_depths) - 1, MOST).astype(int)
+            ]
         blending_things = [t for t in things if t.blends and _is_shown(t)]
-        depths += _slices([_depth_range(frame, t) for t in blending_things])
-        return sorted(depths, reverse=True)
+        split_depths += _slices([_depth_range(frame, t) for t in blending_things])
+        return sorted(split_depths, reverse=True)
 
     def _find_others(self, frame, things):
         """Find other translucent props once per frame, with VTK's own blending off."""

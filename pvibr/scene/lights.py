@@ -96,8 +96,8 @@ def _scene_light(number, light) -> SceneLight:
         kind = 'spot' if cone < 90 else 'point'
     else:
         kind = 'directional'
-    still = kind == 'headlight' or bool(light.LightTypeIsSceneLight())
-    return SceneLight(number, kind, tuple(position), tuple(direction / length), cone, still)
+    is_still = kind == 'headlight' or bool(light.LightTypeIsSceneLight())
+    return SceneLight(number, kind, tuple(position), tuple(direction / length), cone, is_still)
 
 
 def light_views(
@@ -115,8 +115,8 @@ def light_views(
         reach = near = _half_size(whole)[:2].max()
         finest_texel, views = 0.0, [whole]
         base: tuple = light, whole.key()
-        boxes = np.reshape(bounds, (-1, 3, 2))
-        world_box = np.stack([boxes[..., 0].min(0), boxes[..., 1].max(0)])
+        world_boxes = np.reshape(bounds, (-1, 3, 2))
+        world_box = np.stack([world_boxes[..., 0].min(0), world_boxes[..., 1].max(0)])
         aimed = partial(_around_eye, whole, axes, axes @ nearest_place, axes @ look, world_box)
     else:
         views, tangent, distances = _positional(light, bounds, edge)
@@ -218,8 +218,8 @@ def _aim(light, bounds):
     to_middle = middle - np.array(light.position)
     cone_angle = light.cone if light.kind == 'spot' else 180.0
     length_products = np.linalg.norm(to_corners, axis=1) * np.linalg.norm(to_middle)
-    cosines = to_corners @ to_middle / np.where(length_products > 0, length_products, 1.0)
-    least_cosine = float(np.where(length_products > 0, cosines, -1.0).min())
+    angle_cosines = to_corners @ to_middle / np.where(length_products > 0, length_products, 1.0)
+    least_cosine = float(np.where(length_products > 0, angle_cosines, -1.0).min())
     caster_angle = np.degrees(np.arccos(np.clip(least_cosine, -1.0, 1.0)))
     if caster_angle < min(cone_angle, _WIDE):
         return to_middle / np.linalg.norm(to_middle), np.tan(np.radians(max(caster_angle, 1e-4)))

@@ -50,8 +50,8 @@ def _color_bytes(colors, n) -> np.ndarray:
 
 def with_alpha(colors, width) -> np.ndarray:
     """Return a copy of colours, with an alpha channel if `width` is 4."""
-    alphas = np.full((len(colors), width - colors.shape[1]), 255, np.uint8)
-    return np.concatenate([colors, alphas], 1)
+    alpha_column = np.full((len(colors), width - colors.shape[1]), 255, np.uint8)
+    return np.concatenate([colors, alpha_column], 1)
 
 
 def read_only(array):
@@ -112,9 +112,9 @@ def color_table(scalars, cmap=None, clim=None, theme=None, **options):
     if categories:  # a colour per category, as in add_mesh
         clim, options['n_colors'] = (-0.5, len(categories) - 0.5), len(categories)
         options = {'annotations': dict(enumerate(categories))} | options
-    finite = scalars[np.isfinite(scalars)]
+    finite_values = scalars[np.isfinite(scalars)]
     if clim is None:
-        clim = (finite.min(), finite.max()) if len(finite) else (0.0, 1.0)
+        clim = (finite_values.min(), finite_values.max()) if len(finite_values) else (0.0, 1.0)
     value_range = _checked_clim(clim)
     if isinstance(cmap, pv.LookupTable):
         return cmap
@@ -122,7 +122,7 @@ def color_table(scalars, cmap=None, clim=None, theme=None, **options):
         value_range = sys.float_info.min, max(value_range[1], sys.float_info.min)
     table = pv.LookupTable(values=None, scalar_range=value_range)
     category_option = options.pop('categories', False)
-    count = len(np.unique(finite)) if category_option is True else int(category_option)
+    count = len(np.unique(finite_values)) if category_option is True else int(category_option)
     n_colors = options.pop('n_colors', 256)
     table.apply_cmap(
         theme.cmap if cmap is None else cmap, max(count, 1) if category_option else n_colors

@@ -33,8 +33,8 @@ def pixel_ray(renderer, x, y):
     for depth in (0.0, 1.0):
         renderer.SetDisplayPoint(x, y, depth)
         renderer.DisplayToWorld()
-        point = np.array(renderer.GetWorldPoint())
-        world_ends.append(point[:3] / point[3])
+        world_point = np.array(renderer.GetWorldPoint())
+        world_ends.append(world_point[:3] / world_point[3])
     direction = world_ends[1] - world_ends[0]
     return world_ends[0], direction / np.linalg.norm(direction)
 
@@ -89,12 +89,12 @@ def _width(group) -> float:
     return max((width * 0.5**0.5 + 1 for width in stroke_widths), default=0.0)
 
 
-def _lengths_of(pixels, renderer, centers):
+def _lengths_of(pixel_count, renderer, centers):
     """Return the world size of a number of pixels at given centres."""
     frame = Frame.of(renderer)
     distances = np.linalg.norm(centers - renderer.GetActiveCamera().GetPosition(), axis=1)
     # A subplot may be empty.
-    return pixels * (1.0 if frame.parallel else distances) / (frame.pixel_scale or np.inf)
+    return pixel_count * (1.0 if frame.parallel else distances) / (frame.pixel_scale or np.inf)
 
 
 def _candidates(group, ray_start, direction, visible_mask, reach_at):

@@ -15,8 +15,8 @@ _SIMILAR = 1e-6  # relative tolerance of a uniform scale
 def _vector(name, doc):
     def set_vector(self, value):
         values = as_array(name, value, np.float64)
-        shapes = ((3,), ()) if name == 'scale' else ((3,),)
-        if not np.isfinite(values).all() or values.shape not in shapes:
+        valid_shapes = ((3,), ()) if name == 'scale' else ((3,),)
+        if not np.isfinite(values).all() or values.shape not in valid_shapes:
             raise ValueError(f'{name} must be three finite numbers, got {value!r}')
         getattr(pv.Actor, name).fset(self, value)
 

@@ -193,13 +193,13 @@ def card_mesh(card_count, corners, bounds):
     vertices.SetData(_vtk.numpy_to_vtk(corner_points, deep=True))
     mesh.SetPoints(vertices)
     cell_array = _vtk.vtkCellArray()
-    offsets = np.arange(0, len(cells) + 1, 1 if corners == 1 else 3, dtype=np.int32)
-    cell_array.SetData(*(_vtk.numpy_to_vtk(a, deep=True) for a in (offsets, cells)))
+    cell_offsets = np.arange(0, len(cells) + 1, 1 if corners == 1 else 3, dtype=np.int32)
+    cell_array.SetData(*(_vtk.numpy_to_vtk(a, deep=True) for a in (cell_offsets, cells)))
     if corners == 1:
         # VTK lights points only if they have normals; their values do not matter.
         mesh.SetVerts(cell_array)
-        normals = _vtk.numpy_to_vtk(np.zeros((card_count, 3), np.float32), deep=True)
-        mesh.GetPointData().SetNormals(normals)
+        zero_normals = _vtk.numpy_to_vtk(np.zeros((card_count, 3), np.float32), deep=True)
+        mesh.GetPointData().SetNormals(zero_normals)
     else:
         mesh.SetPolys(cell_array)
     return mesh

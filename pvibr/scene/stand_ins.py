@@ -146,10 +146,10 @@ class StandIns:
     def _candidates(self, thing) -> list[int]:
         if len(self._display_points) < _LAST:
             return []
-        key = tuple(self._display_points), thing.content_key()
-        if self._ray_items[0] != key:
+        pick_key = tuple(self._display_points), thing.content_key()
+        if self._ray_items[0] != pick_key:
             self._index_by_rank = {}
-            self._ray_items = key, self._items_near(thing, *self._place())
+            self._ray_items = pick_key, self._items_near(thing, *self._place())
         return self._ray_items[1]
 
     def _place(self):
@@ -161,11 +161,11 @@ class StandIns:
 
     def _items_near(self, thing, x, y) -> list[int]:
         with self._converting():
-            start, direction = pixel_ray(self._renderer, x, y)
+            ray_start, direction = pixel_ray(self._renderer, x, y)
             hit = thing.pick(x, y)
         frame = Frame.of(self._renderer)
         centers, radii = thing.item_spheres()
-        from_start = centers - start
+        from_start = centers - ray_start
         ray_distances = from_start @ direction
         ray_gaps = np.linalg.norm(from_start - ray_distances[:, None] * direction, axis=1)
         pixel_sizes = (1.0 if frame.parallel else np.maximum(ray_distances, 0)) / frame.pixel_scale
