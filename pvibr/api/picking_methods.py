@@ -10,7 +10,7 @@ from pvibr.things.click_picking import ClickPicking
 
 
 class PickFacade(Facade):
-    """What is at the pixels of a plotter.
+    """Picking in a plotter, and buffers of its frames.
 
     Parameters are those of :class:`pvibr.api.plotter_component.IBRComponent`.
     """
@@ -31,15 +31,15 @@ class PickFacade(Facade):
         Returns
         -------
         object or None
-            The nearest hit; None if nothing is hit. Of what stands for actors, such as an
-            impostor, its ``actor`` is the one that was hit.
+            The nearest hit, or None. For a thing that replaces actors, such as an impostor,
+            ``actor`` is the one hit.
         """
         return self._picked(checked_number('x', x), checked_number('y', y))[1]
 
     def _picked(self, x, y) -> tuple:
-        """Return the thing at a pixel and its hit; two times None for nothing."""
-        pairs = [(e, h) for e in self.pipeline.effects if (h := e.pick(x, y)) is not None]
-        return min(pairs, key=lambda p: getattr(p[1], 'distance', 0.0), default=(None, None))
+        """Return the thing at a pixel and the hit, or (None, None)."""
+        thing_hits = [(e, h) for e in self.pipeline.effects if (h := e.pick(x, y)) is not None]
+        return min(thing_hits, key=lambda p: getattr(p[1], 'distance', 0.0), default=(None, None))
 
     def enable_picking(
         self,
@@ -54,20 +54,20 @@ class PickFacade(Facade):
         line_width=5,
         font_size=18,
     ):
-        """Pick things by the mouse, as PyVista's ``enable_mesh_picking`` picks meshes.
+        """Pick things with the mouse, as PyVista's ``enable_mesh_picking`` picks meshes.
 
         Parameters
         ----------
         callback : callable, optional
             Called with the result of :meth:`pick`, unless nothing is hit.
         left_clicking : bool
-            Pick with the left mouse button instead of the right one; the key P also picks.
+            Pick with the left mouse button instead of the right one; the P key also picks.
         show : bool
-            Highlight what was picked; of a set of items, the one that was hit.
+            Highlight what was picked; in a set of items, the item.
         show_message : bool or str
-            Show how to pick, or another message.
+            Show instructions, or a message of your own.
         use_picker : bool
-            Also pass a ``vtkCellPicker`` that has picked there to the function.
+            Also pass the callback a ``vtkCellPicker`` that has picked there.
         style, color, line_width : optional
             Look of the highlight, as in ``add_mesh``.
         font_size : int
@@ -76,7 +76,7 @@ class PickFacade(Facade):
         Raises
         ------
         TypeError
-            If the renderer has no PyVista plotter, or `callback` is no function.
+            If the renderer has no PyVista plotter, or `callback` is not callable.
 
         Examples
         --------
@@ -89,12 +89,12 @@ class PickFacade(Facade):
         """
         if getattr(self._plotter, 'iren', None) is None:
             raise TypeError(
-                'picking by mouse needs a PyVista plotter; call pick(x, y) from your own events'
+                'mouse picking requires a PyVista plotter; call pick(x, y) from your own events'
             )
         if callback is not None and not callable(callback):
-            raise TypeError(f'callback = {callback!r}: must be a function of the hit, or None')
+            raise TypeError(f'callback must be a function of the hit or None, got {callback!r}')
         flags = {'left_clicking': left_clicking, 'use_picker': use_picker}
-        how = {name: checked_flag(name, value) for name, value in flags.items()}
+        checked_flags = {name: checked_flag(name, value) for name, value in flags.items()}
         show = checked_flag('show', show)
         check_one_of('style', style, ('surface', 'wireframe', 'points'))
         color, line_width = as_rgb('color', color), checked_positive('line_width', line_width)
@@ -102,7 +102,7 @@ class PickFacade(Facade):
         if not isinstance(show_message, str):
             show_message = checked_flag('show_message', show_message)
         self.disable_picking()
-        self._clicks = ClickPicking(self._plotter, self._picked, callback, **how)
+        self._clicks = ClickPicking(self._plotter, self._picked, callback, **checked_flags)
         if show:
             self._clicks.show(style=style, color=color, line_width=line_width)
         if show_message:
@@ -110,21 +110,21 @@ class PickFacade(Facade):
 
     def disable_picking(self):
         """Stop picking with the mouse."""
-        clicks, self._clicks = self._clicks, None
-        if clicks is not None:
-            clicks.stop()
+        click_picking, self._clicks = self._clicks, None
+        if click_picking is not None:
+            click_picking.stop()
 
     def buffer(self, name):
         """Render the active subplot and return one of its buffers.
 
-        Normals and ids are those of opaque surfaces, without translucent props and volumes.
+        Normals and ids cover opaque surfaces only, no translucent props or volumes.
 
         Parameters
         ----------
         name : {'depth', 'normal', 'id', 'color'}
             ``'depth'`` is the distance along the view direction in world units, inf on the
-            background; ``'normal'`` is in view space, toward the eye, 0 on the background and on
-            unlit surfaces; ``'id'`` is an index into `buffer_objects`, -1 where nothing is;
+            background; ``'normal'`` is in view space, facing the eye, 0 on the background and on
+            unlit surfaces; ``'id'`` is an index into `buffer_objects`, -1 on the background;
             ``'color'`` is the image with all effects and without annotations.
 
         Returns
@@ -135,7 +135,7 @@ class PickFacade(Facade):
         Raises
         ------
         ValueError
-            If there is no such buffer.
+            If `name` is not a buffer.
 
         Examples
         --------

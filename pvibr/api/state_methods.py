@@ -1,4 +1,4 @@
-"""What the parts of ``plotter.ibr`` share, and the settings of everything as values and files."""
+"""Common base of the parts of ``plotter.ibr``, and state as values and files."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pvibr.core.spelling import Spelled
 
 
 class Facade(Spelled):
-    """A plotter, and the pipelines of its subplots.
+    """A plotter and the pipelines of its subplots.
 
     Parameters are those of :class:`pvibr.api.plotter_component.IBRComponent`.
     """
@@ -26,7 +26,7 @@ class Facade(Spelled):
 
     def _check_open(self):
         if self._is_closed:
-            raise ClosedError('the plotter is closed: make a new one and add to its ibr')
+            raise ClosedError('the plotter is closed; create a new one and add to its ibr')
 
     @property
     def pipeline(self):
@@ -35,14 +35,14 @@ class Facade(Spelled):
         return self._pipeline_of(self._plotter.renderer)
 
     def _pipeline_of(self, renderer):
-        """Return the pipeline of a subplot, made if it has none."""
+        """Return a subplot's pipeline, created on first use."""
         raise NotImplementedError
 
     def _every_pipeline(self) -> list:
         return [self._pipeline_of(renderer) for renderer in renderers_of(self._plotter)]
 
     def _subplots(self) -> dict:
-        """Return the pipelines by the number of their subplot."""
+        """Return the pipelines by subplot index."""
         self._check_open()
         renderers = renderers_of(self._plotter)
         return {renderers.index(p.renderer): p for p in self._pipelines}
@@ -51,7 +51,7 @@ class Facade(Spelled):
         return [effect for pipeline in self._pipelines for effect in pipeline.effects]
 
     def _show(self, reset_camera=None, render=False):
-        """Reset the camera, by default only if it was never set, and render if asked to."""
+        """Reset the camera, by default only if it was never set, and optionally render."""
         renderer = self._plotter.renderer
         if reset_camera or (reset_camera is None and not getattr(renderer, 'camera_set', True)):
             self._plotter.reset_camera(render=False)
@@ -59,8 +59,8 @@ class Facade(Spelled):
             self._plotter.render()
 
 
-class _Own:
-    """Time and settings of ``plotter.ibr``, with the methods by which effects keep theirs."""
+class _PlotterState:
+    """Time and settings of ``plotter.ibr``, with the state methods of an effect."""
 
     enabled = True
 
@@ -85,16 +85,16 @@ class StateFacade(Facade):
 
     @property
     def contents(self) -> dict:
-        """Effects and things by subplot number (as text) and by name, as in the state.
+        """Effects and things by subplot index (as text) and by name, as in the state.
 
-        The second one of a name is called ``'Name 2'``.
+        A second one of the same name is called ``'Name 2'``.
         """
         subplots = self._subplots().items()
         return {str(n): state_files.named(p.effects) for n, p in subplots if p.effects}
 
     def state(self) -> dict:
-        """Return the settings of everything in every subplot, and the time, as JSON values."""
-        return state_files.state_of(self.contents, _Own(self).state())
+        """Return the time and the settings of everything in every subplot, as JSON values."""
+        return state_files.state_of(self.contents, _PlotterState(self).state())
 
     def restore(self, state):
         """Apply settings that :meth:`state` returned: all of them or none.
@@ -102,14 +102,14 @@ class StateFacade(Facade):
         Parameters
         ----------
         state : dict
-            Settings; a warning lists names that do not exist here.
+            Settings; a warning lists unknown names.
 
         Raises
         ------
         TypeError, ValueError
             If a value is not allowed.
         """
-        state_files.warn_of(state_files.restore(self.contents, state, own=_Own(self)))
+        state_files.warn_of(state_files.restore(self.contents, state, plotter=_PlotterState(self)))
 
     def save_state(self, path):
         """Write the settings of everything in every subplot to a JSON file.
@@ -123,7 +123,7 @@ class StateFacade(Facade):
         Raises
         ------
         OSError
-            If there is no such folder, or it cannot be written; an existing file is kept.
+            If the folder does not exist or is not writable; an existing file is unchanged.
 
         Examples
         --------
@@ -145,8 +145,7 @@ class StateFacade(Facade):
     def load_state(self, path):
         """Apply settings from a file that :meth:`save_state` wrote.
 
-        A warning lists what does not exist here and, in a file of another version of pvibr, values
-        that are not allowed.
+        A warning lists unknown names and, in a file of another version of pvibr, invalid values.
 
         Parameters
         ----------
@@ -161,7 +160,7 @@ class StateFacade(Facade):
             If it is not a state file, or a value is not allowed; nothing is changed.
         """
         text = state_files.read(path)
-        state_files.warn_of(state_files.load(self.contents, text, str(path), own=_Own(self)))
+        self._load(text, str(path))
 
     def load_state_text(self, text):
         """Apply settings from the text of a state file, see :meth:`load_state`.
@@ -176,4 +175,9 @@ class StateFacade(Facade):
         TypeError, ValueError
             If it is not a state file, or a value is not allowed; nothing is changed.
         """
-        state_files.warn_of(state_files.load(self.contents, text, 'the text', own=_Own(self)))
+        self._load(text, 'the text')
+
+    def _load(self, text, name):
+        plotter_state = _PlotterState(self)
+        unknown = state_files.load(self.contents, text, name, plotter=plotter_state)
+        state_files.warn_of(unknown)

@@ -6,7 +6,7 @@ import importlib
 import importlib.util
 import os
 
-# Where stock VTK keeps what pvibr uses, the cheap to import first.
+# The modules of stock VTK that pvibr uses, those cheapest to import first.
 _MODULES = (
     'util.numpy_support',
     'vtkCommonCore',
@@ -34,12 +34,12 @@ _MODULES = (
 
 
 def method(prop, name):
-    """Return VTK's method of an object, without the check that PyVista makes in Python."""
+    """Return a VTK method, bypassing PyVista's attribute check in Python."""
     return object.__getattribute__(prop, name)
 
 
 def address(prop) -> str:
-    """Return what two wrappers of one VTK object have in common."""
+    """Return the address of a VTK object, equal for all its Python wrappers."""
     return method(prop, 'GetAddressAsString')('')
 
 
@@ -51,27 +51,27 @@ def _root() -> str:
 
 
 def _candidates(root):
-    """Yield the modules that may hold a name; some distributions have all names at the root."""
+    """Yield the modules that may define a name; some distributions define all at the root."""
     if root != 'vtkmodules':
         yield importlib.import_module(root)
     for name in _MODULES:
         try:
             yield importlib.import_module(f'{root}.{name}')
         except ModuleNotFoundError:
-            continue  # a distribution may leave modules out
+            continue  # distributions may omit modules
 
 
 def __getattr__(name):
-    if name.startswith('__'):  # Python's own questions are never about VTK
+    if name.startswith('__'):  # Python's own lookups, never VTK
         raise AttributeError(f'module {__name__!r} has no attribute {name!r}')
     root = _root()
     for module in _candidates(root):
         try:
-            found = getattr(module, name)
+            attribute = getattr(module, name)
         except AttributeError:
             continue
-        globals()[name] = found
-        return found
+        globals()[name] = attribute
+        return attribute
     raise AttributeError(
         f'{root!r} has no {name!r} in the modules that pvibr knows: see pvibr/core/_vtk.py'
     )

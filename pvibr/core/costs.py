@@ -1,4 +1,4 @@
-"""Adaptive costs: running means of measured times, and pauses after trials in vain."""
+"""Measured costs: running means, and pauses after failed trials."""
 
 from __future__ import annotations
 
@@ -8,24 +8,24 @@ from types import SimpleNamespace
 
 from pvibr.core.determinism import elapsed
 
-#: Seconds of an actor and of each of its cells, before any was measured.
+#: Estimated seconds per actor and per cell, before any measurement.
 ACTOR, CELL = 5e-5, 7e-8
 
 
 def expected_seconds(cells) -> float:
-    """Return the seconds that a mesh takes to be drawn, before it was measured."""
+    """Return the estimated seconds to draw a mesh, before any measurement."""
     return ACTOR + CELL * cells
 
 
 @contextmanager
 def timed(window, nominal):
-    """Measure seconds of GPU work; deterministic runs take the nominal ones."""
-    spent = SimpleNamespace(seconds=nominal)
+    """Measure seconds of GPU work; deterministic runs take the nominal time."""
+    measured = SimpleNamespace(seconds=nominal)
     window.WaitForCompletion()
     start = perf_counter()
-    yield spent
+    yield measured
     window.WaitForCompletion()
-    spent.seconds = elapsed(start, nominal)
+    measured.seconds = elapsed(start, nominal)
 
 
 class RunningMean:
@@ -34,22 +34,22 @@ class RunningMean:
     def __init__(self, value=0.0, weight=0.2):
         self.value, self.weight = value, weight
 
-    def add(self, new, weight=None) -> float:
-        """Take a new value into account, and return the mean."""
-        self.value += (self.weight if weight is None else weight) * (new - self.value)
+    def add(self, sample, weight=None) -> float:
+        """Include a value, and return the mean."""
+        self.value += (self.weight if weight is None else weight) * (sample - self.value)
         return self.value
 
 
 class Backoff:
-    """A pause in frames that grows with each trial in vain."""
+    """A pause, in frames, that grows with each failed trial."""
 
-    def __init__(self, first, most):
-        self._first, self._most = first, most
+    def __init__(self, first_pause, longest_pause):
+        self._first_pause, self._longest_pause = first_pause, longest_pause
         self._length = self.left = 0
 
     def failed(self):
-        """Start a pause, longer than the one before."""
-        self._length = min(2 * self._length + self._first, self._most)
+        """Start a pause, longer than the previous one."""
+        self._length = min(2 * self._length + self._first_pause, self._longest_pause)
         self.left = self._length
 
     def succeeded(self):
@@ -57,7 +57,7 @@ class Backoff:
         self._length = max(self._length - 1, 0)
 
     def waits(self) -> bool:
-        """Return True within a pause, and count the frame."""
-        waiting = self.left > 0
-        self.left -= waiting
-        return waiting
+        """Return True during a pause, and count the frame."""
+        is_waiting = self.left > 0
+        self.left -= is_waiting
+        return is_waiting

@@ -1,4 +1,4 @@
-"""What everything that a pipeline runs has in common."""
+"""The base class of everything that a pipeline runs."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ def _nowhere():
 
 def put_into(effect, pipeline):
     """Record the pipeline that an effect is in, or None."""
-    # Weak: a thing is held by the scene, from where Python's collector sees no cycles.
-    found = _nowhere if pipeline is None else weakref.ref(pipeline)
-    effect._pipeline = found  # noqa: SLF001
+    # Weak: the scene holds things, and Python's collector sees no cycles through VTK.
+    pipeline_ref = _nowhere if pipeline is None else weakref.ref(pipeline)
+    effect._pipeline = pipeline_ref  # noqa: SLF001
 
 
 class Effect(Spelled):
@@ -53,15 +53,9 @@ class Effect(Spelled):
     {'amount': 0.25}
     """
 
-    #: Names below that are for users; the others are hooks, which `dir` leaves out.
+    #: Public names; the others are hooks, which `dir` omits.
     FOR_USERS: tuple[str, ...] = (
-        'enabled',
-        'before',
-        'name',
-        'remove',
-        'state',
-        'restore',
-        'report',
+        *('enabled', 'before', 'name', 'remove', 'state', 'restore', 'report'),
     )
 
     keeps_arguments = True
@@ -70,49 +64,49 @@ class Effect(Spelled):
 
     #: Whether it runs; the pipeline disables an effect that raises.
     enabled = True
-    #: Name of the class in ``pvibr.effects.ORDER`` that it runs right before, None for its own.
+    #: Class name in ``pvibr.effects.ORDER`` that it runs right before; None for its default place.
     before: str | None = None
-    #: Whether a subplot has one of its kind: another one replaces it, as in a cell run twice.
+    #: Whether a subplot has only one of its kind: another replaces it, as in a cell run twice.
     single = False
-    #: Whether an equal one more is of no use: it replaces the first, as in a cell run twice.
+    #: Whether a second equal one is redundant: it replaces the first, as in a cell run twice.
     once = False
-    #: Whether it also runs in frames that are drawn to pick.
+    #: Whether it also runs in picking frames.
     picks = False
     #: Whether `render` needs colours above 1.
     needs_hdr = False
-    #: Whether the scene is drawn on black, since it draws what is behind the scene.
+    #: Whether the scene is drawn on black because it draws the background.
     draws_background = False
-    #: A setting and the value at which the effect changes nothing and is skipped.
+    #: A setting, and the value at which the effect changes nothing and is skipped.
     neutral: tuple[str, object] | None = None
-    #: Whether it also draws over a transparent background, which is opaque there then.
+    #: Whether it draws over a transparent background, which becomes opaque there.
     covers = False
-    #: Named sets of settings for control panels; what a set leaves out has its default.
+    #: Named sets of settings for control panels; settings not in a set take their default.
     presets: dict[str, dict] = {}
-    #: In a browser: 'shown', 'baked' by `bake_into` or 'lost'; and as what, or why.
+    #: In a browser: 'shown', 'baked' by `bake_into` or 'lost', and how or why.
     web: tuple[str, str] = ('lost', 'works on frames, and a browser draws its own')
 
     _pipeline = staticmethod(_nowhere)
-    #: How many times a setting was changed.
+    #: Number of changes of settings.
     revision = 0
     _name: str | None = None
     _made_of: tuple
-    #: Class that it was made of, if that made one more with settings of its own.
+    #: Class passed by the user, if that created a subclass with additional settings.
     _class: type | None = None
     __signature__: ClassVar[Signature]
 
     @property
     def pipeline(self):
-        """The pipeline that it is in; None in none."""
+        """The pipeline that it is in, or None."""
         return self._pipeline()
 
     @classmethod
     def sample(cls, actors) -> Effect:
-        """Return an instance that shows in any picture of some actors, for tests and trials."""
+        """Return an instance that visibly changes a picture of these actors, for tests."""
         return cls()
 
     @property
     def why_neutral(self) -> str:
-        """The setting with which it changes nothing, if it has that, else ''."""
+        """The setting that makes it change nothing, or an empty string."""
         if self.neutral is None or getattr(self, self.neutral[0]) != self.neutral[1]:
             return ''
         return f'{self.neutral[0]} is {self.neutral[1]}'
@@ -124,22 +118,22 @@ class Effect(Spelled):
         put_into(self, pipeline)
 
     def as_sampled(self, frame):
-        """Return a frame that begins as it is drawn: itself, or a sample of it."""
+        """Return a frame about to be drawn, or a sample of it."""
         return frame
 
     def lens_of(self, frame) -> tuple[float, float] | None:
-        """Return aperture radius and focus distance, if the eye of samples varies by these."""
+        """Return aperture radius and focus distance, if the eye of samples varies by them."""
         return None
 
     def needed(self, frame) -> bool | str:
-        """Return True if the frame needs the effect, or the reason why not."""
+        """Return True if the frame needs the effect, else the reason."""
         return self.why_neutral or True
 
     def prepare(self, frame):
-        """Work before the scene is drawn."""
+        """Do the work before the scene is drawn."""
 
     def render(self, frame, picture):
-        """Draw a new picture from the drawn one; a class that has this is an image effect."""
+        """Draw a new picture from the current one; overriding this makes an image effect."""
 
     def finish(self, frame):
         """Undo what only the drawing needed, such as bound textures."""
@@ -154,29 +148,29 @@ class Effect(Spelled):
         """Leave the pipeline: remove props from the scene."""
         put_into(self, None)
 
-    # -- questions that a pipeline asks ------------------------------------------------------
+    # -- properties read by a pipeline --------------------------------------------------------
 
     @property
     def props(self) -> tuple:
-        """VTK props that stand for it in the scene."""
+        """VTK props that represent it in the scene."""
         return ()
 
     def is_gone(self, renderer) -> bool:
-        """Return True if its props were removed from the scene by other means."""
+        """Return True if its props were removed from the scene directly."""
         return bool(self.props) and not any(map(renderer.HasViewProp, self.props))
 
     @property
     def is_image_effect(self) -> bool:
-        """Whether it draws on the picture of a frame: its class has `render`."""
+        """Whether it draws on the picture of a frame: its class overrides `render`."""
         return type(self).render is not Effect.render
 
     def content_key(self) -> object:
-        """Return a value that changes with what it shows on surfaces, the camera left out."""
+        """Return a value that changes with what it shows on surfaces, but not with the camera."""
         return self.revision
 
     @property
     def surfaces(self) -> bool:
-        """Whether `render` reads normals and ids of surfaces from ``pipeline.buffers``."""
+        """Whether `render` reads normals and ids from ``pipeline.buffers``."""
         return False
 
     @property
@@ -191,7 +185,7 @@ class Effect(Spelled):
 
     @property
     def rests(self) -> bool:
-        """Whether nothing has changed in the last frame, of effects that look for it."""
+        """Whether nothing changed in the last frame, for effects that watch for changes."""
         return True
 
     @property
@@ -200,19 +194,19 @@ class Effect(Spelled):
         return False
 
     def reach(self, frame) -> float:
-        """Return how many pixels around itself a pixel depends on: tiles overlap by it."""
+        """Return how many pixels around itself a pixel depends on: the overlap of tiles."""
         return 0.0
 
     def expose(self, frame, picture) -> float:
-        """Return the stops by which it exposes the picture."""
+        """Return the exposure of the picture, in stops."""
         return 0.0
 
     def horizon_color(self, frame) -> tuple[float, ...] | None:
-        """Return the colour that it draws at the horizon, None if it draws none."""
+        """Return the colour that it draws at the horizon, or None."""
         return None
 
     def pick(self, x, y) -> object | None:
-        """Return the nearest item of it under a pixel, or None.
+        """Return its nearest item under a pixel, or None.
 
         Parameters
         ----------
@@ -227,13 +221,13 @@ class Effect(Spelled):
         return None
 
     def report(self) -> dict:
-        """Return figures on the last frame; ``bytes`` is the GPU memory held."""
+        """Return statistics of the last frame; ``bytes`` is the GPU memory in use."""
         return {'bytes': 0}
 
     def bake_into(self, scene):
         """Add what it shows to a `BakedScene`; called if `web` says 'baked'."""
 
-    # -- what users use ----------------------------------------------------------------------
+    # -- public interface ---------------------------------------------------------------------
 
     def __init_subclass__(cls, **kwargs):
         super().__init_subclass__(**kwargs)
@@ -246,14 +240,14 @@ class Effect(Spelled):
         self._set(self._checked(settings))
 
     def __dir__(self) -> list[str]:
-        """Return the names that users use: hooks are left out."""
-        declaring = [vars(c) for c in type(self).__mro__ if 'FOR_USERS' in vars(c)]
-        public = {name for names in declaring for name in names if not name.startswith('_')}
-        for_users = {*params_of(type(self)), *(n for c in declaring for n in c['FOR_USERS'])}
-        return sorted(set(super().__dir__()) - (public - for_users))
+        """Return the public names, without hooks."""
+        class_dicts = [vars(c) for c in type(self).__mro__ if 'FOR_USERS' in vars(c)]
+        base_names = {name for names in class_dicts for name in names if not name.startswith('_')}
+        user_names = {*params_of(type(self)), *(n for c in class_dicts for n in c['FOR_USERS'])}
+        return sorted(set(super().__dir__()) - (base_names - user_names))
 
     def __reduce__(self):
-        """Return what makes an equal one, in no plotter, with nothing on the GPU."""
+        """Return the recipe of an equal one, in no plotter and with nothing on the GPU."""
         args, kwargs = self._made_of
         return _made_again, (self._class or type(self), args, kwargs, self._changed())
 
@@ -261,35 +255,33 @@ class Effect(Spelled):
         return self.__deepcopy__({})
 
     def __deepcopy__(self, _memo):
-        """Return an equal one, of the same actors, textures and images."""
+        """Return an equal one with the same actors, textures and images."""
         make, arguments = self.__reduce__()
         return make(*arguments)
 
     def is_like(self, other) -> bool:
-        """Return True if another effect was made of equal arguments, and is set alike."""
-        made = self.keeps_arguments and other.keeps_arguments
-        return made and _equal(self.__reduce__(), other.__reduce__())
+        """Return True if another effect was made with equal arguments and has equal settings."""
+        can_compare = self.keeps_arguments and other.keeps_arguments
+        return can_compare and _equal(self.__reduce__(), other.__reduce__())
 
     def _changed(self) -> dict:
-        """Return what may have been set since it was made."""
-        kept = {name: getattr(self, name) for name in params_of(type(self))}
+        """Return all attributes that may have been set since construction."""
+        attributes = {name: getattr(self, name) for name in params_of(type(self))}
         members = {n: v for cls in reversed(type(self).__mro__) for n, v in vars(cls).items()}
         for name, value in members.items():
             if isinstance(value, property) and value.fset:
-                kept[name] = getattr(self, name)
-        own = {n: v for n, v in vars(self).items() if not n.startswith('_')}
-        kept |= {name: own[name] for name in ('enabled', 'before') if name in own}
-        return kept | {'name': self._name}
+                attributes[name] = getattr(self, name)
+        own_values = vars(self)
+        attributes |= {n: own_values[n] for n in ('enabled', 'before') if n in own_values}
+        return attributes | {'name': self._name}
 
     def _checked(self, settings):
         params = params_of(type(self))
-        unknown = sorted(set(settings) - set(params))
-        if unknown:
-            known = ', '.join(params) or 'none'
-            hint = nearest(unknown[0], params)
-            raise TypeError(
-                f'{self.name} has no setting {", ".join(unknown)}{hint}; it has: {known}'
-            )
+        unknown_names = sorted(set(settings) - set(params))
+        if unknown_names:
+            hint, names = nearest(unknown_names[0], params), ', '.join(unknown_names)
+            setting_names = ', '.join(params) or 'none'
+            raise TypeError(f'{self.name} has no setting {names}{hint}; it has: {setting_names}')
         return {n: params[n].check(v, type(self).__name__) for n, v in settings.items()}
 
     def _set(self, settings):
@@ -298,7 +290,7 @@ class Effect(Spelled):
 
     @property
     def name(self) -> str:
-        """Name in reports, warnings and the state; the class's name by default."""
+        """Name in reports, warnings and the state; the class name by default."""
         return self._name or type(self).__name__
 
     @name.setter
@@ -307,14 +299,15 @@ class Effect(Spelled):
 
     @property
     def given_name(self) -> str | None:
-        """Name that it was given, None without."""
+        """Name set by the user, or None."""
         return self._name
 
     def __repr__(self) -> str:
-        """Return in a line what it is, its name, its contents and its state."""
-        kind = type(self).__name__
-        named = '' if self.name == kind else f' {self.name!r}'
-        return f'<{kind}{named}: {", ".join(filter(None, (self._contents(), self._state())))}>'
+        """Return its class, name, contents and state in one line."""
+        class_name = type(self).__name__
+        quoted_name = '' if self.name == class_name else f' {self.name!r}'
+        details = ', '.join(filter(None, (self._contents(), self._state())))
+        return f'<{class_name}{quoted_name}: {details}>'
 
     def _contents(self) -> str:
         """Return what it consists of, such as '3 spheres'."""
@@ -331,12 +324,12 @@ class Effect(Spelled):
             self.pipeline.remove(self)
 
     def state(self) -> dict:
-        """Return the settings by name, as values that JSON keeps."""
+        """Return the settings by name, as JSON values."""
         values = {name: getattr(self, name) for name in params_of(type(self))}
         return {n: list(v) if isinstance(v, tuple) else v for n, v in values.items()}
 
     def restore(self, state) -> list[str]:
-        """Set the settings to what `state` returned, all or none; return names that are unknown.
+        """Apply settings that `state` returned, all or none; return the unknown names.
 
         Parameters
         ----------
@@ -348,26 +341,26 @@ class Effect(Spelled):
         TypeError, ValueError
             If a value is not allowed; nothing is set.
         """
-        known = params_of(type(self))
-        self._set(self._checked({n: v for n, v in state.items() if n in known}))
-        return [n for n in state if n not in known]
+        params = params_of(type(self))
+        self._set(self._checked({n: v for n, v in state.items() if n in params}))
+        return [n for n in state if n not in params]
 
 
-def _equal(one, other) -> bool:
+def _equal(first, second) -> bool:
     """Return True if two arguments are equal: numbers, text, arrays, or the same objects."""
-    if one is other:
+    if first is second:
         return True
-    if isinstance(one, dict) and isinstance(other, dict):
-        return list(one) == list(other) and _equal([*one.values()], [*other.values()])
-    if isinstance(one, (list, tuple)) and isinstance(other, (list, tuple)):
-        return len(one) == len(other) and all(map(_equal, one, other))
-    if isinstance(one, np.ndarray) and isinstance(other, np.ndarray):
-        return np.array_equal(one, other)
-    return isinstance(one, (int, float, str)) and one == other
+    if isinstance(first, dict) and isinstance(second, dict):
+        return list(first) == list(second) and _equal([*first.values()], [*second.values()])
+    if isinstance(first, (list, tuple)) and isinstance(second, (list, tuple)):
+        return len(first) == len(second) and all(map(_equal, first, second))
+    if isinstance(first, np.ndarray) and isinstance(second, np.ndarray):
+        return np.array_equal(first, second)
+    return isinstance(first, (int, float, str)) and first == second
 
 
 def _made_again(cls, args, kwargs, changed):
-    """Return an effect like one that was made of these arguments and changed since."""
-    made = cls(*args, **kwargs)
-    made._set(changed)
-    return made
+    """Create an effect from constructor arguments, then apply later changes."""
+    effect = cls(*args, **kwargs)
+    effect._set(changed)
+    return effect

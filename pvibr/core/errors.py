@@ -1,4 +1,4 @@
-"""What pvibr raises and warns of."""
+"""Errors and warnings of pvibr."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from types import FrameType
 
 
 class PvibrWarning(UserWarning):
-    """Something was left out of the picture; the message names it and the remedy.
+    """Something is missing from the picture; the message names it and the remedy.
 
     Examples
     --------
@@ -34,9 +34,9 @@ class ShaderError(PvibrError, RuntimeError):
     Parameters
     ----------
     message : str
-        What is wrong.
+        What failed.
     log : str, optional
-        The driver's whole log.
+        The driver's full log.
     """
 
     def __init__(self, message, log=''):
@@ -45,15 +45,15 @@ class ShaderError(PvibrError, RuntimeError):
 
 
 class ClosedError(PvibrError, RuntimeError):
-    """The plotter or the window is closed; what was drawn there is released."""
+    """The plotter or its window is closed, and its resources are released."""
 
 
-#: Where frames are not the user's: pvibr, PyVista and what imports both; and trame's packages.
+#: Packages whose stack frames are not the user's; trame's are matched by prefix.
 _LIBRARIES = ('pvibr', 'pvibr_widgets', 'pyvista', 'pyvistaqt', 'importlib', 'contextlib')
 
 
 def warn(message, category=PvibrWarning):
-    """Warn at the line of the user that led here, the first outside pvibr and PyVista."""
+    """Warn at the first line of user code up the stack, outside pvibr and PyVista."""
     frame: FrameType | None = sys._getframe(1)  # noqa: SLF001
     level = 2
     while frame is not None and _is_library(frame):
@@ -66,12 +66,12 @@ def _is_library(frame) -> bool:
     return name.partition('.')[0] in _LIBRARIES or name.startswith('trame')
 
 
-def require(module, extra, what):
-    """Return a module that one of pvibr's extras installs."""
+def require(module, extra, feature):
+    """Import a module that one of pvibr's extras installs."""
     try:
         return importlib.import_module(module)
     except ImportError as error:
-        package = module.partition('.')[0]
+        package_name = module.partition('.')[0]
         raise ImportError(
-            f"{what} need {package}: run pip install 'pvibr[{extra}]'", name=package
+            f"{feature} need {package_name}: run pip install 'pvibr[{extra}]'", name=package_name
         ) from error

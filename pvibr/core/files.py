@@ -1,4 +1,4 @@
-"""Files that are there whole, or as they were before."""
+"""Files that are written completely or not at all."""
 
 from __future__ import annotations
 
@@ -16,50 +16,50 @@ def _as_path(path):
         return Path(path).expanduser()
 
 
-def existing(path, what='file') -> Path:
-    """Return the path of a file that must be there."""
+def existing(path, kind='file') -> Path:
+    """Return the path of an existing file."""
     path = _as_path(path)
     if not path.is_file():
-        raise FileNotFoundError(f'there is no {what} at the path {str(path)!r}')
+        raise FileNotFoundError(f'path must be an existing {kind}, got {str(path)!r}')
     return path
 
 
 def in_a_folder(name, path) -> Path:
-    """Return the path of a file to write, in a folder that is there."""
+    """Return the path of a file to write, in an existing folder."""
     with naming(name, path):
         path = Path(path).expanduser()
         with contextlib.suppress(OSError):
-            path.stat()  # raises if it is no path at all
+            path.stat()  # raises for an invalid path
         if not path.absolute().parent.is_dir():
-            raise FileNotFoundError(f'there is no folder {str(path.parent)!r}: make it first')
+            raise FileNotFoundError(f'there is no folder {str(path.parent)!r}; create it first')
         if not path.name:
-            raise ValueError('it must end in the name of a file')
+            raise ValueError('must end in a file name')
     return path
 
 
 def with_suffix(path, suffix) -> Path:
-    """Return a path that must end in a suffix."""
+    """Return a path that must have a suffix."""
     path = _as_path(path)
     if path.suffix.lower() != suffix:
-        raise ValueError(f'path is {str(path)!r}; it must end in {suffix}')
+        raise ValueError(f'path must end in {suffix}, got {str(path)!r}')
     return path
 
 
 @contextlib.contextmanager
 def replacing(path):
-    """Write a file under another name, and give it its own once it is whole."""
+    """Write a temporary file, renamed to `path` once it is complete."""
     path = in_a_folder('path', path)
-    part = path.with_name(f'.{uuid.uuid4().hex}{path.suffix}')
+    temporary = path.with_name(f'.{uuid.uuid4().hex}{path.suffix}')
     try:
-        yield part
-        with part.open('rb+') as file:
+        yield temporary
+        with temporary.open('rb+') as file:
             os.fsync(file.fileno())
-        part.replace(path)
+        temporary.replace(path)
     except OSError as error:
-        why = 'the disk is full' if error.errno == errno.ENOSPC else error.strerror or error
+        reason = 'the disk is full' if error.errno == errno.ENOSPC else error.strerror or error
         raise OSError(
-            error.errno, f'{path} could not be written: {why}; what was there before is as it was.'
+            error.errno, f'cannot write {path}: {reason}; the existing file is unchanged'
         ) from error
     finally:
         with contextlib.suppress(OSError):
-            part.unlink()
+            temporary.unlink()

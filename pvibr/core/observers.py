@@ -1,4 +1,4 @@
-"""Observers that call a method while its owner lives: VTK keeps them, and C++ would keep both."""
+"""Observers that do not keep their owner alive: cycles through C++ are never collected."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ from pvibr.core import _vtk
 def weakly(method):
     """Return an observer that calls a method while its owner lives."""
     method = weakref.WeakMethod(method)
-    return lambda *_: (found := method()) and found()
+    return lambda *_: (bound := method()) and bound()
 
 
 def tell_programs(mapper, method):
-    """Have a method called with the program of each draw of a mapper, while its owner lives."""
+    """Call a method, while its owner lives, with the program before each draw of a mapper."""
     method = weakref.WeakMethod(method)
 
     @_vtk.calldata_type(_vtk.VTK_OBJECT)
     def update(_mapper, _event, program):
-        alive = method()
-        if alive is not None:
-            alive(program)
+        bound = method()
+        if bound is not None:
+            bound(program)
 
     mapper.AddObserver('UpdateShaderEvent', update)

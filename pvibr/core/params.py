@@ -1,4 +1,4 @@
-"""A setting of an effect, declared once: default, range, unit, meaning."""
+"""Settings of effects, each declared once: default, range, unit, meaning."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ class Interval:
         try:
             low, high = text[1:-1].split(',')
             self.low, self.high = float(low), float(high)
-            well_formed = text[0] in '[(' and text[-1] in '])' and self.low <= self.high
+            is_valid = text[0] in '[(' and text[-1] in '])' and self.low <= self.high
         except (ValueError, IndexError):
-            well_formed = False
-        if not well_formed:
+            is_valid = False
+        if not is_valid:
             raise ValueError(
-                f'range {text!r}: write two ordered bounds in brackets, such as [0, inf)'
+                f'range must be two ordered bounds in brackets, such as [0, inf), got {text!r}'
             )
 
     def __contains__(self, value) -> bool:
@@ -45,7 +45,7 @@ class Param:
     default : bool, int, float, str, tuple of float or None
         Default value; None requires `kind`.
     doc : str
-        Meaning, as a short noun phrase: the help text of control panels.
+        What the setting does and when to use it; the help text of control panels.
     range : str, optional
         Range of numbers, such as ``'[0, 1]'`` or ``'(0, inf)'``.
     choices : sequence, optional
@@ -53,16 +53,16 @@ class Param:
     unit : str, optional
         Unit, such as ``'px'``, ``'world'`` or ``'s'``.
     optional : bool, optional
-        Whether None, "derived from the scene", is allowed; True if it is the default.
+        Whether None, "derived from the scene", is allowed; default: if None is the default.
     kind : type, optional
-        Type of the value, if the default is None.
+        Type of the value, required if the default is None.
     length : int, optional
-        Number of values of a tuple; that of the default if it is not empty.
+        Number of values of a tuple; that of a non-empty default by default.
 
     Raises
     ------
     TypeError, ValueError
-        On assignment, if a value has another type, is not finite, or is out of range.
+        On assignment, if a value is of another type, not finite or out of range.
 
     Examples
     --------
@@ -74,7 +74,7 @@ class Param:
     3.0
     >>> lamp.power = -1
     Traceback (most recent call last):
-    ValueError: Lamp.power = -1: must be a float in [0, inf) W
+    ValueError: Lamp.power must be a float in [0, inf) W, got -1
     """
 
     def __init__(
@@ -98,7 +98,7 @@ class Param:
         self.name = ''
         if self.kind not in (*_KINDS, tuple):
             raise TypeError(
-                f'default {default!r}: give a bool, int, float, str, tuple, or None with kind='
+                f'default must be a bool, number, str, tuple, or None with kind=, got {default!r}'
             )
         self.__doc__ = self.describe()
 
@@ -116,27 +116,27 @@ class Param:
         value = self.check(value, type(owner).__name__)
         if value != self.__get__(owner):
             owner.__dict__[self.name] = value
-            # Results of settings compare this number with the one that they were made at.
+            # Caches compare this with the revision that they were computed at.
             owner.__dict__['revision'] = owner.__dict__.get('revision', 0) + 1
 
     def allowed(self) -> str:
         """Return the allowed values in words, such as ``'a float in [0, 1] px'``."""
         if self.choices is not None:
-            words = 'one of ' + ', '.join(map(repr, self.choices))
+            value_text = 'one of ' + ', '.join(map(repr, self.choices))
         elif self.kind is tuple:
-            words = f'{self.length} finite floats' if self.length else 'finite floats'
+            value_text = f'{self.length} finite floats' if self.length else 'finite floats'
         else:
-            words = f'{"an" if self.kind is int else "a"} {self.kind.__name__}'
-        words += f' in {self.range}' if self.range else ''
-        words += f' {self.unit}' if self.unit else ''
-        return words + (' or None (derived from the scene)' if self.optional else '')
+            value_text = f'{"an" if self.kind is int else "a"} {self.kind.__name__}'
+        value_text += f' in {self.range}' if self.range else ''
+        value_text += f' {self.unit}' if self.unit else ''
+        return value_text + (' or None (derived from the scene)' if self.optional else '')
 
     def describe(self) -> str:
         """Return meaning, default and allowed values in one line."""
         return f'{self.doc} Default {self.default!r}; {self.allowed()}.'
 
     def check(self, value, owner=''):
-        """Return a value, validated and converted to the type of the setting.
+        """Return a value, validated and converted to the setting's type.
 
         Parameters
         ----------
@@ -152,16 +152,16 @@ class Param:
         """
         if value is None and self.optional:
             return None
-        msg = f'{owner}.{self.name} = {value!r}: must be {self.allowed()}'
+        msg = f'{owner}.{self.name} must be {self.allowed()}, got {value!r}'
         if not self._is_kind(value):
             raise TypeError(msg)
         try:
-            kept = tuple(float(v) for v in value) if self.kind is tuple else self.kind(value)
-        except OverflowError:  # an integer above all floats
+            checked_value = tuple(map(float, value)) if self.kind is tuple else self.kind(value)
+        except OverflowError:  # an integer above the largest float
             raise ValueError(msg) from None
-        if not self._is_allowed(kept):
+        if not self._is_allowed(checked_value):
             raise ValueError(msg)
-        return kept
+        return checked_value
 
     def _is_kind(self, value) -> bool:
         if self.kind is tuple:
@@ -169,12 +169,12 @@ class Param:
             return is_row and all(_is_number(v, float) for v in value)
         return _is_number(value, self.kind)
 
-    def _is_allowed(self, kept) -> bool:
-        if self.choices is not None and kept not in self.choices:
+    def _is_allowed(self, checked_value) -> bool:
+        if self.choices is not None and checked_value not in self.choices:
             return False
-        if self.length and len(kept) != self.length:
+        if self.length and len(checked_value) != self.length:
             return False
-        for number in kept if self.kind is tuple else (kept,):
+        for number in checked_value if self.kind is tuple else (checked_value,):
             if isinstance(number, float) and not math.isfinite(number):
                 return False
             if self.range is not None and number not in self.range:
@@ -183,31 +183,32 @@ class Param:
 
 
 def _is_number(value, kind) -> bool:
-    """Return True if a value is of a kind; booleans are no numbers here."""
+    """Return True if a value is of a kind; booleans do not count as numbers."""
     if kind is not bool and isinstance(value, (bool, np.bool_)):
         return False
     return isinstance(value, _KINDS[kind])
 
 
 def checked_flag(name, value, *, optional=False) -> bool | None:
-    """Return a bool that an argument says, also as 0 or 1; None if that is allowed."""
+    """Return a boolean argument, also given as 0 or 1, or None if `optional`."""
     if value is None and optional:
         return None
     if isinstance(value, (bool, np.bool_)) or (isinstance(value, int) and value in (0, 1)):
         return bool(value)
-    raise TypeError(f'{name} = {value!r}: must be True or False{" or None" if optional else ""}')
+    allowed = 'True, False or None' if optional else 'True or False'
+    raise TypeError(f'{name} must be {allowed}, got {value!r}')
 
 
 def checked_name(name) -> str | None:
-    """Return a name, or None for that of the class."""
+    """Return a name, or None for the class name."""
     if name is None or isinstance(name, str):
         return name
-    raise TypeError(f'name = {name!r}: must be a str or None')
+    raise TypeError(f'name must be a str or None, got {name!r}')
 
 
 def params_of(owner) -> dict[str, Param]:
     """Return the settings of a class by name, those of its bases first."""
-    found = {}
+    params = {}
     for base in reversed(owner.__mro__):
-        found.update({n: p for n, p in vars(base).items() if isinstance(p, Param)})
-    return found
+        params.update({n: p for n, p in vars(base).items() if isinstance(p, Param)})
+    return params

@@ -1,4 +1,4 @@
-"""VTK's own render passes on a renderer: which there are, and what they do to a frame."""
+"""VTK's own render passes on a renderer, and how they affect a frame."""
 
 from __future__ import annotations
 
@@ -6,61 +6,61 @@ from math import sqrt
 
 from pyvista import vtk_version_info
 
-# Pixels that a pass draws beyond each side, by a wider view; its result has no depth.
+# Margin in pixels that a pass adds by widening the view; its result has no depth.
 _MARGINS = {
     'vtkDepthOfFieldPass': 16,
     'vtkGaussianBlurPass': 2,
     'vtkSobelGradientMagnitudePass': 1,
 }
-_SAMPLES = sqrt(5)  # along a side, of a pixel that vtkSSAAPass draws
+_SAMPLES = sqrt(5)  # per pixel side in vtkSSAAPass
 _NO_DEPTH = *_MARGINS, *(['vtkSSAAPass'] if vtk_version_info < (9, 7) else [])
 
 
 def passes_of(renderer) -> list:
-    """Return the passes, each with those that it delegates to after it."""
-    found, last = [], renderer.GetPass()
-    while last is not None:
-        found.append(last)
-        last = last.GetDelegatePass() if hasattr(last, 'GetDelegatePass') else None
-    return found
+    """Return a renderer's passes, delegates included, the outermost first."""
+    passes, render_pass = [], renderer.GetPass()
+    while render_pass is not None:
+        passes.append(render_pass)
+        render_pass = getattr(render_pass, 'GetDelegatePass', lambda: None)()
+    return passes
 
 
 def has_shadows(renderer) -> bool:
-    """Return whether VTK draws shadows, as `enable_shadows` has it."""
-    passes = [p for p in passes_of(renderer) if p.IsA('vtkSequencePass')]
-    inner = [p for sequence in passes for p in sequence.GetPasses() or ()]
-    return renderer.GetUseShadows() or any(p.IsA('vtkShadowMapPass') for p in inner)
+    """Return whether VTK draws shadows, as after `enable_shadows`."""
+    sequence_passes = [p for p in passes_of(renderer) if p.IsA('vtkSequencePass')]
+    inner_passes = [p for sequence in sequence_passes for p in sequence.GetPasses() or ()]
+    return renderer.GetUseShadows() or any(p.IsA('vtkShadowMapPass') for p in inner_passes)
 
 
 def loses_depth(renderer) -> bool:
-    """Return whether a frame is left without the depth of the scene."""
+    """Return whether a frame ends without the depth of the scene."""
     return any(p.IsA(name) for p in passes_of(renderer) for name in _NO_DEPTH)
 
 
 def margins(renderer, size) -> tuple[float, float]:
-    """Return by how much the scene is drawn wider and higher than it is shown."""
-    samples, (width, height) = 1.0, size
-    drawn = [float(width), float(height)]
-    for found in passes_of(renderer):
-        if found.IsA('vtkSSAAPass'):
-            samples *= _SAMPLES
-        margin = next((m for name, m in _MARGINS.items() if found.IsA(name)), 0)
-        drawn = [n + 2 * margin / samples for n in drawn]
-    return (drawn[0] / width, drawn[1] / height) if width and height else (1.0, 1.0)
+    """Return by which factors the scene is drawn wider and higher than shown."""
+    samples_per_side, (width, height) = 1.0, size
+    drawn_size = [float(width), float(height)]
+    for render_pass in passes_of(renderer):
+        if render_pass.IsA('vtkSSAAPass'):
+            samples_per_side *= _SAMPLES
+        margin = next((m for name, m in _MARGINS.items() if render_pass.IsA(name)), 0)
+        drawn_size = [n + 2 * margin / samples_per_side for n in drawn_size]
+    return (drawn_size[0] / width, drawn_size[1] / height) if width and height else (1.0, 1.0)
 
 
 def samples_of(renderer) -> int:
-    """Return the samples per pixel that the scene is drawn with, 1 without antialiasing."""
-    passes = sum(p.IsA('vtkSSAAPass') for p in passes_of(renderer))
-    return max(renderer.GetRenderWindow().GetMultiSamples(), 1) * round(_SAMPLES**2) ** passes
+    """Return the samples per pixel of the scene, 1 without antialiasing."""
+    ssaa_passes = sum(p.IsA('vtkSSAAPass') for p in passes_of(renderer))
+    return max(renderer.GetRenderWindow().GetMultiSamples(), 1) * round(_SAMPLES**2) ** ssaa_passes
 
 
 def peels_samples(renderer) -> bool:
-    """Return whether VTK has just peeled what is translucent in a multisampled window."""
-    samples = renderer.GetRenderWindow().GetMultiSamples()
-    return samples > 1 and bool(renderer.GetLastRenderingUsedDepthPeeling())
+    """Return whether VTK depth-peeled the last frame in a multisampled window."""
+    sample_count = renderer.GetRenderWindow().GetMultiSamples()
+    return sample_count > 1 and bool(renderer.GetLastRenderingUsedDepthPeeling())
 
 
 def is_llvmpipe(window) -> bool:
-    """Return whether Mesa draws without a GPU; asking the driver takes a millisecond."""
+    """Return whether Mesa renders on the CPU; querying the driver takes a millisecond."""
     return 'llvmpipe' in window.ReportCapabilities()

@@ -1,4 +1,4 @@
-"""What pvibr asks of PyVista's plotters that has no public name."""
+"""Private parts of PyVista's plotters that pvibr uses."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from pvibr.core.arguments import naming
 from pvibr.core.hooks import Hooks
 
 _PROPERTY = re.compile(r'Get\w*Property')
-_INNER = 'pvibr'  # begins the names of props that are none of the user's
+_INNER = 'pvibr'  # prefix of the names of internal props
 
 
 def is_closed(plotter) -> bool:
@@ -28,7 +28,7 @@ def is_closed(plotter) -> bool:
 
 
 def is_never_shown(plotter) -> bool:
-    """Return True if a plotter still has to set up its camera and window."""
+    """Return True if a plotter has not yet set up its camera and window."""
     return getattr(plotter, '_first_time', False)
 
 
@@ -43,7 +43,7 @@ def frame_callbacks(plotter) -> list:
 
 
 def is_dragged(window) -> bool:
-    """Return True if an interactor style or a widget requests interactive frame rates."""
+    """Return True if an interactor style or a widget requests an interactive frame rate."""
     interactor = None if window is None else window.GetInteractor()
     if interactor is None:
         return False
@@ -51,26 +51,26 @@ def is_dragged(window) -> bool:
 
 
 class _UsersProps(_PropCollection):
-    """The props of a renderer that users added: names, indices and length leave out the others."""
+    """A renderer's props without internal ones, in names, indices and length."""
 
     def __init__(self, renderer):
         super().__init__(renderer.GetViewProps())
         self.hooks = Hooks(renderer)
         self.hooks.put({'_actors': self, 'GetActors': _users_actors(weakref.ref(renderer))})
 
-    def _places(self):
+    def _user_indices(self):
         props = self._prop_collection
-        found = range(props.GetNumberOfItems())
-        return [k for k in found if not is_inner(props.GetItemAsObject(k))]
+        indices = range(props.GetNumberOfItems())
+        return [k for k in indices if not is_inner(props.GetItemAsObject(k))]
 
     def _validate_index(self, index):
-        return self._places()[super()._validate_index(index)]
+        return self._user_indices()[super()._validate_index(index)]
 
     def __len__(self):
-        return len(self._places())
+        return len(self._user_indices())
 
     def __iter__(self):
-        return iter([self._prop_collection.GetItemAsObject(k) for k in self._places()])
+        return iter([self._prop_collection.GetItemAsObject(k) for k in self._user_indices()])
 
     def __getitem__(self, key):
         if isinstance(key, str) and key in (names := self.keys()):
@@ -79,16 +79,16 @@ class _UsersProps(_PropCollection):
 
 
 def is_inner(prop) -> bool:
-    """Return True if a prop is none of the user's."""
+    """Return True if a prop is internal."""
     return method(prop, 'GetObjectName')().startswith(_INNER)
 
 
 def put_inner(renderer, prop):
-    """Add a prop that is none of the user's: ``actors`` and ``meshes`` of PyVista leave it out."""
+    """Add an internal prop, which PyVista's ``actors`` and ``meshes`` leave out."""
     if not is_inner(prop):
         prop.SetObjectName(_INNER)
-    listed = getattr(renderer, '_actors', None)
-    if listed is not None and not isinstance(listed, _UsersProps):
+    prop_collection = getattr(renderer, '_actors', None)
+    if prop_collection is not None and not isinstance(prop_collection, _UsersProps):
         _UsersProps(renderer)
     renderer.AddViewProp(prop)
 
@@ -102,29 +102,29 @@ def list_all_props(renderer):
 
 def _users_actors(renderer):
     def actors():
-        found = _vtk.vtkActorCollection()
+        user_actors = _vtk.vtkActorCollection()
         for actor in type(renderer()).GetActors(renderer()):
             if not is_inner(actor):
-                found.AddItem(actor)
-        return found
+                user_actors.AddItem(actor)
+        return user_actors
 
     return actors
 
 
 def widgets_of(renderer) -> list:
-    """Return the widgets of the plotter that a renderer is of, those of its other subplots too."""
+    """Return the widgets of a renderer's plotter, in all of its subplots."""
     plotter = getattr(renderer, 'parent', None)
     try:
-        lists = vars(getattr(plotter, 'widgets', plotter))
-    except (ReferenceError, TypeError):  # a plotter that is no more, or none
+        plotter_vars = vars(getattr(plotter, 'widgets', plotter))
+    except (ReferenceError, TypeError):  # a deleted plotter, or none
         return []
-    return [w for name, some in lists.items() if name.endswith('_widgets') for w in some]
+    return [w for name in plotter_vars if name.endswith('_widgets') for w in plotter_vars[name]]
 
 
 def parts_of_widgets(widgets) -> set[str]:
-    """Return the addresses of the properties that widgets give to the actors they consist of."""
-    solid = [w for w in widgets if w.IsA('vtk3DWidget')]
-    return {address(getattr(w, n)()) for w in solid for n in dir(w) if _PROPERTY.fullmatch(n)}
+    """Return the addresses of the properties of the actors that widgets consist of."""
+    widgets_3d = [w for w in widgets if w.IsA('vtk3DWidget')]
+    return {address(getattr(w, n)()) for w in widgets_3d for n in dir(w) if _PROPERTY.fullmatch(n)}
 
 
 def adding_by_component(kind):
@@ -155,10 +155,10 @@ def adding_by_component(kind):
 
 
 def _is_here(thing, renderer) -> bool:
-    """Return True if a thing is in a renderer, or on its way in."""
+    """Return True if a thing is in a renderer, or being added to it."""
     pipeline = thing.pipeline
-    here = pipeline is not None and pipeline.renderer is renderer
-    return here and (thing not in pipeline.effects or renderer.HasViewProp(thing))
+    is_member = pipeline is not None and pipeline.renderer is renderer
+    return is_member and (thing not in pipeline.effects or renderer.HasViewProp(thing))
 
 
 def border_of(renderer):
@@ -167,23 +167,22 @@ def border_of(renderer):
 
 
 def trame_viewer(plotter):
-    """Return the trame viewer of a plotter that can switch between server and client, or None."""
-    ui = sys.modules.get('trame_pyvista.ui') or sys.modules.get('pyvista.trame.ui')
-    viewer = getattr(ui, '_VIEWERS', {}).get(getattr(plotter, '_id_name', None))
+    """Return a plotter's trame viewer that can switch between server and client, or None."""
+    ui_module = sys.modules.get('trame_pyvista.ui') or sys.modules.get('pyvista.trame.ui')
+    viewer = getattr(ui_module, '_VIEWERS', {}).get(getattr(plotter, '_id_name', None))
     return viewer if hasattr(viewer, 'SERVER_RENDERING') else None
 
 
 @contextmanager
 def in_subplot(plotter, renderer):
-    """Have the subplot of a renderer be the active one."""
-    renderers = plotter.renderers
-    before = renderers.active_index
-    where = renderers_of(plotter)
+    """Make a renderer's subplot the active one within the block."""
+    renderers, ordered = plotter.renderers, renderers_of(plotter)
+    active_index = renderers.active_index
     try:
-        _activate(renderers, where.index(renderer) if renderer in where else before)
+        _activate(renderers, ordered.index(renderer) if renderer in ordered else active_index)
         yield
     finally:
-        _activate(renderers, before)
+        _activate(renderers, active_index)
 
 
 def _activate(renderers, index):
@@ -191,37 +190,38 @@ def _activate(renderers, index):
 
 
 def bar_mappers(plotter) -> dict[str, list]:
-    """Return the mappers of each scalar bar by its title."""
+    """Return the mappers of each scalar bar by title."""
     return getattr(plotter.scalar_bars, '_scalar_bar_mappers', {})
 
 
 def set_bar_range(plotter, title, limits):
-    """Set what a scalar bar believes to be the range of its mappers."""
-    ranges = getattr(plotter.scalar_bars, '_scalar_bar_ranges', {})
-    ranges[title] = tuple(limits)
+    """Set the range that a scalar bar assumes of its mappers."""
+    bar_ranges = getattr(plotter.scalar_bars, '_scalar_bar_ranges', {})
+    bar_ranges[title] = tuple(limits)
 
 
 def remove_from_bars(plotter, actor):
-    """Take the mapper of an actor from the scalar bars, which go with their last one."""
-    remove = getattr(plotter.scalar_bars, '_remove_mapper_from_plotter', None)
-    if remove is not None:
-        remove(actor)
+    """Remove an actor's mapper from the scalar bars; a bar without mappers goes."""
+    remove_mapper = getattr(plotter.scalar_bars, '_remove_mapper_from_plotter', None)
+    if remove_mapper is not None:
+        remove_mapper(actor)
 
 
 def bar_places(plotter) -> set:
-    """Return the numbers of the free places of scalar bars."""
+    """Return the free slots of scalar bars."""
     return getattr(plotter, '_scalar_bar_slots', set())
 
 
 def set_legend_label(renderer, actor, label, has_scalars):
-    """Let legends of a renderer have an entry of an actor, as ``add_mesh`` does, or none."""
-    from pyvista.plotting.renderer import make_legend_face  # what plots is imported when used
+    """Set an actor's entry in the renderer's legends as ``add_mesh`` does, or remove it."""
+    from pyvista.plotting.renderer import make_legend_face  # plotting modules are imported on use
 
-    labels = getattr(renderer, '_labels', {})
-    labels.pop(address(actor), None)
+    legend_entries = getattr(renderer, '_labels', {})
+    legend_entries.pop(address(actor), None)
     if label:
         face = make_legend_face('rectangle' if has_scalars else 'triangle')
-        labels[address(actor)] = face, label, pv.Color(actor.GetProperty().GetColor())
+        color = pv.Color(actor.GetProperty().GetColor())
+        legend_entries[address(actor)] = face, label, color
 
 
 class _Trial(pv.BasePlotter):
@@ -236,23 +236,23 @@ def next_theme(plotter, color):
     color = plotter.renderer.next_color
     if color == theme.color:
         return theme
-    cycled = pv.themes.Theme()
-    cycled.load_theme(theme)
-    cycled.color, cycled.color_cycler = color, None
-    return cycled
+    cycled_theme = pv.themes.Theme()
+    cycled_theme.load_theme(theme)
+    cycled_theme.color, cycled_theme.color_cycler = color, None
+    return cycled_theme
 
 
 def check_bar(plotter, mapper, options):
-    """Raise what adding a scalar bar would raise; nothing is added."""
-    places = set(bar_places(plotter)) | (
+    """Raise the error that adding a scalar bar would raise; nothing is added."""
+    free_places = set(bar_places(plotter)) | (
         {0} if options['title'] in bar_mappers(plotter) else set()
     )
-    trial = _Trial(theme=plotter.theme, lighting='none')
+    trial_plotter = _Trial(theme=plotter.theme, lighting='none')
     try:
-        bar_places(trial).intersection_update(places)
+        bar_places(trial_plotter).intersection_update(free_places)
         with naming('scalar_bar_args', options):
-            trial.add_scalar_bar(
+            trial_plotter.add_scalar_bar(
                 mapper=mapper, **options | {'interactive': False, 'render': False}
             )
     finally:
-        trial.close()
+        trial_plotter.close()

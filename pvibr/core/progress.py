@@ -1,4 +1,4 @@
-"""Bakes show their progress and can be interrupted."""
+"""Progress bars of bakes, and deferred interrupts."""
 
 from __future__ import annotations
 
@@ -8,66 +8,66 @@ import threading
 import time
 from contextlib import contextmanager
 
-_SOON = 1.0  # seconds after which a bar appears
+_DELAY = 1.0  # seconds until a bar appears
 
 
 @contextmanager
-def baking(shown, title='Baking views'):
-    """Yield a function of the fraction done, which shows it and raises what was interrupted."""
-    # VTK ends the process if Ctrl-C is pressed while it calls Python: the signal waits for the
-    # next step.
-    with _deferred_interrupt() as check, _bar(shown, title) as show:
+def baking(visible, title='Baking views'):
+    """Yield a function that shows the fraction done and raises a pending KeyboardInterrupt."""
+    # Ctrl-C while VTK calls Python would end the process: defer the signal to the next step.
+    with _deferred_interrupt() as raise_pending, _bar(visible, title) as show_fraction:
 
-        def advance(done):
-            check()
-            show(done)
+        def advance(fraction):
+            raise_pending()
+            show_fraction(fraction)
 
         yield advance
-        check()
+        raise_pending()
 
 
 def in_notebook() -> bool:
-    """Return True in a kernel of Jupyter."""
+    """Return True in a Jupyter kernel."""
     return 'ipykernel' in sys.modules
 
 
 @contextmanager
 def _deferred_interrupt():
-    pressed: list[bool] = []
+    pending_signals: list[bool] = []
 
     def check():
-        if pressed:
+        if pending_signals:
             raise KeyboardInterrupt
 
     if threading.current_thread() is not threading.main_thread():
         yield check
         return
-    before = signal.getsignal(signal.SIGINT)
-    signal.signal(signal.SIGINT, lambda *_: pressed.append(True))
+    old_handler = signal.getsignal(signal.SIGINT)
+    signal.signal(signal.SIGINT, lambda *_: pending_signals.append(True))
     try:
         yield check
     finally:
-        signal.signal(signal.SIGINT, before or signal.SIG_DFL)
+        signal.signal(signal.SIGINT, old_handler or signal.SIG_DFL)
 
 
 @contextmanager
-def _bar(shown, title):
-    """Yield a function of the fraction done; the bar appears after a while."""
-    if not (sys.stderr.isatty() or in_notebook() if shown is None else shown):
+def _bar(visible, title):
+    """Yield a function that shows the fraction done, in a bar that appears after a delay."""
+    if not (sys.stderr.isatty() or in_notebook() if visible is None else visible):
         yield lambda _: None
         return
     from rich.console import Console
     from rich.progress import Progress
 
-    start, bar = time.perf_counter(), Progress(console=Console(stderr=True), transient=True)
-    task = bar.add_task(title, total=1.0)
+    start_time = time.perf_counter()
+    progress_bar = Progress(console=Console(stderr=True), transient=True)
+    task_id = progress_bar.add_task(title, total=1.0)
 
-    def show(done):
-        if time.perf_counter() - start > _SOON:
-            bar.start()
-        bar.update(task, completed=done)
+    def show(fraction):
+        if time.perf_counter() - start_time > _DELAY:
+            progress_bar.start()
+        progress_bar.update(task_id, completed=fraction)
 
     try:
         yield show
     finally:
-        bar.stop()
+        progress_bar.stop()

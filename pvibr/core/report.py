@@ -21,7 +21,7 @@ class Row:
 
 @dataclass
 class Report:
-    """Rows of one or more subplots; printed, it is a table."""
+    """Rows of one or more subplots; prints as a table."""
 
     rows: list[Row]
     frames: int = 0
@@ -29,28 +29,28 @@ class Report:
     quality: str = ''
 
     def as_dict(self) -> dict:
-        """Return the same as values that JSON keeps."""
+        """Return the report as JSON values."""
         return asdict(self)
 
     def __str__(self) -> str:
         cells = [_COLUMNS, *(_cells(row) for row in self.rows)]
-        widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
-        lines = [_line(row, widths) for row in cells]
+        column_widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
+        text_lines = [_line(row, column_widths) for row in cells]
         for row in self.rows:
-            lines += [f'{row.effect}.{k}: {v}' for k, v in row.details.items()]
-        lines.append(f'{self.frames} frames, {self.picture_bytes:,} bytes between effects')
+            text_lines += [f'{row.effect}.{k}: {v}' for k, v in row.details.items()]
+        text_lines.append(f'{self.frames} frames, {self.picture_bytes:,} bytes between effects')
         if self.quality:
-            lines.append(f'quality: {self.quality}')
-        return '\n'.join(lines)
+            text_lines.append(f'quality: {self.quality}')
+        return '\n'.join(text_lines)
 
 
 def _cells(row):
     return row.effect, row.state, f'{row.ms:.1f}', f'{row.bytes:,}', row.why
 
 
-def _line(cells, widths):
+def _line(cells, column_widths):
     name, state, ms, size, why = (
-        cell.rjust(width) if numeric else cell.ljust(width)
-        for cell, width, numeric in zip(cells, widths, (0, 0, 1, 1, 0), strict=True)
+        cell.rjust(width) if is_number else cell.ljust(width)
+        for cell, width, is_number in zip(cells, column_widths, (0, 0, 1, 1, 0), strict=True)
     )
     return f'{name}  {state}  {ms}  {size}  {why}'.rstrip()

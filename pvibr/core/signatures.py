@@ -1,4 +1,4 @@
-"""Signatures and docstrings that name every keyword, also those that are passed on."""
+"""Signatures and docstrings that list every keyword, including those passed on."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ _WIDTH = 95
 
 
 class Argument(NamedTuple):
-    """An argument: its place in the signature, and its entry in the docstring."""
+    """An argument: its parameter in the signature, and its entry in the docstring."""
 
     parameter: Parameter
     entry: str
 
 
 def takes(*, without=(), **sources):
-    """Declare what a function accepts as ``**name``: a function's or class's keywords, or names.
+    """Declare the keywords that a function accepts as ``**name``: those of a callable, or names.
 
     A class's ``**settings`` need no declaration: they are its `Param` settings.
     """
@@ -37,81 +37,83 @@ def takes(*, without=(), **sources):
 
 
 def arguments_of(taker) -> dict[str, Argument]:
-    """Return all arguments of a function or a class by name, without self."""
+    """Return the arguments of a function or class by name, without self."""
     function = _constructor(taker) if isinstance(taker, type) else taker
-    homes = reversed(taker.__mro__) if isinstance(taker, type) else [taker]
-    entries = {n: e for home in homes for n, e in _entries(_sections(home.__doc__)[1]).items()}
+    documented = reversed(taker.__mro__) if isinstance(taker, type) else [taker]
+    sections = (_sections(home.__doc__)[1] for home in documented)
+    entries = {name: entry for section in sections for name, entry in _entries(section).items()}
     sources: dict[str, object] = {}
     sources, without = getattr(function, 'takes', (sources, ()))
     if isinstance(taker, type):
         sources = sources | {'settings': params_of(taker)}
-    found: dict[str, Argument] = {}
+    arguments: dict[str, Argument] = {}
     for name, parameter in inspect.signature(function).parameters.items():
         plain = parameter.replace(annotation=Parameter.empty)
         if parameter.kind is not Parameter.VAR_KEYWORD:
-            found[name] = Argument(plain, entries.get(name, ''))
+            arguments[name] = Argument(plain, entries.get(name, ''))
         elif name not in sources:
-            found[f'**{name}'] = Argument(plain, entries.get(f'**{name}', ''))
+            arguments[f'**{name}'] = Argument(plain, entries.get(f'**{name}', ''))
         else:
-            more = keywords_of(sources[name], {*found, *without})
-            found |= _documented(more, entries, entries.get(f'**{name}', ''))
-    found.pop('self', None)
-    return found
+            passed_on = keywords_of(sources[name], {*arguments, *without})
+            arguments |= _documented(passed_on, entries, entries.get(f'**{name}', ''))
+    arguments.pop('self', None)
+    return arguments
 
 
-def _documented(arguments, entries, common) -> dict[str, Argument]:
-    """Return arguments with the entries of a docstring; those without one have a common entry."""
-    found = {n: a._replace(entry=entries.get(n, a.entry)) for n, a in arguments.items()}
-    bare = [name for name, argument in found.items() if not argument.entry]
-    if bare and common:
-        common = '\n'.join([f'{", ".join(bare)} : optional', *common.splitlines()[1:]])
-    found |= {name: found[name]._replace(entry=common) for name in bare}
-    # Those of one entry stand together, behind those of their own.
-    uses = Counter(argument.entry for argument in found.values())
-    return dict(sorted(found.items(), key=lambda item: uses[item[1].entry] > 1))
+def _documented(arguments, entries, shared_entry) -> dict[str, Argument]:
+    """Return arguments with their entries in a docstring, or else a common entry."""
+    documented = {n: a._replace(entry=entries.get(n, a.entry)) for n, a in arguments.items()}
+    undocumented = [name for name, argument in documented.items() if not argument.entry]
+    if undocumented and shared_entry:
+        names = ', '.join(undocumented)
+        shared_entry = '\n'.join([f'{names} : optional', *shared_entry.splitlines()[1:]])
+    documented |= {name: documented[name]._replace(entry=shared_entry) for name in undocumented}
+    # Arguments that share an entry come last.
+    entry_counts = Counter(argument.entry for argument in documented.values())
+    return dict(sorted(documented.items(), key=lambda item: entry_counts[item[1].entry] > 1))
 
 
 def _constructor(cls):
     return cls.__init__
 
 
-def keywords_of(source, known=()) -> dict[str, Argument]:
-    """Return what a source accepts by keyword, except for known names."""
+def keywords_of(source, excluded=()) -> dict[str, Argument]:
+    """Return the keywords that a source accepts, without those in `known`."""
     if isinstance(source, (tuple, list)):
-        found: dict[str, Argument] = {}
+        keywords: dict[str, Argument] = {}
         for part in source:
-            found |= keywords_of(part, {*known, *found})
-        return found
+            keywords |= keywords_of(part, {*excluded, *keywords})
+        return keywords
     if isinstance(source, str):
-        found = {source: Argument(Parameter(source, Parameter.KEYWORD_ONLY, default=None), '')}
+        keywords = {source: Argument(Parameter(source, Parameter.KEYWORD_ONLY, default=None), '')}
     elif isinstance(source, dict):
-        found = {name: _setting(param) for name, param in source.items()}
+        keywords = {name: _setting(param) for name, param in source.items()}
     else:
-        found = arguments_of(source)
-        if not source.__module__.startswith('pvibr.'):  # others document their arguments
-            found = {name: argument._replace(entry='') for name, argument in found.items()}
+        keywords = arguments_of(source)
+        if not source.__module__.startswith('pvibr.'):  # documented elsewhere
+            keywords = {name: argument._replace(entry='') for name, argument in keywords.items()}
     return {
         name: Argument(p.replace(kind=Parameter.KEYWORD_ONLY), entry)
-        for name, (p, entry) in found.items()
-        if name not in known and p.default is not Parameter.empty
+        for name, (p, entry) in keywords.items()
+        if name not in excluded and p.default is not Parameter.empty
     }
 
 
 def _setting(param) -> Argument:
-    kind = param.allowed().removeprefix('a ').removeprefix('an ')
+    value_kind = param.allowed().removeprefix('a ').removeprefix('an ')
     text = textwrap.fill(param.doc, _WIDTH, initial_indent=' ' * 4, subsequent_indent=' ' * 4)
     parameter = Parameter(param.name, Parameter.KEYWORD_ONLY, default=param.default)
-    return Argument(parameter, f'{param.name} : {kind}, default: {param.default!r}\n{text}')
+    return Argument(parameter, f'{param.name} : {value_kind}, default: {param.default!r}\n{text}')
 
 
 @functools.cache
 def accepts(taker, name) -> bool:
-    """Return True if a function or class has an argument of this name."""
+    """Return True if a function or class has an argument of a name."""
     return name in arguments_of(taker)
 
 
 def explicit(method):
-    """Name what a method `takes` in its signature and docstring."""
+    """List the keywords that a method `takes` in its signature and docstring."""
     arguments = arguments_of(method)
     vars(method)['__signature__'] = method_signature(arguments)
     method.__doc__ = docstring_of(method, arguments)
@@ -119,12 +121,12 @@ def explicit(method):
 
 
 def signature_of(arguments) -> Signature:
-    """Return the signature of arguments."""
+    """Return a signature of arguments."""
     return Signature([argument.parameter for argument in arguments.values()])
 
 
 def method_signature(arguments) -> Signature:
-    """Return the signature of a method, with self."""
+    """Return a method's signature, with self."""
     itself = Parameter('self', Parameter.POSITIONAL_OR_KEYWORD)
     return Signature([itself, *signature_of(arguments).parameters.values()])
 
@@ -138,18 +140,18 @@ def docstring_of(taker, arguments, returns='') -> str:
 
 
 def _sections(doc) -> tuple[str, str, str]:
-    """Return what a docstring says before, in, and after its section of parameters."""
+    """Return a docstring's text before, in and after its section of parameters."""
     doc = inspect.cleandoc(doc or '')
-    marks = list(_SECTION.finditer(doc))
-    begins = [mark.start() for mark in marks] + [len(doc)]
-    head, tail = doc[: begins[0]], doc[begins[0] :]
-    if marks and marks[0]['name'] == 'Parameters':
-        return head.strip(), doc[marks[0].end() : begins[1]].strip(), doc[begins[1] :].strip()
-    return head.strip(), '', tail.strip()
+    headings = list(_SECTION.finditer(doc))
+    starts = [heading.start() for heading in headings] + [len(doc)]
+    head, section, tail = doc[: starts[0]], '', doc[starts[0] :]
+    if headings and headings[0]['name'] == 'Parameters':
+        section, tail = doc[headings[0].end() : starts[1]], doc[starts[1] :]
+    return head.strip(), section.strip(), tail.strip()
 
 
 def _entries(section) -> dict[str, str]:
-    """Return the entries of a section of parameters by name; some have several."""
+    """Return the entries of a section of parameters by name; an entry may have several."""
     entries = re.split(r'\n(?=\S)', section)
     return {
         name.strip(): entry

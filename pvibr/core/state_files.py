@@ -7,103 +7,104 @@ import json
 from pvibr.core.errors import warn
 from pvibr.core.files import existing, replacing
 
-#: Version of the file layout; files of other versions are read leniently.
+#: Version of the file format; files of other versions are read leniently.
 VERSION = 1
-#: Maximum size of a file: settings take some kilobytes.
+#: Maximum size of a file; settings take a few kilobytes.
 MOST_BYTES = 2**24
 
 
-def state_of(contents, own) -> dict:
+def state_of(contents, plotter_state) -> dict:
     """Return the settings of things as JSON values."""
     subplots = {
-        key: {name: thing.state() | {'enabled': thing.enabled} for name, thing in named.items()}
-        for key, named in contents.items()
+        key: {name: thing.state() | {'enabled': thing.enabled} for name, thing in things.items()}
+        for key, things in contents.items()
     }
-    return own | {'subplots': subplots}
+    return plotter_state | {'subplots': subplots}
 
 
-def restore(contents, state, *, own=None, lenient=False) -> list[str]:
+def restore(contents, state, *, plotter=None, lenient=False) -> list[str]:
     """Apply settings to things, all or none; return the unknown names."""
-    known = [] if own is None else [k for k in own.state() if k in _mapping('state', state)]
-    unknown = [k for k in _mapping('state', state) if k not in ('subplots', *known)]
-    plan = [('plotter', own, {k: state[k] for k in known})] if known else []
-    for key, named in _mapping('subplots', state.get('subplots', {})).items():
-        here = contents.get(key, {})
-        for name, settings in _mapping(f'subplot {key}', named).items():
-            if name in here:
-                plan.append((name, here[name], _mapping(name, settings)))
+    state = _mapping('state', state)
+    plotter_names = [] if plotter is None else [k for k in plotter.state() if k in state]
+    unknown_names = [k for k in state if k not in ('subplots', *plotter_names)]
+    steps = [('plotter', plotter, {k: state[k] for k in plotter_names})] if plotter_names else []
+    for key, states_by_name in _mapping('subplots', state.get('subplots', {})).items():
+        things_here = contents.get(key, {})
+        for name, settings in _mapping(f'subplot {key}', states_by_name).items():
+            if name in things_here:
+                steps.append((name, things_here[name], _mapping(name, settings)))
             else:
-                unknown.append(f'subplot {key}: {name}')
-    return unknown + _carry_out(plan, lenient)
+                unknown_names.append(f'subplot {key}: {name}')
+    return unknown_names + _carry_out(steps, lenient)
 
 
-def load(contents, text, name, *, own=None) -> list[str]:
+def load(contents, text, name, *, plotter=None) -> list[str]:
     """Apply the settings in a text, all or none; return the unknown names."""
     state, version = from_text('state', text, name)
-    return restore(contents, state, own=own, lenient=version != VERSION)
+    return restore(contents, state, plotter=plotter, lenient=version != VERSION)
 
 
 def named(effects) -> dict:
     """Return effects by name; the second of a name is ``'Name 2'``."""
-    found: dict = {}
+    effects_by_name: dict = {}
     for effect in effects:
-        count = sum(e.name == effect.name for e in found.values())
-        found[f'{effect.name} {count + 1}' if count else effect.name] = effect
-    return found
+        count = sum(e.name == effect.name for e in effects_by_name.values())
+        effects_by_name[f'{effect.name} {count + 1}' if count else effect.name] = effect
+    return effects_by_name
 
 
 def _mapping(name, value) -> dict:
     if not isinstance(value, dict):
-        raise TypeError(f'{name} is {type(value).__name__} {value!r:.60}: must be a dict of names')
+        raise TypeError(f'{name} must be a dict of names, got {value!r:.60}')
     return value
 
 
-def _carry_out(plan, lenient):
-    """Restore one thing after the other; if one fails, undo all."""
-    before = [(thing, thing.state(), thing.enabled) for _, thing, _ in plan]
-    unknown = []
+def _carry_out(steps, lenient):
+    """Restore one thing after the other; undo all if one fails."""
+    old_states = [(thing, thing.state(), thing.enabled) for _, thing, _ in steps]
+    unknown_names = []
     try:
-        for name, thing, settings in plan:
-            one_by_one = [{n: v} for n, v in settings.items()] if lenient else [settings]
-            for part in one_by_one:
-                unknown += _restore_one(name, thing, part, lenient)
+        for name, thing, settings in steps:
+            batches = [{n: v} for n, v in settings.items()] if lenient else [settings]
+            for batch in batches:
+                unknown_names += _restore_one(name, thing, batch, lenient)
     except (TypeError, ValueError):
-        for thing, settings, enabled in before:
+        for thing, settings, enabled in old_states:
             thing.restore(settings)
             thing.enabled = enabled
         raise
-    return unknown
+    return unknown_names
 
 
 def _restore_one(name, thing, settings, lenient):
-    enabled = settings.get('enabled', thing.enabled)
+    new_enabled = settings.get('enabled', thing.enabled)
     try:
-        if not isinstance(enabled, bool):
-            raise TypeError(f'{name}.enabled = {enabled!r}: must be a bool')
-        left_out = thing.restore({n: v for n, v in settings.items() if n != 'enabled'})
+        if not isinstance(new_enabled, bool):
+            raise TypeError(f'{name}.enabled must be a bool, got {new_enabled!r}')
+        unknown_names = thing.restore({n: v for n, v in settings.items() if n != 'enabled'})
     except (TypeError, ValueError):
         if not lenient:
             raise
         return [f'{name}.{n} = {v!r:.60}' for n, v in settings.items()]
-    thing.enabled = enabled
-    return [f'{name}.{n}' for n in left_out]
+    thing.enabled = new_enabled
+    return [f'{name}.{n}' for n in unknown_names]
 
 
 def warn_of(unknown):
-    """Warn once of all unknown names, at the caller's caller."""
+    """Warn once about all unknown names, in the user's code."""
     if unknown:
-        warn(f'unknown names are not restored: {", ".join(unknown)}; add the effects first')
+        warn(f'unknown names were not restored: {", ".join(unknown)}; add the effects first')
 
 
 def to_text(kind, values) -> str:
-    """Return values as text of a file."""
+    """Return values as the text of a file."""
     return json.dumps({'pvibr': kind, 'version': VERSION} | values, indent=2, allow_nan=False)
 
 
 def from_text(kind, text, name='the text') -> tuple[dict, int]:
-    """Return the values in a text, and the version of its layout."""
+    """Return the values in a text, and the version of its format."""
     if not isinstance(text, (str, bytes)):
-        raise TypeError(f'text = {text!r:.60}: must be a str or bytes')
+        raise TypeError(f'text must be a str or bytes, got {text!r:.60}')
     try:
         if isinstance(text, bytes):
             text = text.decode('utf-8-sig')
@@ -113,7 +114,7 @@ def from_text(kind, text, name='the text') -> tuple[dict, int]:
     version = values.pop('version', None) if isinstance(values, dict) else None
     if version is None or values.pop('pvibr', None) != kind or not _is_count(version):
         raise ValueError(
-            f'{name} is not a pvibr {kind}: it must begin with "pvibr": "{kind}" and a "version"'
+            f'{name} is not a pvibr {kind}: "pvibr": "{kind}" and a "version" must come first'
         )
     return values, version
 
@@ -127,15 +128,15 @@ def _no_number(word):
 
 
 def write(path, text):
-    """Write a text file, or keep the old one on failure."""
+    """Write a text file; on failure the existing file is unchanged."""
     with replacing(path) as file:
         file.write_text(text, encoding='utf-8')
 
 
 def read(path) -> bytes:
-    """Return the content of a file of settings."""
+    """Return the content of a settings file."""
     with existing(path).open('rb') as file:
-        found = file.read(MOST_BYTES + 1)
-    if len(found) > MOST_BYTES:
-        raise ValueError(f'{path} is larger than {MOST_BYTES:,} bytes: not a file of settings')
-    return found
+        content = file.read(MOST_BYTES + 1)
+    if len(content) > MOST_BYTES:
+        raise ValueError(f'{path} is larger than {MOST_BYTES:,} bytes: not a settings file')
+    return content

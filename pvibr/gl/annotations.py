@@ -1,4 +1,4 @@
-"""Text, scalar bars and other flat props: kept out of a picture, drawn sharp on top."""
+"""Text, scalar bars and other 2D props: left out of the picture and drawn sharp on top."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ _IN_WORLD: dict[type, bool] = {}
 
 
 class Annotations:
-    """The flat props of a renderer, out of its list while a frame is drawn."""
+    """A renderer's 2D props, removed from its list while a frame is drawn."""
 
     def __init__(self, renderer):
         self.renderer = renderer
-        self._hidden = []
+        self._removed_props = []
         self._supersampled = Supersampled(renderer)
 
     @property
@@ -21,38 +21,38 @@ class Annotations:
         return self._supersampled.nbytes
 
     def hide(self, size):
-        """Take the flat props out of the list of a frame of some size."""
+        """Remove the 2D props from the renderer's list for a frame of a given size."""
         props = self.renderer.GetViewProps()
-        flat = [p for p in props if p.GetVisibility() and is_flat(p)]
-        for prop in flat:
+        flat_props = [p for p in props if p.GetVisibility() and is_flat(p)]
+        for prop in flat_props:
             props.RemoveItem(prop)
-        self._hidden = flat
-        if flat:
+        self._removed_props = flat_props
+        if flat_props:
             self._supersampled.begin(size)
 
     def show(self):
-        """Put them back."""
+        """Restore them."""
         self._supersampled.end()
         props = self.renderer.GetViewProps()
-        for prop in self._hidden:
+        for prop in self._removed_props:
             props.AddItem(prop)
 
     def draw(self, origin, size):
-        """Draw them over the pixels of the window."""
-        if self._hidden and not self._supersampled.draw(self._draw, origin, size):
+        """Draw them over the window's pixels."""
+        if self._removed_props and not self._supersampled.draw(self._draw, origin, size):
             state = self.renderer.GetRenderWindow().GetState()
             state.Push()
-            # In the first frame of a window nobody has set them yet.
+            # In a window's first frame these are unset.
             state.vtkglViewport(*origin, *size)
             state.vtkglScissor(*origin, *size)
             self._draw()
             state.Pop()
-        self._hidden = []
+        self._removed_props = []
 
     def _draw(self):
-        for prop in self._hidden:
-            prop.RenderOpaqueGeometry(self.renderer)  # where scalar bars and text lay out
-        for prop in self._hidden:
+        for prop in self._removed_props:
+            prop.RenderOpaqueGeometry(self.renderer)  # scalar bars and text lay out here
+        for prop in self._removed_props:
             prop.RenderOverlay(self.renderer)
 
     def release(self):
@@ -61,8 +61,8 @@ class Annotations:
 
 
 def is_flat(prop) -> bool:
-    """Return whether a prop lies on the screen, as text does: it has no place in the world."""
-    kind = type(prop)
-    if kind not in _IN_WORLD:
-        _IN_WORLD[kind] = prop.IsA('vtkProp3D')
-    return not _IN_WORLD[kind] and prop.GetBounds() is None
+    """Return whether a prop is 2D, such as text: it has no position in the world."""
+    prop_type = type(prop)
+    if prop_type not in _IN_WORLD:
+        _IN_WORLD[prop_type] = prop.IsA('vtkProp3D')
+    return not _IN_WORLD[prop_type] and prop.GetBounds() is None

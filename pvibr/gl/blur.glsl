@@ -1,14 +1,14 @@
-// Blur by a chain of ever smaller images: a wide kernel is a small one on a small image.
-// halve: half the size along one axis by a Gaussian of an even number of texels, two to each
-// bilinear tap. Symmetric, so that every texel gives the same share whichever half it is in.
-// mix: what is finer and what is wider, as two parts of one.
-// down13, tent: half and twice the size in one pass each: J. Jimenez, "Next generation post
-// processing in Call of Duty: Advanced Warfare", SIGGRAPH 2014, slides 153 to 162: 13 taps for
-// five overlapping squares, the middle one as much as the others together; 3 x 3 taps of a tent.
-// Beyond edges images go on as in a mirror: at 0, and at extent, which may be within the last texel.
-// add: light to be blended with a picture.
-// Inputs: image, wide (linear filter, clamped to the edge); places are counted in texels, so that
-// odd sizes keep their scale. PAIRS taps with PLACES (texels from the middle) and WEIGHTS.
+// A wide blur by a chain of ever smaller images: a wide kernel is a small one on a small image.
+// halve: halves one axis by a Gaussian with an even number of texels, two per bilinear tap;
+// symmetric, so that every texel contributes equally to either half.
+// mix: blends a finer and a wider level.
+// down13, tent: halve and double the size in one pass: J. Jimenez, "Next generation post
+// processing in Call of Duty: Advanced Warfare", SIGGRAPH 2014, slides 153 to 162: 13 taps for five
+// overlapping squares, the middle one weighted as the others together; a 3 x 3 tent.
+// Images are mirrored at their edges: at 0 and at extent, which may be within the last texel.
+// add: the light to blend with a picture.
+// Inputs: image, wide (linear filter, clamped to the edge). Positions are in texels, so that odd
+// sizes keep their scale. PAIRS taps with PLACES (texels from the middle) and WEIGHTS.
 //@halve
 uniform sampler2D image;
 uniform vec2 axis;  // (1, 0) or (0, 1)
@@ -28,7 +28,7 @@ void main()
 //@mix
 uniform sampler2D image;
 uniform sampler2D wide;
-uniform float share;  // of what is wide
+uniform float share;  // of the wider level
 void main()
 {
   vec2 place = 0.5 * gl_FragCoord.xy / vec2(textureSize(wide, 0));
@@ -65,7 +65,7 @@ void main()
 uniform sampler2D image;
 uniform sampler2D wide;
 uniform vec2 extent;  // of wide
-uniform float share;  // of what is wide
+uniform float share;  // of the wider level
 void main()
 {
   vec2 texel = 1.0 / vec2(textureSize(wide, 0));
@@ -83,12 +83,12 @@ void main()
 }
 //@add
 uniform sampler2D light;
-uniform vec2 place;    // of the picture in the light: what share of it is as large as the picture
-uniform vec2 shift;    // and where it begins, in shares of it
+uniform vec2 place;    // size of the picture as a fraction of the light's
+uniform vec2 shift;    // and its origin, as a fraction
 uniform float intensity;
 void main()
 {
-#if WHOLE  // llvmpipe samples at places that are interpolated, not computed, a third faster
+#if WHOLE  // llvmpipe samples a third faster at interpolated positions
   vec3 more = intensity * texture(light, uv).rgb;
 #else
   vec3 more = intensity * texture(light, uv * place + shift).rgb;

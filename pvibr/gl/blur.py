@@ -1,4 +1,4 @@
-"""A wide blur as small blurs of small images."""
+"""A wide blur built from small blurs of small images."""
 
 from __future__ import annotations
 
@@ -13,22 +13,22 @@ from pvibr.gl.quad import Quad, shader_source
 from pvibr.gl.target import Target
 from pvibr.gl.texture import Texture, nbytes_of, release
 
-# llvmpipe samples whole floats faster than half ones, and these images are small.
+# llvmpipe samples 32-bit floats faster than 16-bit ones, and these images are small.
 _FORMAT = ('rgba32f',)
 _X, _Y = (1.0, 0.0), (0.0, 1.0)
 _ENDLESS = 1e9
 _TINY = 1e-6  # of a texel: rounding
-# How an image is halved, by a Gaussian along each axis or in one pass of 13 taps, and doubled.
+# Downsampling by a Gaussian per axis or in one pass of 13 taps, and the matching upsampling.
 _PASSES = {'gaussian': ('halve', 'mix'), 'tent': ('down13', 'tent')}
 CHAINS = tuple(_PASSES)
 
 
 def halving_taps(kernel, width=1.0):
-    """Return the bilinear taps of a Gaussian that halves an image along one axis."""
-    texels, weights = (a.reshape(-1, 2) for a in _gaussian(kernel, width))
-    pairs = weights.sum(axis=1)
-    places = (texels * weights).sum(axis=1) / pairs
-    return places, pairs / pairs.sum()
+    """Return offsets and weights of the bilinear taps of a Gaussian that halves an image."""
+    texels, texel_weights = (a.reshape(-1, 2) for a in _gaussian(kernel, width))
+    pair_weights = texel_weights.sum(axis=1)
+    offsets = (texels * texel_weights).sum(axis=1) / pair_weights
+    return offsets, pair_weights / pair_weights.sum()
 
 
 def _gaussian(kernel, width):
@@ -37,13 +37,13 @@ def _gaussian(kernel, width):
 
 
 def halves(size, times=1) -> tuple[int, int]:
-    """Return a size halved, rounded up so that nothing is lost."""
+    """Return a size halved a number of times, rounded up."""
     return -(-size[0] // 2**times), -(-size[1] // 2**times)
 
 
 @dataclass(frozen=True)
 class Light:
-    """Light to be drawn on pictures."""
+    """Light to be added to a picture."""
 
     image: Texture
     scale: float
@@ -51,15 +51,15 @@ class Light:
 
 
 class Blur:
-    """Blurs an image: its result is of half the size, and as bright in sum."""
+    """Blurs an image to half its size, with the same total brightness."""
 
     def __init__(self, window, extent, levels, kernel, chain='gaussian', width=1.0):
         self.key = extent, levels, kernel, chain, width
         size = math.ceil(extent[0] - _TINY), math.ceil(extent[1] - _TINY)
-        text = sections(shader_source(__file__))
-        text['halve'] = _constants(kernel, width) + text['halve']
-        self._quads = {n: Quad(window, text[n], f'blur {n}') for n in _PASSES[chain]}
-        self._add = [f'#define WHOLE {k}\n' + text['add'] for k in (0, 1)]
+        shader_sections = sections(shader_source(__file__))
+        shader_sections['halve'] = _constants(kernel, width) + shader_sections['halve']
+        self._quads = {n: Quad(window, shader_sections[n], f'blur {n}') for n in _PASSES[chain]}
+        self._blend_sources = [f'#define WHOLE {k}\n' + shader_sections['add'] for k in (0, 1)]
         self.source = Target(window, size[0], size[1], (*_FORMAT, 'r8'))
         self._chain = chain
         self._levels = [_Level(window, halves(size, k)) for k in range(levels)]
@@ -74,46 +74,43 @@ class Blur:
 
     @property
     def sigma(self) -> float:
-        """Standard deviation of the widest blur alone, in texels of `source`."""
+        """Standard deviation of the widest blur, in texels of `source`."""
         return float(np.sqrt(sum(variances(*self.key[1:]))))
 
     @property
     def reach(self) -> int:
-        """Texels of `source` beyond which a texel has no part in the result."""
-        # Of each halving, each doubling, and the way between texels of the result.
-        down, up = (self.key[2], 2) if self._chain == 'gaussian' else (3, 4)
-        last = 2 ** len(self._levels)
-        return down * (last - 1) + up * (last - 2) + 3
+        """Distance in texels of `source` beyond which a texel does not contribute."""
+        # The reach of each halving, of each doubling, and half a texel of the result.
+        down_reach, up_reach = (self.key[2], 2) if self._chain == 'gaussian' else (3, 4)
+        last_scale = 2 ** len(self._levels)
+        return down_reach * (last_scale - 1) + up_reach * (last_scale - 2) + 3
 
     def lit(self):
-        """Find the light in `source`, where it was drawn: waits for the GPU."""
-        lit = self.source.colors[1].download()[..., 0]
-        rows = lit.any(axis=1).nonzero()[0]
-        if not rows.size:
-            return None
-        columns = lit.any(axis=0).nonzero()[0]
-        return int(columns[0]), int(rows[0]), int(columns[-1]) + 1, int(rows[-1]) + 1
+        """Return the bounding box of the light in `source`, or None; waits for the GPU."""
+        is_lit = self.source.colors[1].download()[..., 0]
+        columns, rows = (is_lit.any(axis).nonzero()[0].tolist() for axis in (0, 1))
+        return (columns[0], rows[0], columns[-1] + 1, rows[-1] + 1) if rows else None
 
     def draw(self, image, spread):
-        """Blur."""
-        halve = self._halve_by_axes if self._chain == 'gaussian' else self._halve_at_once
-        up = _PASSES[self._chain][1]
+        """Blur an image; `spread` weights the wider levels."""
+        halve_level = self._halve_by_axes if self._chain == 'gaussian' else self._halve_at_once
+        upsample = _PASSES[self._chain][1]
         width, height = self.key[0]
         extents = [(width / 2**k, height / 2**k) for k in range(len(self._levels) + 1)]
         for level, extent in zip(self._levels, extents, strict=False):
-            halve(level, image, extent)
+            halve_level(level, image, extent)
             image = level.small.colors[0]
         for level, extent in reversed([*zip(self._levels[:-1], extents[2:], strict=False)]):
             images = {'image': level.small.colors[0], 'wide': image}
-            level.mixed.draw(self._quads[up], {'share': spread, 'extent': extent}, images)
+            level.mixed.draw(self._quads[upsample], {'share': spread, 'extent': extent}, images)
             image = level.mixed.colors[0]
         return image
 
     def _halve_by_axes(self, level, image, extent):
-        across, along = (extent[0], _ENDLESS), (_ENDLESS, extent[1])
+        horizontal, vertical = (extent[0], _ENDLESS), (_ENDLESS, extent[1])
         quad, images = self._quads['halve'], {'image': level.tall.colors[0]}
-        level.tall.draw(quad, {'axis': _X, 'extent': across}, {'image': image})
-        level.small.draw(quad, {'axis': _Y, 'extent': along}, images)
+        level.tall.draw(quad, {'axis': _X, 'extent': horizontal}, {'image': image})
+        level.small.draw(quad, {'axis': _Y, 'extent': vertical}, images)
 
     def _halve_at_once(self, level, image, extent):
         level.small.draw(self._quads['down13'], {'extent': extent}, {'image': image})
@@ -121,15 +118,15 @@ class Blur:
     def blend(self, picture, light, *, intensity=1.0, screen=False, alone=False, tile=None):
         """Apply light to a picture."""
         scale, corner = tile or (1, (0, 0))
-        texels = [light.scale * scale * n for n in light.image.size]
-        place = [n / t for n, t in zip(picture.size, texels, strict=True)]
-        shift = [c / t for c, t in zip(corner, texels, strict=True)]
-        uniforms = {'place': place, 'shift': shift, 'intensity': intensity}
-        whole = max(abs(p - 1) for p in place) < _TINY and max(abs(s) for s in shift) < _TINY
-        text = self._add[whole]
-        how = '' if alone else 'screen' if screen else 'add'
-        box = _placed(light.box, scale, corner)
-        picture.apply(Pointwise('light', text, uniforms, {'light': light.image}, how, box))
+        light_size = [light.scale * scale * n for n in light.image.size]
+        texture_scale = [n / t for n, t in zip(picture.size, light_size, strict=True)]
+        texture_shift = [c / t for c, t in zip(corner, light_size, strict=True)]
+        uniforms = {'place': texture_scale, 'shift': texture_shift, 'intensity': intensity}
+        offsets = *(p - 1 for p in texture_scale), *texture_shift
+        fragment = self._blend_sources[max(map(abs, offsets)) < _TINY]
+        mode = '' if alone else 'screen' if screen else 'add'
+        box, textures = _placed(light.box, scale, corner), {'light': light.image}
+        picture.apply(Pointwise('light', fragment, uniforms, textures, mode, box))
 
     def release(self):
         """Free the GPU's memory; the context must be alive."""
@@ -139,8 +136,8 @@ class Blur:
 class _Level:
     def __init__(self, window, size):
         width, height = halves(size)
-        sizes = (width, size[1]), (width, height), (width, height)
-        self.targets = [Target(window, w, h, _FORMAT) for w, h in sizes]
+        target_sizes = (width, size[1]), (width, height), (width, height)
+        self.targets = [Target(window, w, h, _FORMAT) for w, h in target_sizes]
         self.tall, self.small, self.mixed = self.targets
 
 
@@ -150,19 +147,19 @@ def _placed(box, scale, corner):
 
 
 def variances(levels, kernel, chain, width=1.0) -> tuple[float, float]:
-    """Return those of the widest blur by halving and by doubling, in texels of the first image."""
-    down, up = 1.75, 2.75  # of 13 taps, and of a tent between texels
+    """Return the variances of the halvings and of the doublings, in texels of the source."""
+    down_variance, up_variance = 1.75, 2.75  # of the 13 taps, and of the tent
     if chain == 'gaussian':
         texels, weights = _gaussian(kernel, width)
-        down, up = (weights * texels**2).sum() / weights.sum(), 0.75
-    steps = 4.0 ** np.arange(levels)
-    return down * steps.sum(), up * steps[1:].sum()
+        down_variance, up_variance = (weights * texels**2).sum() / weights.sum(), 0.75
+    scale_steps = 4.0 ** np.arange(levels)
+    return down_variance * scale_steps.sum(), up_variance * scale_steps[1:].sum()
 
 
 def _constants(kernel, width):
-    places, weights = halving_taps(kernel, width)
-    text = f'#define PAIRS {kernel}\n'
-    for name, values in (('PLACES', places), ('WEIGHTS', weights)):
-        numbers = ', '.join(f'{v:.9f}' for v in values)
-        text += f'const float {name}[{kernel}] = float[{kernel}]({numbers});\n'
-    return text
+    offsets, weights = halving_taps(kernel, width)
+    constants = f'#define PAIRS {kernel}\n'
+    for name, values in (('PLACES', offsets), ('WEIGHTS', weights)):
+        literals = ', '.join(f'{v:.9f}' for v in values)
+        constants += f'const float {name}[{kernel}] = float[{kernel}]({literals});\n'
+    return constants

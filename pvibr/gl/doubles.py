@@ -1,4 +1,4 @@
-"""Doubles of actors that draw the same depth with a minimal shader."""
+"""Actors that draw the depth of others with a minimal shader."""
 
 from __future__ import annotations
 
@@ -17,36 +17,37 @@ class Doubles:
     """Actors that draw the depth of others."""
 
     def __init__(self):
-        self._made: dict = {}
+        self._pairs: dict = {}
 
     def of(self, actor, faces='both'):
-        """Return the double of an actor, or the actor if no double draws the same depth."""
-        data = _plain_surface(actor)
-        if data is None:
+        """Return an actor's double, or the actor if no double would draw the same depth."""
+        polygons = _plain_surface(actor)
+        if polygons is None:
             return actor
         key = address(actor)
-        if key not in self._made:
-            self._made[key] = actor, _double()
-        double = self._made[key][1]
+        if key not in self._pairs:
+            self._pairs[key] = actor, _double()
+        double = self._pairs[key][1]
         mapper = double.GetMapper()
-        if mapper.GetInput() is not data:
-            mapper.SetInputData(data)
-        planes = actor.GetMapper().GetClippingPlanes()
-        if planes is None:
+        if mapper.GetInput() is not polygons:
+            mapper.SetInputData(polygons)
+        clip_planes = actor.GetMapper().GetClippingPlanes()
+        if clip_planes is None:
             mapper.RemoveAllClippingPlanes()
         else:
-            mapper.SetClippingPlanes(planes)
+            mapper.SetClippingPlanes(clip_planes)
         double.SetUserMatrix(actor.GetMatrix())
-        ours, theirs = double.GetProperty(), actor.GetProperty()
-        ours.SetBackfaceCulling(theirs.GetBackfaceCulling())
-        ours.SetFrontfaceCulling(theirs.GetFrontfaceCulling() or faces == 'back')
+        double_property, actor_property = double.GetProperty(), actor.GetProperty()
+        double_property.SetBackfaceCulling(actor_property.GetBackfaceCulling())
+        culls_front = actor_property.GetFrontfaceCulling() or faces == 'back'
+        double_property.SetFrontfaceCulling(culls_front)
         return double
 
     def keep(self, actors, window):
-        """Forget the doubles of all other actors."""
-        wanted = {address(actor) for actor in actors}
-        for key in self._made.keys() - wanted:
-            _, double = self._made.pop(key)
+        """Release the doubles of all other actors."""
+        kept_keys = {address(actor) for actor in actors}
+        for key in self._pairs.keys() - kept_keys:
+            _, double = self._pairs.pop(key)
             double.GetMapper().ReleaseGraphicsResources(window)
             double.ReleaseGraphicsResources(window)
 
@@ -56,7 +57,7 @@ class Doubles:
 
 
 def _plain_surface(actor):
-    """Return the polygons that an actor draws and nothing else, or None."""
+    """Return the polygons of an actor that draws nothing else, or None."""
     mapper, prop = actor.GetMapper(), actor.GetProperty()
     if (
         mapper.GetClassName() not in _MAPPERS
@@ -68,15 +69,15 @@ def _plain_surface(actor):
     data = mapper.GetInput()
     if data is None or not data.IsA('vtkPolyData') or data.GetNumberOfPolys() == 0:
         return None
-    lines = data.GetNumberOfVerts() + data.GetNumberOfLines() + data.GetNumberOfStrips()
-    return None if lines or actor.HasTranslucentPolygonalGeometry() else data
+    other_cells = data.GetNumberOfVerts() + data.GetNumberOfLines() + data.GetNumberOfStrips()
+    return None if other_cells or actor.HasTranslucentPolygonalGeometry() else data
 
 
 def is_cut_out(actor) -> bool:
-    """Return whether a texture may cut out parts, which VTK draws as opaque geometry."""
+    """Return whether a texture may cut out parts; VTK draws those as opaque geometry."""
     textures = [actor.GetTexture(), actor.GetProperty().GetTexture('albedoTex')]
-    images = [t.GetInput() for t in textures if t is not None]
-    return any(i is not None and i.GetNumberOfScalarComponents() in (2, 4) for i in images)
+    texture_images = [t.GetInput() for t in textures if t is not None]
+    return any(i is not None and i.GetNumberOfScalarComponents() in (2, 4) for i in texture_images)
 
 
 def _moves_vertices(actor) -> bool:

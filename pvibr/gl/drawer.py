@@ -1,4 +1,4 @@
-"""Props drawn without VTK's render loop, from any view."""
+"""Props drawn outside VTK's render loop, from any view."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pvibr.core import _vtk
 from pvibr.gl import enums as gl
 from pvibr.gl.doubles import Doubles
 
-# How draws meet the target: an equation, and factors of colours and of alpha.
+# Blend equation, and factors of colours and alpha.
 _BLENDS = {
     'multiply': (gl.FUNC_ADD, (gl.ZERO, gl.SRC_COLOR) * 2),
     'least': (gl.MIN, (gl.ONE, gl.ONE) * 2),
@@ -17,7 +17,7 @@ _BLENDS = {
 
 
 class Drawer:
-    """Draws props of a renderer from any view into the bound target."""
+    """Draws a renderer's props from any view into the bound target."""
 
     def __init__(self, renderer):
         self.renderer = renderer
@@ -27,10 +27,10 @@ class Drawer:
         self.inner.AutomaticLightCreationOff()
         self.doubles = Doubles()
         self._projection = _vtk.vtkMatrix4x4()
-        self._lights = -1  # when the renderer's were taken over
+        self._lights = -1  # modification time of the renderer's when copied
 
     def look(self, view, rect, *, clear=True, within=None):
-        """Set the view, and the rectangle of the target to draw in."""
+        """Set the view and the rectangle of the target."""
         state = self.window.GetState()
         state.vtkglViewport(*rect)
         state.vtkglScissor(*(within or rect))
@@ -46,7 +46,7 @@ class Drawer:
         self.inner.UpdateLights()
 
     def _aim(self, view):
-        # An explicit matrix, since otherwise VTK uses the aspect ratio of the window.
+        # An explicit matrix: VTK would use the window's aspect ratio.
         camera = self.inner.GetActiveCamera()
         position, focus, up = view.camera()
         camera.SetPosition(position.tolist())
@@ -57,10 +57,10 @@ class Drawer:
         self._projection.DeepCopy(view.clip_from_view.ravel().tolist())
         camera.SetExplicitProjectionTransformMatrix(self._projection)
         camera.UseExplicitProjectionTransformMatrixOn()
-        camera.Modified()  # of a matrix that changes within, it takes no notice
+        camera.Modified()  # it does not notice changes within the matrix
 
     def light_from(self, view=None):
-        """Let the lights that follow a camera do so for a view, by default the renderer's."""
+        """Update the lights that follow the camera to a view, by default the renderer's."""
         if view is not None:
             self._aim(view)
         renderer = self.renderer if view is None else self.inner
@@ -68,15 +68,15 @@ class Drawer:
         renderer.UpdateLightsGeometryToFollowCamera()
 
     def _take_lights(self):
-        theirs = self.renderer.GetLights()
-        if theirs.GetMTime() != self._lights:
-            self._lights = theirs.GetMTime()
+        source_lights = self.renderer.GetLights()
+        if source_lights.GetMTime() != self._lights:
+            self._lights = source_lights.GetMTime()
             self.inner.RemoveAllLights()
-            for light in theirs:
+            for light in source_lights:
                 self.inner.AddLight(light)
 
     def have_a_light(self):
-        """Add a light if none is on: without one, VTK's programs know no normals."""
+        """Add a light if none is on: VTK's programs have no normals without one."""
         if not any(light.GetSwitch() for light in self.inner.GetLights()):
             self.inner.AddLight(_vtk.vtkLight())
             self.inner.UpdateLights()
@@ -86,7 +86,7 @@ class Drawer:
         self.draw([self.doubles.of(actor, faces) for actor in actors])
 
     def draw(self, actors, *, translucent=False):
-        """Draw actors that are visible."""
+        """Draw actors, ignoring their visibility."""
         for actor in actors:
             if translucent:
                 actor.RenderTranslucentPolygonalGeometry(self.inner)
@@ -94,7 +94,7 @@ class Drawer:
                 actor.RenderOpaqueGeometry(self.inner)
 
     def fill(self, color):
-        """Clear the colours of the rectangle of :meth:`look`."""
+        """Clear the colours of the current rectangle."""
         state = self.window.GetState()
         state.vtkglColorMask(True, True, True, True)
         state.vtkglClearColor(*color)
@@ -106,9 +106,9 @@ class Drawer:
         state = self.window.GetState()
         state.vtkglDepthMask(False)
         state.SetEnumState(gl.BLEND, True)
-        equation, factors = _BLENDS[mode]
-        state.vtkglBlendEquation(equation)
-        state.vtkglBlendFuncSeparate(*factors)
+        blend_equation, blend_factors = _BLENDS[mode]
+        state.vtkglBlendEquation(blend_equation)
+        state.vtkglBlendFuncSeparate(*blend_factors)
         yield
         state.vtkglBlendEquation(gl.FUNC_ADD)
         state.SetEnumState(gl.BLEND, False)
@@ -116,8 +116,7 @@ class Drawer:
 
     def done(self):
         """Undo what the view changed, before the renderer itself draws."""
-        # A program keeps the lights as the last camera saw them until a camera is newer, and
-        # subplots share programs.
+        # Programs, which subplots share, update their lights only for a camera modified later.
         for renderer in self.window.GetRenderers():
             renderer.GetActiveCamera().Modified()
 

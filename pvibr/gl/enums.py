@@ -1,4 +1,4 @@
-"""OpenGL enums for VTK's state, under their names without ``GL_``."""
+"""OpenGL enums for VTK's state, named without ``GL_``."""
 
 BLEND, CULL_FACE, DEPTH_TEST, SCISSOR_TEST, STENCIL_TEST = 0x0BE2, 0x0B44, 0x0B71, 0x0C11, 0x0B90
 DEPTH_CLAMP, PROGRAM_POINT_SIZE = 0x864F, 0x8642
@@ -6,20 +6,20 @@ COLOR_BUFFER_BIT, DEPTH_BUFFER_BIT, STENCIL_BUFFER_BIT = 0x4000, 0x0100, 0x0400
 READ_FRAMEBUFFER, DRAW_FRAMEBUFFER = 0x8CA8, 0x8CA9
 NEAREST, LINEAR = 0x2600, 0x2601
 
-# Blending: equations, then factors.
+# Blend equations, then factors.
 FUNC_ADD, MIN = 0x8006, 0x8007
 ZERO, ONE = 0, 1
 SRC_COLOR, ONE_MINUS_DST_COLOR = 0x0300, 0x0307
 SRC_ALPHA, ONE_MINUS_SRC_ALPHA, ONE_MINUS_DST_ALPHA = 0x0302, 0x0303, 0x0305
 
-#: Factors of colours over what is there, by their alpha.
+#: Factors of alpha blending over the target.
 OVER = SRC_ALPHA, ONE_MINUS_SRC_ALPHA, ONE, ONE_MINUS_SRC_ALPHA
 
-# Comparisons, faces and what becomes of a stencil.
+# Comparisons, faces and stencil operations.
 LESS, LEQUAL, NOTEQUAL, ALWAYS = 0x0201, 0x0203, 0x0205, 0x0207
 FRONT, BACK = 0x0404, 0x0405
 KEEP, INCR_WRAP, DECR_WRAP = 0x1E00, 0x8507, 0x8508
 
-# What glGetIntegerv and glPixelStorei are asked about.
+# Parameters of glGetIntegerv and glPixelStorei.
 SAMPLES = 0x80A9
 VIEWPORT, MAX_TEXTURE_IMAGE_UNITS, PACK_ALIGNMENT, TEXTURE0 = 0x0BA2, 0x8872, 0x0D05, 0x84C0

@@ -1,4 +1,4 @@
-"""GLSL attached to an actor at VTK's named tags."""
+"""GLSL attached to an actor at VTK's shader tags."""
 
 from __future__ import annotations
 
@@ -8,33 +8,35 @@ from pvibr.core import _vtk
 from pvibr.core._vtk import address
 
 # Interleaved gradient noise: Jimenez, "Next Generation Post Processing in Call of Duty: Advanced
-# Warfare", SIGGRAPH 2014, slide 123. The same picture every time, but for samples of a still one,
-# which shift it by `Frame.vary`.
+# Warfare", SIGGRAPH 2014, slide 123. Constant over time, but the samples of a still picture
+# shift it by `Frame.vary`.
 DITHER = (
     '#define IBR_DITHER(shift) fract(shift + 52.9829189 * fract(dot(gl_FragCoord.xy, '
     'vec2(0.06711056, 0.00583715))))\n'
 )
-# Stands in names that VTK may declare, and goes once it has: its passes look for such names in
-# the text of a shader to see whether they are declared, as SSAO does.
+# Placed in names that VTK may declare, and removed after its own replacements: passes such as SSAO
+# search the shader for a name to see whether it is declared.
 MAYBE = '@'
 _SECTION = re.compile(r'^//@([\w.]+)\s*$', re.M)
 
 
 def sections(text) -> dict[str, str]:
-    r"""Split a shader file into its entry points."""
+    """Split a shader file into its entry points."""
     names = _SECTION.findall(text)
     return dict(zip(names, (t.lstrip('\n') for t in _SECTION.split(text)[2::2]), strict=True))
 
 
 def declared_samplers(samplers) -> str:
-    """Return the text that declares samplers, for the tag ``VTK::CustomUniforms::Dec``."""
-    hidden = ''.join(f'#define {name} {name}_unit\n' for name in samplers)
-    shown = ''.join(f'#undef {name}\nuniform {kind} {name};\n' for name, kind in samplers.items())
-    return f'{hidden}//VTK::CustomUniforms::Dec\n{shown}'
+    """Return the declaration of samplers for the tag ``VTK::CustomUniforms::Dec``."""
+    defines = ''.join(f'#define {name} {name}_unit\n' for name in samplers)
+    uniforms = ''.join(
+        f'#undef {name}\nuniform {kind} {name};\n' for name, kind in samplers.items()
+    )
+    return f'{defines}//VTK::CustomUniforms::Dec\n{uniforms}'
 
 
 class Feature:
-    """Shader text for an actor by tag and stage; several features share an actor."""
+    """Shader text for an actor, by stage and tag; an actor may have several features."""
 
     def __init__(self, name, vertex=None, fragment=None):
         self.name = name
@@ -42,24 +44,25 @@ class Feature:
 
     @property
     def mark(self) -> str:
-        """The comment that :func:`landed` looks for."""
+        """The comment that :meth:`landed` searches for."""
         return f'// pvibr:{self.name}\n'
 
     def attach(self, actor):
-        """Put the text on an actor; every text carries the mark."""
+        """Add the text to an actor, marked in each place."""
         for shader, stage, tag, text in self._texts(actor):
-            present = replacements(shader).get((stage, tag), tag)
-            if self.mark not in present:
-                _replace(shader, stage, tag, present.replace(tag, self._marked(text), 1))
+            current_text = replacements(shader).get((stage, tag), tag)
+            if self.mark not in current_text:
+                _replace(shader, stage, tag, current_text.replace(tag, self._marked(text), 1))
                 _finish(shader, stage)
 
     def detach(self, actor):
-        """Take the text off an actor; other features stay."""
+        """Remove the text from an actor; other features stay."""
         for shader, stage, tag, text in self._texts(actor):
-            present = replacements(shader).get((stage, tag), '')
-            before, _, after = self._marked(text).partition(tag)
-            if before in present and after in present:
-                _replace(shader, stage, tag, present.replace(before, '').replace(after, ''))
+            current_text = replacements(shader).get((stage, tag), '')
+            text_before, _, text_after = self._marked(text).partition(tag)
+            if text_before in current_text and text_after in current_text:
+                current_text = current_text.replace(text_before, '').replace(text_after, '')
+                _replace(shader, stage, tag, current_text)
                 _finish(shader, stage)
 
     def _texts(self, actor):
@@ -73,12 +76,12 @@ class Feature:
         return f'{self.mark}{text}{end}// end of pvibr:{self.name}\n'
 
     def landed(self, program) -> bool:
-        """Return whether every text is in the source of a program."""
-        sources = {
+        """Return whether all text is in the source of a program."""
+        stage_sources = {
             'Vertex': program.GetVertexShader().GetSource(),
             'Fragment': program.GetFragmentShader().GetSource(),
         }
-        return all(sources[s].count(self.mark) == len(t) for s, t in self.stages.items())
+        return all(stage_sources[s].count(self.mark) == len(t) for s, t in self.stages.items())
 
 
 class FeatureSet:
@@ -95,34 +98,34 @@ class FeatureSet:
         return [actor for actor, _, _ in self._attached.values()]
 
     def match(self, actors, features_of, version_of=None) -> list:
-        """Do as :meth:`attach`, and detach from all other actors."""
-        before, self._attached = self._attached, {}
-        changed = self.attach(actors, features_of, version_of, before)
-        for actor, features, _ in before.values():
+        """Like :meth:`attach`, and detach from all other actors."""
+        old_entries, self._attached = self._attached, {}
+        changed_actors = self.attach(actors, features_of, version_of, old_entries)
+        for actor, features, _ in old_entries.values():
             self._detach(actor, features)
-        return changed
+        return changed_actors
 
-    def attach(self, actors, features_of, version_of=None, before=None) -> list:
+    def attach(self, actors, features_of, version_of=None, old_entries=None) -> list:
         """Attach ``features_of(actor)`` to actors; return those whose version changed."""
-        before = self._attached if before is None else before
-        changed = []
+        old_entries = self._attached if old_entries is None else old_entries
+        changed_actors = []
         for actor in actors:
             key = address(actor)
-            _, old, known = before.pop(key, (None, None, None))
+            _, old_features, old_version = old_entries.pop(key, (None, None, None))
             version = None if version_of is None else version_of(actor)
-            new = old
-            if old is None or version is None or version != known:
-                new = tuple(features_of(actor))
-                self._change(actor, old, new)
-                changed.append(actor)
-            self._attached[key] = actor, new, version
-        return changed
+            features = old_features
+            if old_features is None or version is None or version != old_version:
+                features = tuple(features_of(actor))
+                self._change(actor, old_features, features)
+                changed_actors.append(actor)
+            self._attached[key] = actor, features, version
+        return changed_actors
 
-    def _change(self, actor, old, new):
-        if old != new:
-            if old is not None:
-                self._detach(actor, old)
-            self._attach(actor, new)
+    def _change(self, actor, old_features, features):
+        if old_features != features:
+            if old_features is not None:
+                self._detach(actor, old_features)
+            self._attach(actor, features)
 
     def _attach(self, actor, features):
         for feature in features:
@@ -133,40 +136,40 @@ class FeatureSet:
             feature.detach(actor)
 
     def leave_shared(self):
-        """Detach from actors that other renderers draw, too."""
+        """Detach from actors that other renderers also draw."""
         for key, (actor, features, _) in [*self._attached.items()]:
-            consumers = map(actor.GetConsumer, range(actor.GetNumberOfConsumers()))
-            if sum(consumer.IsA('vtkRenderer') for consumer in consumers) > 1:
+            actor_consumers = map(actor.GetConsumer, range(actor.GetNumberOfConsumers()))
+            if sum(consumer.IsA('vtkRenderer') for consumer in actor_consumers) > 1:
                 del self._attached[key]
                 self._detach(actor, features)
 
     def clear(self):
-        """Detach from all."""
+        """Detach from all actors."""
         self.match((), tuple)
 
 
 def replacements(shader) -> dict:
-    """Return the texts on a shader property that come before VTK's own."""
-    found = {}
+    """Return a shader property's texts that come before VTK's own, by stage and tag."""
+    texts = {}
     tag, text = _vtk.reference(''), _vtk.reference('')
-    first, every = _vtk.reference(False), _vtk.reference(False)
+    is_first, replaces_all = _vtk.reference(False), _vtk.reference(False)
     for i in range(shader.GetNumberOfShaderReplacements()):
-        shader.GetNthShaderReplacement(i, tag, first, text, every)
-        if first.get():
+        shader.GetNthShaderReplacement(i, tag, is_first, text, replaces_all)
+        if is_first.get():
             stage = shader.GetNthShaderReplacementTypeAsString(i)
-            found[stage, tag.get()] = text.get()
-    return found
+            texts[stage, tag.get()] = text.get()
+    return texts
 
 
 def _replace(shader, stage, tag, text):
     getattr(shader, f'Clear{stage}ShaderReplacement')(tag, True)
-    if text.strip() not in ('', tag):  # nothing is left of what replaced VTK's own
+    if text.strip() not in ('', tag):  # unless only VTK's own tag is left
         getattr(shader, f'Add{stage}ShaderReplacement')(tag, True, text, False)
 
 
 def _finish(shader, stage):
-    """Take `MAYBE` out of what VTK has made of all texts, if it is in any."""
+    """Remove `MAYBE` from VTK's final text, if any text contains it."""
     texts = replacements(shader)
     getattr(shader, f'Clear{stage}ShaderReplacement')(MAYBE, False)
-    if any(MAYBE in text for (at, _), text in texts.items() if at == stage):
+    if any(MAYBE in text for (text_stage, _), text in texts.items() if text_stage == stage):
         getattr(shader, f'Add{stage}ShaderReplacement')(MAYBE, False, '', True)

@@ -1,4 +1,4 @@
-"""Off-screen windows, and actors rasterized in one."""
+"""Off-screen windows, and actors rasterized in them."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ from pvibr.gl.drawer import Drawer
 from pvibr.gl.target import Target
 from pvibr.gl.texture import texture_limit
 
-#: Renderers within whose frames something may be drawn off screen.
+#: Renderers whose frames may be interrupted by off-screen drawing.
 RENDERERS: WeakSet = WeakSet()
-#: What red, green and blue count in the number of a triangle.
+#: Weights of red, green and blue in a triangle's index.
 _DIGITS = np.array([1, 1 << 8, 1 << 16], np.int32)
 
 
 @contextmanager
 def hidden_window(width=64, height=64):
-    """Yield a small off-screen window with a live context, which it gives back afterwards."""
-    before = next((w for r in RENDERERS if _is_current(w := r.GetRenderWindow())), None)
-    renderer = _vtk.vtkOpenGLRenderer()  # first: it loads VTK's OpenGL, which the window needs
+    """Yield a small off-screen window with a live context; restore the previous one afterwards."""
+    current_window = next((w for r in RENDERERS if _is_current(w := r.GetRenderWindow())), None)
+    renderer = _vtk.vtkOpenGLRenderer()  # first: it loads VTK's OpenGL for the window
     window = _vtk.vtkRenderWindow()
     window.SetOffScreenRendering(1)
     window.SetMultiSamples(0)
@@ -36,8 +36,8 @@ def hidden_window(width=64, height=64):
     finally:
         window.RemoveRenderer(renderer)
         window.Finalize()
-        if before is not None:
-            before.MakeCurrent()
+        if current_window is not None:
+            current_window.MakeCurrent()
 
 
 def _is_current(window) -> bool:
@@ -47,15 +47,15 @@ def _is_current(window) -> bool:
 def rasterize(actors, view, size, formats=('rgba8',), *, samples=1, blend=False) -> list:
     """Draw actors in a view off screen; return an array per format, bottom row first.
 
-    Each side has `samples` times as many pixels as `size`, or fewer at the limit of the driver.
+    Each side has `samples` times as many pixels as `size`, or fewer at the driver's limit.
     """
     return next(rasterize_views(actors, [view], size, formats, samples=samples, blend=blend))
 
 
 def triangles_seen(mesh, views, size):
-    """Yield the triangle at the centre of each pixel, (h, w), bottom row first; -1 for none."""
-    number = np.arange(1, mesh.GetNumberOfCells() + 1)[:, None] >> [0, 8, 16] & 255
-    mesh.GetCellData().SetScalars(_vtk.numpy_to_vtk(number.astype(np.uint8), deep=True))
+    """Yield the triangle at each pixel centre, (h, w), bottom row first; -1 for none."""
+    index_bytes = np.arange(1, mesh.GetNumberOfCells() + 1)[:, None] >> [0, 8, 16] & 255
+    mesh.GetCellData().SetScalars(_vtk.numpy_to_vtk(index_bytes.astype(np.uint8), deep=True))
     mapper = _vtk.vtkPolyDataMapper()
     mapper.SetInputData(mesh)
     mapper.SetScalarModeToUseCellData()
@@ -67,17 +67,18 @@ def triangles_seen(mesh, views, size):
 
 
 def rasterize_views(actors, views, size, formats=('rgba8',), *, samples=1, blend=False):
-    """Yield what :func:`rasterize` returns, for one view after the other."""
+    """Yield what :func:`rasterize` returns for one view after the other."""
     with hidden_window() as (window, renderer):
         while max(size) * samples > texture_limit(window) and samples > 1:
             samples //= 2
-        wide, high = (samples * int(n) for n in size)
-        drawer, target = Drawer(renderer), Target(window, wide, high, formats, depth=True)
+        pixel_width, pixel_height = (samples * int(n) for n in size)
+        drawer = Drawer(renderer)
+        target = Target(window, pixel_width, pixel_height, formats, depth=True)
         try:
             for view in views:
-                window.MakeCurrent()  # who asks for views may draw elsewhere between them
+                window.MakeCurrent()  # the consumer may draw elsewhere in between
                 with target.drawing(clear=(0.0, 0.0, 0.0, 0.0)):
-                    drawer.look(view, (0, 0, wide, high))
+                    drawer.look(view, (0, 0, pixel_width, pixel_height))
                     if blend:
                         window.GetState().SetEnumState(gl.BLEND, True)
                         window.GetState().vtkglBlendFuncSeparate(*gl.OVER)
@@ -91,14 +92,14 @@ def rasterize_views(actors, views, size, formats=('rgba8',), *, samples=1, blend
             drawer.release()
 
 
-def read_pixels(window, size=None, *, alpha=False, shown=True) -> np.ndarray:
-    """Return the pixels of a frame, bottom row first, as shown or as means of samples."""
+def read_pixels(window, size=None, *, alpha=False, displayed=True) -> np.ndarray:
+    """Return a frame's pixels, bottom row first, as displayed or as means of samples."""
     width, height = window.GetSize() if size is None else size
-    pixels = _vtk.vtkUnsignedCharArray()
-    # The front buffer is what is shown: VTK averages samples of the back buffer without gamma.
-    area = 0, 0, width - 1, height - 1, int(shown), pixels
+    pixel_array = _vtk.vtkUnsignedCharArray()
+    # The front buffer is as displayed; VTK averages the back buffer's samples without gamma.
+    area = 0, 0, width - 1, height - 1, int(displayed), pixel_array
     if alpha:
         window.GetRGBACharPixelData(*area)
     else:
         window.GetPixelData(*area, 0)
-    return _vtk.vtk_to_numpy(pixels).reshape(height, width, -1)
+    return _vtk.vtk_to_numpy(pixel_array).reshape(height, width, -1)

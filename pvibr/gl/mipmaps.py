@@ -1,4 +1,4 @@
-"""Levels and rows of textures: uploaded, or copied from a target."""
+"""Mip levels and rows of textures, uploaded or copied from a target."""
 
 from __future__ import annotations
 
@@ -17,42 +17,43 @@ class MipTexture(Texture):
 
     def __init__(self, window, *, repeat=False):
         super().__init__(window, filter='linear')
-        self._maker = _vtk.vtkOpenGLTexture()
-        self._maker.MipmapOn()
-        self._maker.InterpolateOn()
-        self._maker.SetMaximumAnisotropicFiltering(1.0)  # some drivers' blurs what is not slanted
-        self._maker.SetRepeat(repeat)
-        self._maker.SetEdgeClamp(not repeat)
-        self._renderer = _vtk.vtkRenderer()  # a texture asks for one, for its window's sake
+        self._vtk_texture = _vtk.vtkOpenGLTexture()
+        self._vtk_texture.MipmapOn()
+        self._vtk_texture.InterpolateOn()
+        # Some drivers' anisotropic filter blurs surfaces that face the eye.
+        self._vtk_texture.SetMaximumAnisotropicFiltering(1.0)
+        self._vtk_texture.SetRepeat(repeat)
+        self._vtk_texture.SetEdgeClamp(not repeat)
+        self._renderer = _vtk.vtkRenderer()  # vtkTexture needs one to find its window
         self._renderer.SetRenderWindow(window)
         self._levels: list = []
 
     def upload(self, array) -> MipTexture:
-        """Upload an array and generate its levels."""
+        """Upload an array and generate the mip levels."""
         height, width, channels = array.shape
         self._forget_levels()
-        image = _vtk.vtkImageData()
-        image.SetDimensions(width, height, 1)
-        rows = np.ascontiguousarray(array).reshape(-1, channels)
-        image.GetPointData().SetScalars(_vtk.numpy_to_vtk(rows, deep=True))
-        self._maker.SetInputData(image)
-        self._maker.Render(self._renderer)
-        self._maker.PostRender(self._renderer)
-        self.object = self._maker.GetTextureObject()
+        image_data = _vtk.vtkImageData()
+        image_data.SetDimensions(width, height, 1)
+        texels = np.ascontiguousarray(array).reshape(-1, channels)
+        image_data.GetPointData().SetScalars(_vtk.numpy_to_vtk(texels, deep=True))
+        self._vtk_texture.SetInputData(image_data)
+        self._vtk_texture.Render(self._renderer)
+        self._vtk_texture.PostRender(self._renderer)
+        self.object = self._vtk_texture.GetTextureObject()
         self.object.SetWrapT(self.object.ClampToEdge)
         self.nbytes = array.nbytes * 4 // 3
         return self
 
     def take(self, source, *, turned=False):
-        """Copy a target, scaled to this size, and generate the levels."""
-        self._levels = self._levels or self._made_levels()
+        """Copy a target, scaled to this size, and generate the mip levels."""
+        self._levels = self._levels or self._create_levels()
         copy(source, self._levels[0], turned=turned)
         for large, small in zip(self._levels, self._levels[1:], strict=False):
             copy(large, small)
 
     def put_level(self, k, array):
-        """Replace a smaller level by an array."""
-        self._levels = self._levels or self._made_levels()
+        """Replace a smaller mip level by an array."""
+        self._levels = self._levels or self._create_levels()
         height, width = array.shape[:2]
         texture = Texture(self.window).upload(array)
         source = Level(self.window, texture.object, 0, width, height)
@@ -60,12 +61,12 @@ class MipTexture(Texture):
         source.release()
         texture.release()
 
-    def _made_levels(self):
+    def _create_levels(self):
         width, height = self.size
-        count = int(np.log2(max(width, height))) + 1
+        level_count = int(np.log2(max(width, height))) + 1
         return [
             Level(self.window, self.object, k, max(width >> k, 1), max(height >> k, 1))
-            for k in range(count)
+            for k in range(level_count)
         ]
 
     def _forget_levels(self):
@@ -76,12 +77,12 @@ class MipTexture(Texture):
     def release(self):
         """Free the GPU's memory; the context must be alive."""
         self._forget_levels()
-        self._maker.ReleaseGraphicsResources(self.window)
+        self._vtk_texture.ReleaseGraphicsResources(self.window)
         self.nbytes = 0
 
 
 class Level:
-    """One level of a texture, to be copied from and to."""
+    """A framebuffer for one mip level of a texture."""
 
     def __init__(self, window, texture, number, width, height):
         self.window, self.width, self.height = window, width, height
@@ -99,28 +100,28 @@ class Level:
 
 
 def copy(source: Target | Level, target: Target | Level, *, turned=False):
-    """Copy colours; pixels of a larger picture are averaged."""
+    """Copy colours; larger sources are averaged."""
     left, right = (source.width, 0) if turned else (0, source.width)
-    rects = (left, 0, right, source.height), (0, 0, target.width, target.height)
+    source_and_target = (left, 0, right, source.height), (0, 0, target.width, target.height)
     state = source.window.GetState()
-    blit(state, source.object, target.object, gl.COLOR_BUFFER_BIT, *rects, gl.LINEAR)
+    blit(state, source.object, target.object, gl.COLOR_BUFFER_BIT, *source_and_target, gl.LINEAR)
 
 
-def put_rows(texture, array, rows):
-    """Replace rising rows of a texture by those of an array that is as large."""
+def put_rows(texture, array, row_indices):
+    """Replace rows, in ascending order, of a texture by those of an array of its size."""
     height, width = array.shape[:2]
-    if 2 * len(rows) > height:
+    if 2 * len(row_indices) > height:
         texture.upload(array)
         return
-    part = Texture(texture.window).upload(array[rows])
-    source = Level(texture.window, part.object, 0, width, len(rows))
+    row_texture = Texture(texture.window).upload(array[row_indices])
+    source = Level(texture.window, row_texture.object, 0, width, len(row_indices))
     target = Level(texture.window, texture.object, 0, width, height)
-    starts = np.flatnonzero(np.diff(rows, prepend=-2) != 1).tolist()
-    for a, b in pairwise([*starts, len(rows)]):
-        row = int(rows[a])
-        rects = (0, a, width, b), (0, row, width, row + b - a)
+    run_starts = np.flatnonzero(np.diff(row_indices, prepend=-2) != 1).tolist()
+    for a, b in pairwise([*run_starts, len(row_indices)]):
+        first_row = int(row_indices[a])
+        rects = (0, a, width, b), (0, first_row, width, first_row + b - a)
         state = texture.window.GetState()
         blit(state, source.object, target.object, gl.COLOR_BUFFER_BIT, *rects)
     for level in (source, target):
         level.release()
-    part.release()
+    row_texture.release()

@@ -1,4 +1,4 @@
-"""A full-screen program: a fragment shader over a rectangle."""
+"""Full-screen programs: a fragment shader over a rectangle."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ _FRAGMENT_HEAD = """//VTK::System::Dec
 in vec2 uv;
 """
 _GEOMETRY_HEAD = '//VTK::System::Dec\n'
-# How a program's output is blended: factors of source and target, of colours and of alpha.
+# Blend factors of source and target, for colours and for alpha.
 _BLENDS = {
     'over': gl.OVER,
     'add': (gl.ONE, gl.ONE, gl.ONE_MINUS_DST_ALPHA, gl.ONE),
     'sum': (gl.ONE, gl.ONE, gl.ONE, gl.ONE),
     'screen': (gl.ONE_MINUS_DST_COLOR, gl.ONE, gl.ONE_MINUS_DST_ALPHA, gl.ONE),
 }
-_MOST_LINES = 8  # of a driver's log in a message
+_MAX_LINES = 8  # of the driver's log in a message
 
 
 def shader_source(module_file, stem=None) -> str:
@@ -40,7 +40,7 @@ def shader_source(module_file, stem=None) -> str:
 
 
 def quads_of(window, module_file, shared='') -> dict[str, Quad]:
-    """Return the programs of the shader beside a module; a shared section begins each."""
+    """Return the programs of the shader beside a module; a shared section is prepended to each."""
     texts, name = sections(shader_source(module_file)), Path(module_file).stem
     head = texts.pop(shared, '')
     return {n: Quad(window, head + text, f'{name}.glsl, {n}') for n, text in texts.items()}
@@ -48,16 +48,18 @@ def quads_of(window, module_file, shared='') -> dict[str, Quad]:
 
 def _log(fragment):
     """Return the driver's log of a fragment shader, compiled alone since VTK keeps none."""
-    outputs = sorted(set(re.findall(r'gl_FragData\[(\d+)\]', fragment)))
-    head = ''.join(f'out vec4 fragOutput{n};\n' for n in outputs)
+    output_numbers = sorted(set(re.findall(r'gl_FragData\[(\d+)\]', fragment)))
+    output_lines = ''.join(f'out vec4 fragOutput{n};\n' for n in output_numbers)
     text = re.sub(r'gl_FragData\[(\d+)\]', r'fragOutput\1', fragment)
     shader = _vtk.vtkShader()
     shader.SetType(shader.Fragment)
-    shader.SetSource(f'#version 150\nin vec2 uv;\n{head}{text}')
-    compiled = shader.Compile()
-    log = 'it does not link; is there a main?' if compiled else shader.GetError().strip()
+    shader.SetSource(f'#version 150\nin vec2 uv;\n{output_lines}{text}')
+    is_compiled = shader.Compile()
+    driver_log = shader.GetError().strip()
+    if is_compiled:
+        driver_log = 'it does not link; is main() missing?'
     shader.Cleanup()
-    return log
+    return driver_log
 
 
 class Quad:
@@ -66,24 +68,24 @@ class Quad:
     def __init__(self, window, fragment, name='quad', geometry=''):
         self.window, self.name = window, name
         geometry = geometry and _GEOMETRY_HEAD + geometry
-        texts = _VERTEX, _FRAGMENT_HEAD + fragment, geometry
-        cache = window.GetShaderCache()
-        cache.ReleaseCurrentShader()  # so that what is bound afterwards is this one, or none
-        warned = _vtk.vtkObject.GetGlobalWarningDisplay()
-        _vtk.vtkObject.SetGlobalWarningDisplay(False)  # VTK would print the whole text
+        shader_texts = _VERTEX, _FRAGMENT_HEAD + fragment, geometry
+        shader_cache = window.GetShaderCache()
+        shader_cache.ReleaseCurrentShader()  # the next one bound is this program, or none
+        shows_warnings = _vtk.vtkObject.GetGlobalWarningDisplay()
+        _vtk.vtkObject.SetGlobalWarningDisplay(False)  # VTK would print the source
         try:
-            self.helper = _vtk.vtkOpenGLQuadHelper(window, *texts)
+            self.helper = _vtk.vtkOpenGLQuadHelper(window, *shader_texts)
         finally:
-            _vtk.vtkObject.SetGlobalWarningDisplay(warned)
-        self.program = cache.GetLastShaderBound()
-        self._shaders, self._state = cache, window.GetState()
+            _vtk.vtkObject.SetGlobalWarningDisplay(shows_warnings)
+        self.program = shader_cache.GetLastShaderBound()
+        self._shaders, self._state = shader_cache, window.GetState()
         if self.program is None:
             log = _log(fragment)
-            most = '\n'.join(log.splitlines()[:_MOST_LINES])
-            raise ShaderError(f'shader {name!r} does not compile: {most}', log)
+            first_lines = '\n'.join(log.splitlines()[:_MAX_LINES])
+            raise ShaderError(f'shader {name!r} does not compile: {first_lines}', log)
 
     def draw(self, uniforms=None, textures=None, blend=None):
-        """Draw once; depth test and culling are off meanwhile."""
+        """Draw once, without depth test and culling."""
         self._state.Push()
         try:
             self.draw_alone(uniforms or {}, textures or {}, blend)
@@ -91,7 +93,7 @@ class Quad:
             self._state.Pop()
 
     def draw_alone(self, uniforms, textures, blend=None):
-        """Draw without restoring GL state: the caller does."""
+        """Draw without restoring GL state, which the caller does."""
         state = self._state
         for flag in (gl.DEPTH_TEST, gl.CULL_FACE, gl.STENCIL_TEST):
             state.SetEnumState(flag, False)

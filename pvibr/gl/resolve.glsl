@@ -1,7 +1,7 @@
-// The colour of a pixel from its samples, as VTK resolves a multisampled window: the mean of light,
-// by a display gamma of 2.2, and of alpha (vtkOpenGLRenderWindow). Where samples are the same it is
-// theirs, to the bit. A scene drawn on black is composited with what is behind it later, in display
-// values: there samples that cover different shares have the mean of display values, too.
+// Resolves the samples of a pixel as VTK does in a multisampled window (vtkOpenGLRenderWindow): the
+// mean of light, with a display gamma of 2.2, and of alpha. Equal samples are returned to the bit.
+// A scene drawn on black is composited with its background later, in display values: samples of
+// different coverage are therefore averaged in display values there.
 // Inputs: samples, COUNT of them; origin of the picture within them, pixels.
 uniform sampler2DMS samples;
 uniform vec2 origin;
@@ -20,7 +20,7 @@ void main()
     sum += one;
   }
   vec4 mean = sum / float(COUNT);
-  // A loop, since llvmpipe computes both branches of a condition, but ends loops.
+  // A loop: llvmpipe evaluates both branches of a condition, but ends loops early.
   int mixed = same || any(isnan(sum)) || on_black == 1 && !covers ? 0 : COUNT;
   vec3 light = vec3(0.0);
   for (int i = 0; i < mixed; i++)

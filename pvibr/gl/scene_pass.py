@@ -1,4 +1,4 @@
-"""The framebuffer of a renderer's scene: the window's, or one of floats; with surfaces."""
+"""The framebuffer of a renderer's scene: the window's, or a separate one, with surfaces."""
 
 from __future__ import annotations
 
@@ -10,21 +10,21 @@ from pvibr.gl.enums import COLOR_BUFFER_BIT
 from pvibr.gl.target import Target, WindowTarget
 from pvibr.gl.texture import Texture, nbytes_of, release
 
-_MARK = 'pvibr: '  # begins the names of props that are no part of a scene
+_MARK = 'pvibr: '  # prefix of the names of props that are not part of a scene
 _NAME = f'{_MARK}end of opaque props'
 _FIRST, _NONE = 0x8CE0, 0  # GL_COLOR_ATTACHMENT0, GL_NONE
-# A blit of depth wants the same format on both sides: the window's, whatever it is.
+# A depth blit requires the same format on both sides: that of the window.
 _DEPTH_FORMATS = {0x81A5: 'Fixed16', 0x81A6: 'Fixed24', 0x81A7: 'Fixed32', 0x8CAC: 'Float32'}
 
 
 class ScenePass:
-    """The framebuffer of one frame's scene, set before VTK draws and reset afterwards."""
+    """The framebuffer of one frame's scene, bound before VTK draws and reset afterwards."""
 
     def __init__(self, window):
         self.window = window
         self.needs_hdr = False
-        self._own: Any = None
-        self._made: tuple = ()
+        self._scene_target: Any = None
+        self._target_key: tuple = ()
         self._is_apart = False
         self._surfaces: Texture | None = None
         self._marker: _Marker | None = None
@@ -32,61 +32,61 @@ class ScenePass:
 
     @property
     def framebuffer(self):
-        """The framebuffer with colours and depth of the frame."""
-        return self._own.object if self.is_apart else self.window.GetRenderFramebuffer()
+        """The framebuffer with the frame's colours and depth."""
+        return self._scene_target.object if self.is_apart else self.window.GetRenderFramebuffer()
 
     @property
     def target(self) -> Target:
-        """The same as something to draw into."""
-        return self._own if self.is_apart else WindowTarget(self.window)
+        """The same as a target."""
+        return self._scene_target if self.is_apart else WindowTarget(self.window)
 
     @property
     def is_apart(self) -> bool:
-        """Whether the scene is drawn elsewhere than into the window."""
-        return self._is_apart and self._own is not None
+        """Whether the scene is drawn into a target other than the window."""
+        return self._is_apart and self._scene_target is not None
 
     @property
     def nbytes(self) -> int:
         """Bytes on the GPU."""
-        return nbytes_of(self._own, self._surfaces)
+        return nbytes_of(self._scene_target, self._surfaces)
 
     def begin(self, frame, needs_hdr, *, single=False):
-        """Take the frame that VTK is about to draw, with the window's samples or a single one."""
-        samples = self.window.GetRenderFramebuffer().GetMultiSamples()
+        """Prepare for a frame, with the window's samples or a single one."""
+        window_samples = self.window.GetRenderFramebuffer().GetMultiSamples()
         self.needs_hdr = needs_hdr
-        self._is_apart = needs_hdr or (single and samples > 1)
+        self._is_apart = needs_hdr or (single and window_samples > 1)
         if not self._is_apart:
             return
         self._allocate(_extent(frame), 'rgba32f' if needs_hdr else 'rgba8', single)
         self.window.GetState().PushFramebufferBindings()
-        self._own.object.Bind()
-        self._own.object.ActivateDrawBuffer(0)
+        self._scene_target.object.Bind()
+        self._scene_target.object.ActivateDrawBuffer(0)
 
     def _allocate(self, size, format, single):
-        """Have a target of a size, with the depth buffer of the window unless samples differ."""
+        """Allocate the target, with the window's depth buffer unless samples differ."""
         window = self.window.GetRenderFramebuffer()
         samples = window.GetMultiSamples()
-        depth = window.GetDepthAttachmentAsTextureObject()
-        made = size, format, samples, single, depth, depth.GetHandle()
-        if self._own is not None and self._made == made:
+        window_depth = window.GetDepthAttachmentAsTextureObject()
+        target_key = size, format, samples, single, window_depth, window_depth.GetHandle()
+        if self._scene_target is not None and self._target_key == target_key:
             return
-        old, self._own = self._own, None
-        release(old)
+        old_target, self._scene_target = self._scene_target, None
+        release(old_target)
         if single and samples > 1:
-            self._own = like_window(self.window, size, format)
-        else:  # volumes drawn by the CPU look for depth in the window, and no copy is needed
-            shared = Texture.of(self.window, depth)
-            self._own = Target(
-                self.window, size[0], size[1], (format,), depth=shared, samples=samples
+            self._scene_target = like_window(self.window, size, format)
+        else:  # CPU volumes read the window's depth, and no copy is needed
+            shared_depth = Texture.of(self.window, window_depth)
+            self._scene_target = Target(
+                self.window, size[0], size[1], (format,), depth=shared_depth, samples=samples
             )
-        self._made = made
+        self._target_key = target_key
 
     def _mark(self, frame):
         self._marker = self._marker or _Marker(frame.renderer, self._detach)
         self._marker.add()
 
     def attach_surfaces(self, frame) -> Texture:
-        """Attach a second colour for opaque props, detached after the last of them."""
+        """Attach a second colour for opaque props; it is detached after the last one."""
         if self._surfaces is None or self._surfaces.size != _extent(frame):
             release(self._surfaces)
             width, height = _extent(frame)
@@ -112,13 +112,13 @@ class ScenePass:
         state.Pop()
 
     def _detach(self):
-        # Without multisampling or another's pass, what is bound is what was bound before.
+        # Without multisampling and render passes the framebuffer is still bound.
         if self._attached is not None:
             framebuffer, self._attached = self._attached, None
             framebuffer.DeactivateDrawBuffers()
             framebuffer.ActivateDrawBuffer(0)
-            # VTK remembers a second draw buffer beyond its framebuffer, and would not ask for that
-            # of its translucent pass again.
+            # VTK caches two draw buffers across framebuffers, and would not set them again for its
+            # translucent pass.
             self.window.GetState().vtkglDrawBuffers(2, (_FIRST, _NONE))
             framebuffer.RemoveColorAttachment(1)
 
@@ -131,13 +131,13 @@ class ScenePass:
     def release(self):
         """Free the GPU's memory; the context must be alive."""
         self._detach()
-        release(self._own, self._surfaces, self._marker)
-        self._own = self._surfaces = self._marker = None
+        release(self._scene_target, self._surfaces, self._marker)
+        self._scene_target = self._surfaces = self._marker = None
         self.needs_hdr = self._is_apart = False
 
 
 def _extent(frame):
-    """Return the right and upper end of a subplot in the window."""
+    """Return the right and upper edge of a subplot in the window."""
     return frame.origin[0] + frame.size[0], frame.origin[1] + frame.size[1]
 
 
@@ -147,7 +147,7 @@ def volumes_of(renderer) -> list:
 
 
 class _Marker:
-    """A prop of no area that calls back in its turn: after every other opaque one."""
+    """A zero-area prop that calls back in its turn, after every other opaque one."""
 
     def __init__(self, renderer, call):
         self.renderer = renderer
@@ -161,7 +161,7 @@ class _Marker:
         self.actor.UseBoundsOff()
 
     def add(self):
-        """Be in the scene: last, and kept there by who orders it."""
+        """Enter the scene, as the last prop; the draw order keeps it there."""
         if not self.renderer.HasViewProp(self.actor):
             self.renderer.GetViewProps().AddItem(self.actor)
 
@@ -171,38 +171,38 @@ class _Marker:
 
 
 def hidden_name(name) -> str:
-    """Return a name by which a prop is left out of shadows, buffers, bakes and layers."""
+    """Return a name that excludes a prop from shadows, buffers, bakes and layers."""
     return _MARK + name
 
 
 def is_marker(prop) -> bool:
-    """Return whether a prop is no part of the scene: callbacks and markers."""
+    """Return whether a prop is not part of the scene: a callback or a marker."""
     return method(prop, 'GetObjectName')().startswith(_MARK)
 
 
 def is_end(prop) -> bool:
-    """Return whether a prop is the one after all opaque ones."""
+    """Return whether a prop is the marker after all opaque ones."""
     return method(prop, 'GetObjectName')() == _NAME
 
 
 def _no_area():
-    """Return a triangle with its corners in one place: without any, VTK asks no mapper."""
-    points, data = _vtk.vtkPoints(), _vtk.vtkPolyData()
+    """Return a degenerate triangle: VTK calls no mapper without cells."""
+    corner_points, triangle = _vtk.vtkPoints(), _vtk.vtkPolyData()
     for _ in range(3):
-        points.InsertNextPoint(0.0, 0.0, 0.0)
-    data.SetPoints(points)
-    data.Allocate(1)
-    data.InsertNextCell(_vtk.VTK_TRIANGLE, 3, [0, 1, 2])
-    return data
+        corner_points.InsertNextPoint(0.0, 0.0, 0.0)
+    triangle.SetPoints(corner_points)
+    triangle.Allocate(1)
+    triangle.InsertNextCell(_vtk.VTK_TRIANGLE, 3, [0, 1, 2])
+    return triangle
 
 
 def like_window(window, size, format, samples=0) -> Target:
-    """Return a target with a depth buffer of the window's own format."""
+    """Return a target with a depth buffer in the window's format."""
     target = Target(window, size[0], size[1], (format,), samples=samples)
     depth = Texture(window, samples=samples)
-    theirs = window.GetRenderFramebuffer().GetDepthAttachmentAsTextureObject()
-    internal = theirs.GetInternalFormat(theirs.GetVTKDataType(), 1, False)
-    kind = getattr(_vtk.vtkTextureObject, _DEPTH_FORMATS.get(internal, 'Float32'))
+    window_depth = window.GetRenderFramebuffer().GetDepthAttachmentAsTextureObject()
+    internal_format = window_depth.GetInternalFormat(window_depth.GetVTKDataType(), 1, False)
+    kind = getattr(_vtk.vtkTextureObject, _DEPTH_FORMATS.get(internal_format, 'Float32'))
     depth.object.AllocateDepth(*size, kind)
     depth.nbytes = size[0] * size[1] * 4 * max(samples, 1)
     target.add_depth(depth)

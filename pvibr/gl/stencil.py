@@ -21,7 +21,7 @@ class StencilTarget:
         if not self._depth.object.AllocateDepthStencil(width, height):
             raise RuntimeError(f'the driver refused depth and stencil of {width} x {height}')
         self._depth.nbytes = width * height * 4
-        # One framebuffer for each: drawn into the second of several, llvmpipe leaves out rows.
+        # One framebuffer each: llvmpipe skips rows when drawing into a second attachment.
         self._targets = [
             Target(window, width, height, depth=self._depth) for _ in range(-(-masks // 4))
         ]
@@ -30,7 +30,7 @@ class StencilTarget:
 
     @property
     def textures(self) -> list[Texture]:
-        """The masks: number k is channel k % 4 of texture k // 4; 1 where nothing was counted."""
+        """The masks: mask k is channel k % 4 of texture k // 4; 1 where the count is 0."""
         return [target.colors[0] for target in self._targets]
 
     @property
@@ -51,7 +51,7 @@ class StencilTarget:
                 yield
             finally:
                 state.SetEnumState(gl.STENCIL_TEST, False)
-                state.SetEnumState(gl.DEPTH_CLAMP, False)  # VTK's stack of states knows none
+                state.SetEnumState(gl.DEPTH_CLAMP, False)  # not in VTK's state stack
                 state.vtkglStencilOp(gl.KEEP, gl.KEEP, gl.KEEP)
                 state.vtkglStencilFunc(gl.ALWAYS, 0, 0xFF)
                 state.vtkglColorMask(True, True, True, True)
@@ -59,10 +59,10 @@ class StencilTarget:
                 state.vtkglDepthFunc(gl.LEQUAL)
 
     @contextmanager
-    def counting(self, mask):
-        """Count draws within, then darken a mask where the count is not zero."""
+    def counting(self, mask_index):
+        """Count draws in the block, then clear a mask where the count is not zero."""
         state = self.window.GetState()
-        with self._targets[mask // 4].drawing():
+        with self._targets[mask_index // 4].drawing():
             state.vtkglStencilMask(0xFF)
             state.vtkglClear(gl.STENCIL_BUFFER_BIT)
             state.SetEnumState(gl.STENCIL_TEST, True)
@@ -71,7 +71,7 @@ class StencilTarget:
             state.vtkglDepthMask(False)
             state.vtkglDepthFunc(gl.LESS)
             yield
-            self._darken(mask % 4)
+            self._darken(mask_index % 4)
 
     def _darken(self, channel):
         state = self.window.GetState()
@@ -85,15 +85,15 @@ class StencilTarget:
         self._dark.helper.Render()
 
     def count(self, *, behind):
-        """Count front faces as 1 and back faces as -1, on depth pass or behind."""
+        """Count front faces as 1 and back faces as -1, where depth passes or fails (`behind`)."""
         state = self.window.GetState()
         state.SetEnumState(gl.DEPTH_CLAMP, behind)
-        for face, change in (
+        for face, step_op in (
             (gl.FRONT, gl.DECR_WRAP if behind else gl.INCR_WRAP),
             (gl.BACK, gl.INCR_WRAP if behind else gl.DECR_WRAP),
         ):
-            fails, passes = (change, gl.KEEP) if behind else (gl.KEEP, change)
-            state.vtkglStencilOpSeparate(face, gl.KEEP, fails, passes)
+            on_fail, on_pass = (step_op, gl.KEEP) if behind else (gl.KEEP, step_op)
+            state.vtkglStencilOpSeparate(face, gl.KEEP, on_fail, on_pass)
 
     def release(self):
         """Free the GPU's memory; the context must be alive."""

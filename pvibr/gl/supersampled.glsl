@@ -1,13 +1,13 @@
-// The filter of vtkSSAAPass on two pictures at once, one with annotations and one without: along
-// rows, then along columns, where what annotations changed goes over the picture. Each of them is
-// of eight bits, as VTK's are; so where the picture is what VTK drew, so is what comes out.
-// Inputs: with annotations, alpha their coverage, and without them.
+// The filter of vtkSSAAPass on two pictures at once, with and without annotations: along rows, then
+// along columns; where annotations changed a pixel, it replaces the picture's. Both are of eight
+// bits, as VTK's are, so what VTK drew comes out unchanged.
+// Inputs: drawn (with annotations, alpha their coverage) and scene (without).
 
 //@filtered
 uniform sampler2D drawn;
 uniform sampler2D scene;
 
-// Lanczos' kernel of two lobes, at multiples of 3/8 of a pixel.
+// Lanczos kernel with two lobes, at multiples of 3/8 of a pixel.
 vec4 filtered(sampler2D source, vec2 at, vec2 pace)
 {
   float w[5] = float[](0.38026, 0.27667, 0.08074, -0.02612, -0.02143);
@@ -30,7 +30,7 @@ vec3 rounded(vec3 c) { return floor(255.0 * c + 0.5) / 255.0; }
 void main()
 {
   vec2 size = vec2(textureSize(picture, 0)), pace = vec2(0.0, 0.375 / size.y);
-  // From the middle of the first texel to that of the last, as vtkTextureObject copies.
+  // From the centre of the first texel to that of the last, as vtkTextureObject copies.
   vec2 margin = 0.5 / vec2(textureSize(drawn, 0)), at = mix(margin, 1.0 - margin, uv);
   vec4 with = filtered(drawn, at, pace), before = filtered(scene, at, pace);
   vec4 below = texelFetch(picture, ivec2(uv * size), 0);

@@ -11,18 +11,10 @@ from pvibr.gl.texture import Texture, nbytes_of, release
 
 
 class Target:
-    """Colour textures and a depth buffer that are drawn into together."""
+    """Colour textures and a depth buffer drawn into together."""
 
     def __init__(
-        self,
-        window,
-        width,
-        height,
-        formats=('rgba8',),
-        *,
-        depth=False,
-        filter='linear',
-        samples=0,
+        self, window, width, height, formats=('rgba8',), *, depth=False, filter='linear', samples=0
     ):
         self.window = window
         self.width, self.height = width, height
@@ -48,7 +40,7 @@ class Target:
             self._check()
 
     def add_depth(self, depth):
-        """Give it a depth buffer, released with it."""
+        """Attach a depth buffer, released with the target."""
         self.depth = depth
         with self._bound():
             self.object.AddDepthAttachment(depth.object)
@@ -56,9 +48,9 @@ class Target:
     @property
     def nbytes(self) -> int:
         """Bytes on the GPU."""
-        return nbytes_of(*self._own())
+        return nbytes_of(*self._owned_textures())
 
-    def _own(self):
+    def _owned_textures(self):
         depth = [] if self.depth is None or self._shares_depth else [self.depth]
         return self.colors + depth
 
@@ -87,7 +79,7 @@ class Target:
             state.PopFramebufferBindings()
 
     def drawing(self, clear=None) -> _Drawing:
-        """Draw into it; framebuffer, viewport and every other GL state come back afterwards."""
+        """Draw into it; framebuffer, viewport and all other GL state are restored afterwards."""
         return _Drawing(self, clear)
 
     def draw(self, quad, uniforms=None, textures=None, *, blend=None, clear=None):
@@ -96,7 +88,7 @@ class Target:
             quad.draw_alone(uniforms or {}, textures or {}, blend)
 
     def begin(self, clear=None):
-        """Have GL draw into it, until :meth:`end`."""
+        """Direct drawing into it until :meth:`end`."""
         state = self._state
         state.Push()
         state.PushFramebufferBindings()
@@ -112,7 +104,7 @@ class Target:
             raise
 
     def end(self):
-        """Put back framebuffer, viewport and all other GL state."""
+        """Restore framebuffer, viewport and all other GL state."""
         self._state.PopFramebufferBindings()
         self._state.Pop()
 
@@ -126,12 +118,12 @@ class Target:
     def release(self):
         """Free the GPU's memory; the context must be alive."""
         self.object.ReleaseGraphicsResources(self.window)
-        for texture in self._own():
+        for texture in self._owned_textures():
             texture.release()
 
 
 class WindowTarget(Target):
-    """The framebuffer into which VTK draws a window; VTK frees it."""
+    """A window's render framebuffer, which VTK frees."""
 
     def __init__(self, window):
         self.window, self._state = window, window.GetState()
@@ -144,7 +136,7 @@ class WindowTarget(Target):
 
 
 class WindowColors(Target):
-    """The colours of a window without its depth, which programs that draw into it may sample."""
+    """A window's colours without its depth, which programs drawing into it may then sample."""
 
     def __init__(self, window):
         self.window, self._state = window, window.GetState()
@@ -152,44 +144,44 @@ class WindowColors(Target):
         self.colors = [Texture.of(window, color, filter='linear')]
         self.depth, self._shares_depth = None, False
         self.width, self.height = self.colors[0].size
-        self._made = color, color.GetHandle()
+        self._attachment = color, color.GetHandle()
         self._attach()
 
     def is_current(self) -> bool:
         """Return whether VTK still draws the window into the same texture."""
         color = self.window.GetRenderFramebuffer().GetColorAttachmentAsTextureObject(0)
-        return self._made == (color, color.GetHandle())
+        return self._attachment == (color, color.GetHandle())
 
-    def _own(self):
+    def _owned_textures(self):
         return []  # VTK frees them
 
 
-def fitting_target(target, window, size, formats=('rgba8',), **how) -> Target:
-    """Return a target of a size: the given one where it has it, else a new one in its place."""
+def fitting_target(target, window, size, formats=('rgba8',), **options) -> Target:
+    """Return the target if it has the size, else a new one in its place."""
     if target is not None and (target.width, target.height) == tuple(size):
         return target
     release(target)
-    return Target(window, size[0], size[1], formats, filter='nearest', **how)
+    return Target(window, size[0], size[1], formats, filter='nearest', **options)
 
 
 def blit(state, source, target, bits, source_rect, target_rect, filter=gl.NEAREST):
-    """Copy a rectangle of a framebuffer to another; samples are resolved."""
+    """Copy a rectangle between framebuffers; samples are resolved."""
     state.Push()
     state.PushFramebufferBindings()
     source.Bind(gl.READ_FRAMEBUFFER)
     target.Bind(gl.DRAW_FRAMEBUFFER)
-    if bits & gl.COLOR_BUFFER_BIT:  # others may have none
+    if bits & gl.COLOR_BUFFER_BIT:  # others may have no colour
         source.ActivateReadBuffer(0)
         target.ActivateDrawBuffer(0)
     x0, y0, x1, y1 = target_rect
-    state.vtkglScissor(x0, y0, x1 - x0, y1 - y0)  # the scissor cuts blits too
+    state.vtkglScissor(x0, y0, x1 - x0, y1 - y0)  # the scissor also clips blits
     state.vtkglBlitFramebuffer(*source_rect, *target_rect, bits, filter)
     state.PopFramebufferBindings()
     state.Pop()
 
 
 class _Drawing:
-    """Draws into a target; a class, since a frame enters dozens and a generator takes longer."""
+    """Context of drawing into a target; faster than a generator, since a frame enters dozens."""
 
     __slots__ = ('_clear', '_target')
 

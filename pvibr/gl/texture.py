@@ -10,8 +10,8 @@ from pvibr.core import _vtk
 from pvibr.gl import enums as gl
 
 _VTK_TYPES = {'uint8': 'VTK_UNSIGNED_CHAR', 'uint16': 'VTK_UNSIGNED_SHORT', 'float32': 'VTK_FLOAT'}
-# Render targets: GL's sized format, where VTK does not choose it by the data type, the type,
-# channels, and bytes of a texel.
+# Render targets: GL's sized format (None if VTK derives it from the type), data type, channels and
+# bytes per texel.
 _FORMATS = {
     'rgba8': (None, 'VTK_UNSIGNED_CHAR', 4, 4),
     'rgb8': (None, 'VTK_UNSIGNED_CHAR', 3, 3),
@@ -21,25 +21,25 @@ _FORMATS = {
     'r32f': (0x822E, 'VTK_FLOAT', 1, 4),
     'r8': (None, 'VTK_UNSIGNED_CHAR', 1, 1),
 }
-# Passes that allocate textures bind them to whichever unit was used last: let it be the last one
-# that core profile 3.2 has for certain. VTK hands out the first ones.
+# Passes that allocate textures bind them to the unit used last: make it the last one that core
+# profile 3.2 guarantees. VTK hands out the first ones.
 SPARE_UNIT = gl.TEXTURE0 + 47
 
 
 def texture_limit(window) -> int:
-    """Return the widest 2D texture that the driver of a window takes, in texels."""
+    """Return the largest 2D texture size of a window's driver, in texels."""
     return int(_vtk.vtkTextureObject.GetMaximumTextureSize(window))
 
 
 def texture_units(window) -> int:
     """Return how many textures a fragment shader may sample."""
-    found = [0]
-    window.GetState().vtkglGetIntegerv(gl.MAX_TEXTURE_IMAGE_UNITS, found)
-    return max(found[0], 16)
+    unit_count = [0]
+    window.GetState().vtkglGetIntegerv(gl.MAX_TEXTURE_IMAGE_UNITS, unit_count)
+    return max(unit_count[0], 16)
 
 
 def release(*owners):
-    """Free the GPU memory of owners; None has none."""
+    """Free the GPU memory of owners; None is skipped."""
     for owner in owners:
         if owner is not None:
             owner.release()
@@ -52,86 +52,86 @@ def nbytes_of(*owners) -> int:
 
 @contextmanager
 def filtered(texture, filter='linear'):
-    """Sample a texture with a filter within."""
-    to = texture.object
-    before = to.GetMagnificationFilter(), to.GetMinificationFilter()
-    smooth = to.Nearest if filter == 'nearest' else to.Linear
-    if before == (smooth, smooth):
+    """Sample a texture with a filter within the block."""
+    texture_object = texture.object
+    old_filters = texture_object.GetMagnificationFilter(), texture_object.GetMinificationFilter()
+    gl_filter = texture_object.Nearest if filter == 'nearest' else texture_object.Linear
+    if old_filters == (gl_filter, gl_filter):
         yield
         return
-    to.SetMagnificationFilter(smooth)
-    to.SetMinificationFilter(smooth)
+    texture_object.SetMagnificationFilter(gl_filter)
+    texture_object.SetMinificationFilter(gl_filter)
     try:
         yield
     finally:
-        to.SetMagnificationFilter(before[0])
-        to.SetMinificationFilter(before[1])
+        texture_object.SetMagnificationFilter(old_filters[0])
+        texture_object.SetMinificationFilter(old_filters[1])
 
 
 class Texture:
-    """A 2D texture: made from an array or empty, sampled by a unit, released with its window."""
+    """A 2D texture: uploaded or allocated, bound to a unit, released with its window."""
 
     def __init__(self, window, *, filter='nearest', repeat=False, samples=0):
         self.window = window
-        self.object = to = _vtk.vtkTextureObject()
-        to.SetContext(window)
-        to.SetSamples(samples)
-        wrap = to.Repeat if repeat else to.ClampToEdge
-        to.SetWrapS(wrap)
-        to.SetWrapT(wrap)
-        smooth = to.Nearest if filter == 'nearest' else to.Linear
-        to.SetMagnificationFilter(smooth)
-        to.SetMinificationFilter(smooth)
+        self.object = texture_object = _vtk.vtkTextureObject()
+        texture_object.SetContext(window)
+        texture_object.SetSamples(samples)
+        wrap_mode = texture_object.Repeat if repeat else texture_object.ClampToEdge
+        texture_object.SetWrapS(wrap_mode)
+        texture_object.SetWrapT(wrap_mode)
+        gl_filter = texture_object.Nearest if filter == 'nearest' else texture_object.Linear
+        texture_object.SetMagnificationFilter(gl_filter)
+        texture_object.SetMinificationFilter(gl_filter)
         self.nbytes = 0
 
     @classmethod
     def of(cls, window, object, *, filter='nearest') -> Texture:
-        """Return a texture of VTK's, which VTK frees."""
-        found = cls.__new__(cls)
-        found.window, found.object, found.nbytes = window, object, 0
-        if object.GetSamples() > 1:  # read sample by sample: GL has no filters for them
-            return found
-        smooth = object.Nearest if filter == 'nearest' else object.Linear
+        """Wrap a texture object of VTK's, which VTK frees."""
+        texture = cls.__new__(cls)
+        texture.window, texture.object, texture.nbytes = window, object, 0
+        if object.GetSamples() > 1:  # GL does not filter multisampled textures
+            return texture
+        gl_filter = object.Nearest if filter == 'nearest' else object.Linear
         for wrap in (object.SetWrapS, object.SetWrapT):
             wrap(object.ClampToEdge)
         for scale in (object.SetMagnificationFilter, object.SetMinificationFilter):
-            scale(smooth)
-        return found
+            scale(gl_filter)
+        return texture
 
     def upload(self, array) -> Texture:
         """Upload an array of shape (height, width[, channels]), replacing the content."""
         array = np.ascontiguousarray(array)
         height, width = array.shape[:2]
-        channels = array.shape[2] if array.ndim == 3 else 1
-        limit = texture_limit(self.window)
-        if not (0 < width <= limit and 0 < height <= limit):
+        channel_count = array.shape[2] if array.ndim == 3 else 1
+        size_limit = texture_limit(self.window)
+        if not (0 < width <= size_limit and 0 < height <= size_limit):
             raise ValueError(
-                f'texture of {width} x {height} texels: each side must be 1 to {limit} here'
+                f'texture size must be 1 to {size_limit} here, got {width} x {height}'
             )
         if array.dtype.name not in _VTK_TYPES:
             raise ValueError(
-                f'texture of dtype {array.dtype}: must be one of {", ".join(_VTK_TYPES)}'
+                f'texture dtype must be one of {", ".join(_VTK_TYPES)}, got {array.dtype}'
             )
-        kind = getattr(_vtk, _VTK_TYPES[array.dtype.name])
-        if not self.object.Create2DFromRaw(width, height, channels, kind, array):
-            raise RuntimeError(
-                f'the driver refused a texture of {width} x {height} x {channels} {array.dtype}'
-            )
+        data_type = getattr(_vtk, _VTK_TYPES[array.dtype.name])
+        if not self.object.Create2DFromRaw(width, height, channel_count, data_type, array):
+            raise RuntimeError(f'the driver refused a texture of {array.shape} {array.dtype}')
         self.nbytes = array.nbytes
         return self
 
     def allocate(self, width, height, format='rgba8') -> Texture:
         """Allocate an empty texture to draw into."""
         if format == 'depth32f':
-            texel, made = 4, self.object.AllocateDepth(width, height, self.object.Float32)
+            texel_bytes = 4
+            is_allocated = self.object.AllocateDepth(width, height, self.object.Float32)
         else:
-            internal, kind, channels, texel = _FORMATS[format]
-            if internal is not None:
-                self.object.SetInternalFormat(internal)
-            made = self.object.Create2D(width, height, channels, getattr(_vtk, kind), False)
-        if not made:
+            sized_format, data_type, channel_count, texel_bytes = _FORMATS[format]
+            if sized_format is not None:
+                self.object.SetInternalFormat(sized_format)
+            data_type = getattr(_vtk, data_type)
+            is_allocated = self.object.Create2D(width, height, channel_count, data_type, False)
+        if not is_allocated:
             raise RuntimeError(f'the driver refused a {format} target of {width} x {height}')
-        self.nbytes = width * height * texel * max(self.object.GetSamples(), 1)
+        self.nbytes = width * height * texel_bytes * max(self.object.GetSamples(), 1)
         return self
 
     @property
@@ -145,16 +145,16 @@ class Texture:
         return self.object.GetVTKDataType() == _vtk.VTK_FLOAT
 
     def compare(self) -> Texture:
-        """Let the sampler compare and filter: a ``sampler2DShadow``."""
-        to = self.object
-        to.SetDepthTextureCompare(True)
-        to.SetDepthTextureCompareFunction(to.Lequal)
-        for smooth in (to.SetMagnificationFilter, to.SetMinificationFilter):
-            smooth(to.Linear)
+        """Let samplers compare depth and filter the result: ``sampler2DShadow``."""
+        texture_object = self.object
+        texture_object.SetDepthTextureCompare(True)
+        texture_object.SetDepthTextureCompareFunction(texture_object.Lequal)
+        texture_object.SetMagnificationFilter(texture_object.Linear)
+        texture_object.SetMinificationFilter(texture_object.Linear)
         return self
 
     def activate(self) -> int:
-        """Bind to a texture unit and return its number, for a sampler."""
+        """Bind to a texture unit and return its number for a sampler."""
         self.object.Activate()
         self.window.GetState().vtkglActiveTexture(SPARE_UNIT)
         return self.object.GetTextureUnit()
@@ -165,18 +165,18 @@ class Texture:
 
     def download(self) -> np.ndarray:
         """Return the texels as an array (height, width, channels), row 0 at v = 0."""
-        # Rows lie close together: windows of Qt have them begin at multiples of four.
+        # Rows are packed; Qt windows align them to four bytes.
         self.window.GetState().vtkglPixelStorei(gl.PACK_ALIGNMENT, 1)
-        buffer = self.object.Download()
-        kind = self.object.GetVTKDataType()
-        width, height, channels = *self.size, self.object.GetComponents()
-        dtype = {_vtk.VTK_FLOAT: np.float32, _vtk.VTK_UNSIGNED_CHAR: np.uint8}[kind]
-        out = np.empty((height, width, channels), dtype)
-        buffer.Download2D(kind, out, (width, height), channels, (0, 0))
-        buffer.UnBind()  # else the window's next read-back goes into it
-        buffer.ReleaseMemory()
-        buffer.UnBind()
-        return out
+        pixel_buffer = self.object.Download()
+        data_type = self.object.GetVTKDataType()
+        width, height, channel_count = *self.size, self.object.GetComponents()
+        dtype = {_vtk.VTK_FLOAT: np.float32, _vtk.VTK_UNSIGNED_CHAR: np.uint8}[data_type]
+        texels = np.empty((height, width, channel_count), dtype)
+        pixel_buffer.Download2D(data_type, texels, (width, height), channel_count, (0, 0))
+        pixel_buffer.UnBind()  # else the window's next readback goes into it
+        pixel_buffer.ReleaseMemory()
+        pixel_buffer.UnBind()
+        return texels
 
     def release(self):
         """Free the GPU's memory; the context must be alive."""

@@ -1,9 +1,9 @@
-// A program drawn over those tiles of a target alone in which there is something to draw.
+// A program drawn only over the tiles of a target that contain something to draw.
 
 //@squares
-// Whether there is anything within reach of each square of SIDE pixels.
-uniform sampler2D found;     // 0 for nothing
-uniform int step;            // pixels along a side of its texels
+// Whether anything is within reach of each square of SIDE pixels.
+uniform sampler2D found;     // non-zero: something
+uniform int step;            // side of its texels, pixels
 uniform int reach;           // pixels
 void main()
 {
@@ -18,9 +18,9 @@ void main()
 }
 
 //@tiles
-// Whether there is anything in each tile of squares.
+// Whether anything is in each tile of squares.
 uniform sampler2D squares;
-uniform int side;            // squares along a side
+uniform int side;            // side, squares
 void main()
 {
   ivec2 low = ivec2(gl_FragCoord.xy) * side;
@@ -33,7 +33,7 @@ void main()
 }
 
 //@geometry
-// Turns each of the two triangles of a full screen into rectangles: half of the tiles.
+// Turns each of the two full-screen triangles into half of the tiles' rectangles.
 layout(triangles) in;
 layout(triangle_strip, max_vertices = 256) out;
 uniform sampler2D tiles;

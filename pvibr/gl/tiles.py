@@ -1,4 +1,4 @@
-"""Programs drawn only over tiles that need them."""
+"""Programs drawn only over the tiles that need them."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from pvibr.gl.quad import Quad, shader_source
 from pvibr.gl.target import fitting_target
 from pvibr.gl.texture import nbytes_of, release
 
-SIDE = 16  # pixels along a side of a square
-_MOST = 128  # tiles: what two triangles may become in core profile 3.2
+SIDE = 16  # side of a square in pixels
+_MAX_TILES = 128  # geometry shader output guaranteed by core profile 3.2
 _TEXTS = sections(shader_source(__file__))
 
 
@@ -21,26 +21,26 @@ class Tiles:
         self.window = window
         self._quads: dict[str, Quad] = {}
         self._squares: Any = None
-        self._tiles: Any = None
+        self._tile_target: Any = None
         self._extent = (0.0, 0.0)
 
     @property
     def nbytes(self) -> int:
         """Bytes on the GPU."""
-        return nbytes_of(self._squares, self._tiles)
+        return nbytes_of(self._squares, self._tile_target)
 
-    def find(self, found, size, reach):
-        """Choose the tiles near to something."""
-        counts = tuple(-(-n // SIDE) for n in size)
-        side = next(n for n in range(1, max(counts) + 1) if _tiles(counts, n) <= _MOST)
-        self._squares = fitting_target(self._squares, self.window, counts)
-        self._tiles = fitting_target(
-            self._tiles, self.window, tuple(-(-n // side) for n in counts)
-        )
-        self._extent = tuple(2.0 * side * SIDE / n for n in size)
-        step = -(-size[0] // found.size[0])
-        self._draw('squares', self._squares, {'step': step, 'reach': reach}, found=found)
-        self._draw('tiles', self._tiles, {'side': side}, squares=self._squares.colors[0])
+    def find(self, light_mask, size, reach):
+        """Choose the tiles within `reach` pixels of non-zero texels."""
+        square_counts = tuple(-(-n // SIDE) for n in size)
+        sides = range(1, max(square_counts) + 1)
+        tile_side = next(n for n in sides if _tile_count(square_counts, n) <= _MAX_TILES)
+        self._squares = fitting_target(self._squares, self.window, square_counts)
+        tile_counts = tuple(-(-n // tile_side) for n in square_counts)
+        self._tile_target = fitting_target(self._tile_target, self.window, tile_counts)
+        self._extent = tuple(2.0 * tile_side * SIDE / n for n in size)
+        uniforms = {'step': -(-size[0] // light_mask.size[0]), 'reach': reach}
+        self._draw('squares', self._squares, uniforms, found=light_mask)
+        self._draw('tiles', self._tile_target, {'side': tile_side}, squares=self.squares)
 
     def _draw(self, name, target, uniforms, **textures):
         if name not in self._quads:
@@ -49,25 +49,25 @@ class Tiles:
         target.draw(self._quads[name], uniforms, textures)
 
     def program(self, fragment, name) -> Quad:
-        """Return a program to be drawn over tiles."""
+        """Return a program to draw over tiles."""
         return Quad(self.window, fragment, name, geometry=_TEXTS['geometry'])
 
     def draw(self, quad, uniforms, textures, blend=None):
-        """Draw a program over the tiles that `find` chose."""
-        tiles = {'tiles': self._tiles.colors[0]}
-        quad.draw({'extent': self._extent, **uniforms}, {**textures, **tiles}, blend)
+        """Draw a program over the tiles chosen by `find`."""
+        tile_texture = {'tiles': self._tile_target.colors[0]}
+        quad.draw({'extent': self._extent, **uniforms}, {**textures, **tile_texture}, blend)
 
     @property
     def squares(self):
-        """Texture: 1 for each square of `SIDE` pixels that is near to something, else 0."""
+        """Texture with 1 for each square of `SIDE` pixels near non-zero texels, else 0."""
         return self._squares.colors[0]
 
     def release(self):
         """Free the GPU's memory; the context must be alive."""
-        release(self._squares, self._tiles, *self._quads.values())
-        self._squares = self._tiles = None
+        release(self._squares, self._tile_target, *self._quads.values())
+        self._squares = self._tile_target = None
         self._quads = {}
 
 
-def _tiles(counts, side):
+def _tile_count(counts, side):
     return -(-counts[0] // side) * -(-counts[1] // side)

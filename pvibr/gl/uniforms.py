@@ -1,4 +1,4 @@
-"""Uniforms of programs and of actors' shaders, set by the type of each value."""
+"""Uniforms of programs and of actors' shaders, set by value type."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ _MATRICES = {(3, 3): 'SetUniformMatrix3x3', (4, 4): 'SetUniformMatrix4x4'}
 
 
 def set_uniforms(program, uniforms):
-    """Set numbers, vectors, matrices, mat4[n] of (n, 4, 4) and float[n] of (n, 1) of a program."""
+    """Set a program's numbers, vectors, matrices, mat4[n] of (n, 4, 4) and float[n] of (n, 1)."""
     for name, value in uniforms.items():
         if type(value) is float:  # most are; dozens are set in a frame
             program.SetUniformf(name, value)
@@ -19,24 +19,24 @@ def set_uniforms(program, uniforms):
 
 
 def set_fragment_uniforms(actors, uniforms):
-    """Set custom uniforms of the fragment shaders of actors, as :func:`set_uniforms` does."""
+    """Set custom uniforms of actors' fragment shaders, as :func:`set_uniforms` does."""
     _set_all([a.GetShaderProperty().GetFragmentCustomUniforms() for a in actors], uniforms)
 
 
 def set_vertex_uniforms(actors, uniforms):
-    """Set custom uniforms of the vertex shaders of actors, as :func:`set_uniforms` does."""
+    """Set custom uniforms of actors' vertex shaders, as :func:`set_uniforms` does."""
     _set_all([a.GetShaderProperty().GetVertexCustomUniforms() for a in actors], uniforms)
 
 
 def _set_all(targets, uniforms):
-    calls = [(name, *_setter(value)) for name, value in uniforms.items()]
+    setter_calls = [(name, *_setter(value)) for name, value in uniforms.items()]
     for target in targets:
-        for name, setter, *values in calls:
+        for name, setter, *values in setter_calls:
             getattr(target, setter)(name, *values)
 
 
 def _setter(value) -> tuple:
-    """Return the name of the method that sets a value, and its arguments after the name."""
+    """Return the name of the setter of a value, and its arguments after the uniform's name."""
     if isinstance(value, (tuple, list)):
         return _VECTORS[len(value)], [float(v) for v in value]
     if isinstance(value, (int, np.integer)):
@@ -45,9 +45,9 @@ def _setter(value) -> tuple:
         return 'SetUniformf', float(value)
     if value.ndim == 1:
         return _VECTORS[len(value)], value.tolist()
-    flat = value.swapaxes(-1, -2).ravel().tolist()  # OpenGL has matrices by columns
+    column_major = value.swapaxes(-1, -2).ravel().tolist()  # OpenGL stores matrices by columns
     if value.ndim == 3:
-        return 'SetUniformMatrix4x4v', len(value), flat
+        return 'SetUniformMatrix4x4v', len(value), column_major
     if value.shape[1] == 1:
-        return 'SetUniform1fv', len(value), flat
-    return _MATRICES[value.shape], flat
+        return 'SetUniform1fv', len(value), column_major
+    return _MATRICES[value.shape], column_major

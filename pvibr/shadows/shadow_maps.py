@@ -67,7 +67,7 @@ class LightMaps:
         if not len(caster_bounds):
             self.release()
             return
-        view_options = {'kept': self._cascades, 'square': bool(casters.thin)}
+        view_options = {'previous': self._cascades, 'square': bool(casters.thin)}
         self.source = self._source(frame, caster_bounds)
         whole_views, self._cascades = light_views(
             self.source, caster_bounds, frame, self.owner.resolution, CASCADES, **view_options

@@ -16,19 +16,28 @@ from pvibr.things.thing import Thing, joined_bounds
 
 
 class Substitute(Thing):
-    """A thing drawn in place of actors, which other things see unchanged.
+    """A thing drawn in place of actors; other things see the actors unchanged.
 
     Parameters are those of :class:`pvibr.Effect`.
     """
 
     FOR_USERS: tuple[str, ...] = ()
     web = 'shown', 'its actors, as meshes'
-    max_error = Param(1.0, 'Maximum screen-space displacement.', range='(0, inf)', unit='px')
-    budget_ms = Param(
-        None, 'Time for new images in a frame.', range='[0, inf)', unit='ms', kind=float
+    max_error = Param(
+        1.0,
+        'Largest displacement of an image on the screen; raise it to reuse images for longer.',
+        range='(0, inf)',
+        unit='px',
     )
-    only_if_faster = Param(True, 'Replace only actors that are measured to be slower themselves.')
-    counts_bounds = False  # its actors have theirs
+    budget_ms = Param(
+        None,
+        'Time per frame for rendering new images; set it where they make motion stutter.',
+        range='[0, inf)',
+        unit='ms',
+        kind=float,
+    )
+    only_if_faster = Param(True, 'Replace only actors that measure slower than their image.')
+    counts_bounds = False  # its actors' bounds count
     clipped_by = 'set the clipping planes of the mappers of its actors'
     moved_by = 'move its actors'
     _argument = 'actors'
@@ -43,15 +52,15 @@ class Substitute(Thing):
         return [actor for card in self._cards() for actor in card.actors]
 
     def _stood_for(self) -> list:
-        """Return the actors that it stands for."""
+        """Return the actors that it replaces."""
         raise NotImplementedError
 
     def _update(self):
-        """Update the state of the actors, none of them hidden."""
+        """Update the state of the actors while none is hidden."""
         raise NotImplementedError
 
     def _give_back(self):
-        """Hide the images, and show the actors."""
+        """Hide the images and show the actors."""
         raise NotImplementedError
 
     def _prepare(self, frame):
@@ -59,47 +68,47 @@ class Substitute(Thing):
         raise NotImplementedError
 
     def _conflicts(self, other, props) -> bool:
-        """Return True if another effect stands for some of these props."""
+        """Return True if another effect replaces some of these props."""
         raise NotImplementedError
 
     def _materials_of_all(self) -> list:
         return [actor.GetProperty() for actor in self._stood_for()]
 
-    # -- what it is to others --------------------------------------------------------------------
+    # -- as other things see it -------------------------------------------------------------------
 
     def drawn(self) -> list:
-        """Return the actors that draw it in the frame that it was prepared for."""
-        mine = *self._card_actors(), *self._stood_for()
-        return [actor for actor in mine if actor.GetVisibility()]
+        """Return the actors that draw it in the frame it was prepared for."""
+        own_actors = *self._card_actors(), *self._stood_for()
+        return [actor for actor in own_actors if actor.GetVisibility()]
 
     def stands_for(self) -> list:
-        """Return the visible actors of the user that it is drawn in place of."""
+        """Return the user's visible actors that it replaces."""
         return self.solids()
 
     def content_key(self) -> tuple:
-        """Return a value that changes whenever the drawn content does, the camera left out."""
+        """Return a value that changes with the drawn content, but not with the camera."""
         if self._frame is None:
             self._update()
         return self._version, self.revision
 
     def _boxes(self) -> list:
-        """Return the bounds of what it stands for."""
+        """Return the bounds of its visible actors."""
         return [actor.GetBounds() for actor in self.solids()]
 
     @property
     def bounds(self):
-        """World bounds of all actors that are visible."""
+        """World bounds of its visible actors."""
         self._set_bounds(joined_bounds(self._boxes()))
         return super().bounds
 
     def draws(self, frame, *, depth=False) -> list:
-        """Return the actors themselves that may be seen in a frame that is not its own."""
-        boxes = [(a, a.GetBounds()) for a in self.solids()]
-        boxes = [(a, box) for a, box in boxes if box and box[0] <= box[1]]
-        if not boxes:
+        """Return its actors that may be visible in a frame of another view."""
+        actor_boxes = [(a, a.GetBounds()) for a in self.solids()]
+        actor_boxes = [(a, box) for a, box in actor_boxes if box and box[0] <= box[1]]
+        if not actor_boxes:
             return []
-        seen = may_see(frame.view, [box for _, box in boxes])
-        return [a for (a, _), s in zip(boxes, seen, strict=True) if s]
+        in_view = may_see(frame.view, [box for _, box in actor_boxes])
+        return [a for (a, _), s in zip(actor_boxes, in_view, strict=True) if s]
 
     def pick(self, x, y) -> Hit | None:
         """Return the nearest of its visible actors under a pixel, also as ``actor``."""
@@ -109,7 +118,7 @@ class Substitute(Thing):
         return nearest_actor(actors, self.pipeline.renderer, x, y)
 
     def GetPickable(self) -> bool:
-        """Return False: its actors are picked."""
+        """Return False: the actors themselves are picked."""
         return False
 
     # -- the life of an effect -------------------------------------------------------------------
@@ -120,7 +129,7 @@ class Substitute(Thing):
         super().attach(pipeline)
 
     def _claim(self, pipeline, props):
-        """Raise an error unless it may stand for props in a subplot."""
+        """Raise an error unless it may replace these props in a subplot."""
         for actor in props:
             if not pipeline.renderer.HasViewProp(actor):
                 raise ValueError(
@@ -130,14 +139,14 @@ class Substitute(Thing):
         for other in pipeline.things:
             if other is not self and self._conflicts(other, props):
                 raise ValueError(
-                    f'{self._argument}: {other.name} stands for some of them already; '
+                    f'{self._argument}: {other.name} already replaces some of them; '
                     'remove it first'
                 )
 
     def _refuse_shared(self, window, props):
-        elsewhere = _mappers_elsewhere(window)
-        for actor in props if elsewhere else ():
-            if address(actor.GetMapper()) in elsewhere:
+        other_mappers = _mappers_elsewhere(window)
+        for actor in props if other_mappers else ():
+            if address(actor.GetMapper()) in other_mappers:
                 raise ValueError(
                     f'{self._argument}: {actor!r} shares its mapper with an actor of another '
                     'window, where VTK crashes: give each its own, such as '
@@ -163,13 +172,13 @@ class Substitute(Thing):
         self._frame = None
 
     def needed(self, frame) -> bool | str:
-        """Return True if images may stand for actors in a frame, else why not."""
+        """Return True if images may replace actors in a frame, else the reason."""
         if has_shadows(frame.renderer):
-            return 'enable_shadows() has VTK draw shadows, which only actors themselves cast'
+            return "enable_shadows() is on, and VTK's shadows need the actors themselves"
         return super().needed(frame)
 
     def prepare(self, frame):
-        """Choose what is drawn as an image, and renew images that are wrong."""
+        """Choose what is drawn as an image, and renew stale images."""
         if frame is self._frame:
             return
         self._give_back()
@@ -185,25 +194,25 @@ class Substitute(Thing):
         self._frame = frame
 
     def finish(self, frame):
-        """Give everyone their actors back."""
+        """Show the actors to everything else again."""
         if frame is self._frame:
             self._give_back()
             self._frame = None
 
     def _budget(self) -> float:
-        """Return the seconds for new images in a frame."""
-        unlimited = self.budget_ms is None or is_deterministic()
-        return float('inf') if unlimited else self.budget_ms / 1e3
+        """Return the time budget for new images per frame, seconds."""
+        is_unlimited = self.budget_ms is None or is_deterministic()
+        return float('inf') if is_unlimited else self.budget_ms / 1e3
 
 
 def addresses(actors) -> set[str]:
-    """Return the addresses of actors, equal for all wrappers of one VTK object."""
+    """Return the addresses of actors, equal for all wrappers of a VTK object."""
     return {address(actor) for actor in actors}
 
 
 def _mappers_elsewhere(window) -> set[str]:
-    """Return the addresses of the mappers of actors in the windows of other plotters."""
-    windows = [plotter.render_window for plotter in _ALL_PLOTTERS.values()]
-    renderers = [r for w in windows if w not in (None, window) for r in w.GetRenderers()]
+    """Return the addresses of the mappers in the windows of other plotters."""
+    plotter_windows = [plotter.render_window for plotter in _ALL_PLOTTERS.values()]
+    renderers = [r for w in plotter_windows if w not in (None, window) for r in w.GetRenderers()]
     actors = [p for r in renderers for p in r.GetViewProps() if p.IsA('vtkActor')]
     return {address(m) for m in (method(a, 'GetMapper')() for a in actors) if m is not None}

@@ -1,4 +1,4 @@
-"""What changed of actors since they were looked at, and why an image cannot stand for one."""
+"""Detects changes of actors, and tells why an image cannot replace one."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from pvibr.gl.feature import replacements
 from pvibr.things.content_key import parts_of
 from pvibr.things.stray_cells import has_strays_only
 
-#: Why an actor is not replaced whose points or matrix are broken.
+#: Reason for an actor whose points or matrix are not finite.
 NOT_FINITE = 'bounds that are not finite'
 _VERSIONS = count(1)
 _SURFACE, _PBR = 2, 3  # VTK_SURFACE, VTK_PBR
@@ -20,30 +20,30 @@ _MAPPERS = ('vtkDataSetMapper', 'vtkOpenGLPolyDataMapper', 'vtkPolyDataMapper')
 
 
 class ActorWatch:
-    """Many actors, hidden and shown again without that being a change.
+    """Watches many actors, whose hiding and showing by us is not a change.
 
-    All times of VTK are of one clock: what is later than a mark has changed since.
+    VTK's times share one clock: what is later than a mark has changed since.
     """
 
-    def __init__(self, actors=(), before=None):
+    def __init__(self, actors=(), previous=None):
         self.actors = list(actors)
         self.hidden = np.zeros(0, int)
-        known = {} if before is None else before.known
-        keys = [address(actor) for actor in self.actors]
-        pairs = zip(keys, self.actors, strict=True)
-        self.known = {key: known.get(key) or _Watched(actor) for key, actor in pairs}
+        old_entries = {} if previous is None else previous.known
+        actor_keys = [address(actor) for actor in self.actors]
+        pairs = zip(actor_keys, self.actors, strict=True)
+        self.known = {key: old_entries.get(key) or _Watched(actor) for key, actor in pairs}
         self._watched = list(self.known.values())
-        self._new = [i for i, w in enumerate(self._watched) if not w.version]
-        # Attributes of a PyVista actor take their time, so that its methods are looked up once.
+        self._new_rows = [i for i, w in enumerate(self._watched) if not w.version]
+        # Attribute access on PyVista actors is slow: look the methods up once.
         self._times = [actor.GetMTime for actor in self.actors]
-        self._off = [actor.VisibilityOff for actor in self.actors]
-        self._on = [actor.VisibilityOn for actor in self.actors]
-        # It tells the latest of all their times at once; it draws nothing.
-        self._all = _vtk.vtkPropAssembly()
+        self._hide_calls = [actor.VisibilityOff for actor in self.actors]
+        self._show_calls = [actor.VisibilityOn for actor in self.actors]
+        # An assembly returns the latest time of all its parts at once; it draws nothing.
+        self._assembly = _vtk.vtkPropAssembly()
         for actor in self.actors:
-            self._all.AddPart(actor)
-        self.marks = before.marks if before else (_vtk.vtkTimeStamp(), _vtk.vtkTimeStamp())
-        self._seen, self._shown = self.marks
+            self._assembly.AddPart(actor)
+        self.marks = previous.marks if previous else (_vtk.vtkTimeStamp(), _vtk.vtkTimeStamp())
+        self._settled_mark, self._shown_mark = self.marks
         self._list_clocks()
 
     def __len__(self):
@@ -51,47 +51,47 @@ class ActorWatch:
 
     @property
     def versions(self) -> list[int]:
-        """A number for each actor and state of it that `changed` found."""
+        """The version of each actor, which `changed` increments."""
         return [watched.version for watched in self._watched]
 
     def add(self, actor):
-        """Watch one more actor, the last of all."""
-        self._new.append(len(self))
+        """Append an actor."""
+        self._new_rows.append(len(self))
         watched = _Watched(actor)
         self.known[address(actor)] = watched
-        new = actor, watched, actor.GetMTime, actor.VisibilityOff, actor.VisibilityOn
-        for column, value in zip(self._columns(), new, strict=True):
+        row_values = actor, watched, actor.GetMTime, actor.VisibilityOff, actor.VisibilityOn
+        for column, value in zip(self._columns(), row_values, strict=True):
             column.append(value)
-        self._all.AddPart(actor)
+        self._assembly.AddPart(actor)
 
     def drop(self, row):
-        """Watch an actor no more; those after it take its row."""
+        """Stop watching an actor; those after it move up a row."""
         actor = self.actors[row]
         for column in self._columns():
             del column[row]
-        self._new = [i - (i > row) for i in self._new if i != row]
-        self._all.RemovePart(actor)
+        self._new_rows = [i - (i > row) for i in self._new_rows if i != row]
+        self._assembly.RemovePart(actor)
         self.known.pop(address(actor), None)
         self._list_clocks()
 
     def _columns(self) -> tuple:
-        return self.actors, self._watched, self._times, self._off, self._on
+        return self.actors, self._watched, self._times, self._hide_calls, self._show_calls
 
     def changed(self) -> list[int]:
-        """Return which actors changed since :meth:`settle`, their data brought up to date."""
+        """Return the rows of actors that changed since :meth:`settle`, and update their data."""
         if len(self.hidden):
-            return []  # until they are shown
+            return []  # wait until they are shown again
         for pipeline in self._pipelines:
             pipeline.Update()
-        mark = max(self._seen.GetMTime(), self._shown.GetMTime())
-        late = self._all.GetMTime() > mark
-        own = [i for i, time in enumerate(self._times) if time() > mark] if late else []
-        times = np.array([time() for time in self._clocks], np.int64)
-        others = self._owners[times > self._seen.GetMTime()].tolist()
-        found = sorted({*self._new, *own, *others})
-        if sum(self._watched[i].update() for i in found):
+        last_mark = max(self._settled_mark.GetMTime(), self._shown_mark.GetMTime())
+        times = self._times if self._assembly.GetMTime() > last_mark else ()
+        own_changes = [i for i, time in enumerate(times) if time() > last_mark]
+        clock_times = np.array([time() for time in self._clocks], np.int64)
+        part_changes = self._owners[clock_times > self._settled_mark.GetMTime()].tolist()
+        changed_rows = sorted({*self._new_rows, *own_changes, *part_changes})
+        if sum(self._watched[i].update() for i in changed_rows):
             self._list_clocks()
-        return found
+        return changed_rows
 
     def _list_clocks(self):
         self._owners = np.repeat(range(len(self)), [len(w.clocks) for w in self._watched])
@@ -99,74 +99,74 @@ class ActorWatch:
         self._pipelines = [w.pipeline for w in self._watched if w.pipeline is not None]
 
     def settle(self):
-        """Take the actors as they are now for unchanged."""
-        self._seen.Modified()
-        self._new = []
+        """Treat the actors as unchanged."""
+        self._settled_mark.Modified()
+        self._new_rows = []
 
     def forget(self):
-        """Take all actors for changed."""
-        self._new = list(range(len(self)))
+        """Treat all actors as changed."""
+        self._new_rows = list(range(len(self)))
 
     def hide(self, rows):
-        """Hide some actors until :meth:`show`."""
+        """Hide actors until :meth:`show`."""
         self.hidden = np.asarray(rows, int)
         for i in self.hidden.tolist():
-            self._off[i]()
+            self._hide_calls[i]()
 
     def show(self):
         """Show the hidden actors again."""
         if len(self.hidden):
             for i in self.hidden.tolist():
-                self._on[i]()
-            self._shown.Modified()
+                self._show_calls[i]()
+            self._shown_mark.Modified()
             self.hidden = np.zeros(0, int)
 
 
 class _Watched:
-    """What an actor shows whose times are not the actor's, and the pipeline of its data."""
+    """The parts of an actor with modification times of their own, and its data pipeline."""
 
     def __init__(self, actor):
         self._actor, self.version = actor, 0
-        self._holders = actor.GetMapper, actor.GetProperty, actor.GetTexture
-        self._held: list = []
-        self._composites: list = []  # whose blocks may be others
+        self._part_getters = actor.GetMapper, actor.GetProperty, actor.GetTexture
+        self._part_times: list = []
+        self._composite_data: list = []  # whose blocks may be replaced
         self.clocks: list = []
         self.pipeline = None
 
     def update(self) -> bool:
-        """Have a new version; return True if its clocks may be others."""
+        """Increment the version; return True if the clocks may have changed."""
         self.version = next(_VERSIONS)
-        holders = *(holder() for holder in self._holders), *self._composites
-        held = [(holder, holder.GetMTime()) for holder in holders if holder is not None]
-        if held == self._held:
+        parts = *(get_part() for get_part in self._part_getters), *self._composite_data
+        part_times = [(part, part.GetMTime()) for part in parts if part is not None]
+        if part_times == self._part_times:
             return False
-        self._held = held
+        self._part_times = part_times
         self._list_parts()
         return True
 
     def _list_parts(self):
         mapper = self._actor.GetMapper()
-        producer = None if updated_data(mapper) is None else mapper.GetInputAlgorithm()
-        simple = producer is None or producer.IsA('vtkTrivialProducer')
-        self.pipeline = None if simple else producer
+        data_source = None if updated_data(mapper) is None else mapper.GetInputAlgorithm()
+        is_static = data_source is None or data_source.IsA('vtkTrivialProducer')
+        self.pipeline = None if is_static else data_source
         parts = parts_of(self._actor)
-        self._composites = [part for part in parts if part.IsA('vtkCompositeDataSet')]
+        self._composite_data = [part for part in parts if part.IsA('vtkCompositeDataSet')]
         self.clocks = [part.GetMTime for part in parts]
 
 
 def updated_data(mapper):
-    """Return the data that a mapper draws, up to date; None without any."""
-    ports = 0 if mapper is None else mapper.GetNumberOfInputPorts()
-    if not ports or not mapper.GetNumberOfInputConnections(0):
+    """Return the data that a mapper draws, brought up to date, or None."""
+    port_count = 0 if mapper is None else mapper.GetNumberOfInputPorts()
+    if not port_count or not mapper.GetNumberOfInputConnections(0):
         return None
     mapper.GetInputAlgorithm().Update()
     return mapper.GetInputDataObject(0, 0)
 
 
 def ineligibility(actor, *, relit=False) -> str:
-    """Return why an image cannot stand for an actor, empty if it can.
+    """Return why an image cannot replace an actor, empty if it can.
 
-    An image that is `relit` in each frame has colours and normals of one VTK material only.
+    An image that is `relit` in each frame stores colours and normals of a single VTK material.
     """
     mapper = actor.GetMapper()
     if relit and (mapper is None or mapper.GetClassName() not in _MAPPERS):
@@ -192,8 +192,8 @@ def _not_relit(actor, data) -> str:
         return 'points or lines'
     if prop.GetEdgeVisibility():
         return 'edges'
-    thin = data.IsA('vtkPolyData') and data.GetNumberOfVerts() + data.GetNumberOfLines()
-    if thin and not has_strays_only(data):
+    has_thin_cells = data.IsA('vtkPolyData') and data.GetNumberOfVerts() + data.GetNumberOfLines()
+    if has_thin_cells and not has_strays_only(data):
         return 'points or lines'
     if prop.GetInterpolation() == _PBR or actor.GetBackfaceProperty() is not None:
         return 'a material of another kind'
@@ -203,5 +203,5 @@ def _not_relit(actor, data) -> str:
 def _has_shaders(shader) -> bool:
     if shader.HasVertexShaderCode() or shader.HasFragmentShaderCode():
         return True
-    texts = replacements(shader).items()
-    return any(stage != 'Fragment' or '// pvibr:' not in text for (stage, _), text in texts)
+    shader_texts = replacements(shader).items()
+    return any(stage != 'Fragment' or '// pvibr:' not in text for (stage, _), text in shader_texts)

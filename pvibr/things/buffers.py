@@ -1,4 +1,4 @@
-"""Buffers of a frame beside colour: depth, normals, object ids."""
+"""Buffers of a frame besides colour: depth, normals, object ids."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ from pvibr.things.seen_from import seen_from
 NAMES = ('depth', 'normal', 'id', 'color')
 
 _SURFACE = 2  # VTK_SURFACE
-# A second colour, so that the scene's own drawing can write it as well. VTK blends all colours, so
-# its alpha is 1: two numbers of the normal, 2 for none, and the number, below 0 where the normal
-# looks away. VTK has a normal only where it lights; cards and spheres say where theirs is.
+# A second colour attachment, written in the scene's own pass: x and y of the normal (2 for none)
+# and the id, negated where the normal faces away. VTK blends all attachments, so alpha is 1.
+# VTK computes normals only where it lights; cards and spheres define IBR_NORMAL.
 _WRITE = """#ifdef IBR_NORMAL
 #define IBR_BUFFERED normalize(IBR_NORMAL)
 #else
@@ -53,7 +53,7 @@ void main()
 
 
 class Geometry(NamedTuple):
-    """Normals, numbers and depth of opaque surfaces as the camera sees them, in textures."""
+    """Normals, ids and depth of the opaque surfaces in view, as textures."""
 
     surface: Texture
     depth: Texture
@@ -62,42 +62,42 @@ class Geometry(NamedTuple):
 
 
 class _Numbers:
-    """Object ids, which programs of actors write as a second colour."""
+    """Object ids that the actors' programs write as a second colour."""
 
     def __init__(self, renderer):
         self.renderer = renderer
         self._attached = FeatureSet()
         self._numbered: list = []
 
-    def put(self, numbers):
-        """Set ids of actors, pairs of both, until `clear`."""
-        lights = [light.GetSwitch() for light in self.renderer.GetLights()]
-        before = []
+    def put(self, numbered_actors):
+        """Set ids, given as (actor, id) pairs, until `clear`."""
+        light_switches = [light.GetSwitch() for light in self.renderer.GetLights()]
+        shader_times = []
 
         def features_of(actor):
-            before.append((actor, actor.GetShaderProperty().GetShaderMTime()))
-            return (_LIT if _is_lit(actor, any(lights)) else _UNLIT,)
+            shader_times.append((actor, actor.GetShaderProperty().GetShaderMTime()))
+            return (_LIT if _is_lit(actor, any(light_switches)) else _UNLIT,)
 
         def version_of(actor):
-            return actor.GetMTime(), *_data_time(actor.GetMapper()), lights
+            return actor.GetMTime(), *_data_time(actor.GetMapper()), light_switches
 
-        numbers = list(numbers)
-        self._attached.attach([actor for actor, _ in numbers], features_of, version_of)
-        changed = {
+        numbered_actors = list(numbered_actors)
+        self._attached.attach([actor for actor, _ in numbered_actors], features_of, version_of)
+        changed_mappers = {
             actor.GetMapper()
-            for actor, time in before
+            for actor, time in shader_times
             if actor.GetShaderProperty().GetShaderMTime() != time
         }
-        # A mapper of several actors asks the newest whether to build its programs again.
-        for actor in self._attached.actors() if changed else ():
-            if actor.GetMapper() in changed:
+        # A shared mapper asks only its newest actor whether to rebuild its programs.
+        for actor in self._attached.actors() if changed_mappers else ():
+            if actor.GetMapper() in changed_mappers:
                 actor.GetShaderProperty().Modified()
-        for actor, number in numbers:
+        for actor, number in numbered_actors:
             set_fragment_uniforms([actor], {'ibr_id': float(number)})
-        self._numbered += [actor for actor, _ in numbers]
+        self._numbered += [actor for actor, _ in numbered_actors]
 
     def clear(self):
-        """Reset the ids: VTK's own passes have second colours of their own."""
+        """Reset the ids: VTK's own passes use second colours, too."""
         set_fragment_uniforms(self._numbered, {'ibr_id': 0.0})
         self._numbered = []
 
@@ -107,15 +107,15 @@ class _Numbers:
 
 
 def _data_time(mapper):
-    """Return when a mapper or its data changed."""
-    data = mapper.GetInputDataObject(0, 0)
-    return mapper.GetMTime(), data.GetMTime() if data is not None else 0
+    """Return the modification times of a mapper and its data."""
+    input_data = mapper.GetInputDataObject(0, 0)
+    return mapper.GetMTime(), input_data.GetMTime() if input_data is not None else 0
 
 
-def _is_lit(actor, lights) -> bool:
-    """Return whether all programs of an actor have a normal."""
+def _is_lit(actor, any_light) -> bool:
+    """Return whether every program of an actor has a normal."""
     prop, data = actor.GetProperty(), actor.GetMapper().GetInput()
-    if not prop.GetLighting() or not lights:
+    if not prop.GetLighting() or not any_light:
         return False
     if data is None or not data.IsA('vtkDataSet'):
         return data is not None
@@ -127,7 +127,7 @@ def _is_lit(actor, lights) -> bool:
 
 
 class Drawn:
-    """Geometry of chosen actors, in a pass of its own."""
+    """Geometry of chosen actors, drawn in a separate pass."""
 
     def __init__(self, renderer):
         self._numbers = _Numbers(renderer)
@@ -142,25 +142,25 @@ class Drawn:
 
     def draw(self, frame, things=(), choice=None) -> Geometry:
         """Draw a frame."""
-        actors, chosen = self._surfaces.chosen(choice, things)
-        seen = replace(frame, casting=True, own=False)
-        ready = [t for t in chosen if t.enabled and t.needed(frame) is True]
+        actors, chosen_things = self._surfaces.chosen(choice, things)
+        casting_frame = replace(frame, casting=True, own=False)
+        visible_things = [t for t in chosen_things if t.enabled and t.needed(frame) is True]
         self._target = target = fitting_target(
             self._target, self._drawer.window, frame.size, ('rgba8', 'rgba32f'), depth=True
         )
-        with seen_from(ready, seen), target.drawing(clear=(0.0, 0.0, 0.0, 0.0)):
+        with seen_from(visible_things, casting_frame), target.drawing(clear=(0.0, 0.0, 0.0, 0.0)):
             self._drawer.look(frame.view, (0, 0, *frame.size))
-            for number, actor in enumerate(actors.values(), 1):
+            for object_id, actor in enumerate(actors.values(), 1):
                 if actor.GetVisibility():
-                    self._draw([actor], number)
-            for number, thing in enumerate(chosen, len(actors) + 1):
-                if thing in ready:
-                    self._draw(thing.draws(seen), number)
+                    self._draw([actor], object_id)
+            for object_id, thing in enumerate(chosen_things, len(actors) + 1):
+                if thing in visible_things:
+                    self._draw(thing.draws(casting_frame), object_id)
         self._drawer.done()
-        return Geometry(target.colors[1], target.depth, [*actors.values(), *chosen])
+        return Geometry(target.colors[1], target.depth, [*actors.values(), *chosen_things])
 
-    def _draw(self, actors, number):
-        self._numbers.put((actor, number) for actor in actors)
+    def _draw(self, actors, object_id):
+        self._numbers.put((actor, object_id) for actor in actors)
         self._drawer.draw(actors)
         self._numbers.clear()
 
@@ -171,7 +171,7 @@ class Drawn:
 
 
 class _Shared:
-    """Geometry written in the scene's own pass, if nothing prevents it."""
+    """Geometry written in the scene's own pass, where possible."""
 
     def __init__(self, renderer):
         self.renderer = renderer
@@ -186,26 +186,26 @@ class _Shared:
         actors, things = self._surfaces.chosen(None, things)
         if not self._is_free(scene, actors, things):
             return
-        numbers = [
-            (actor, number)
-            for number, actor in enumerate(actors.values(), 1)
+        numbered_actors = [
+            (actor, object_id)
+            for object_id, actor in enumerate(actors.values(), 1)
             if actor.GetVisibility() and not actor.HasTranslucentPolygonalGeometry()
         ]
-        for number, thing in enumerate(things, len(actors) + 1):
-            soft = {address(actor) for key, actor in thing.order if key[0] == Stage.FRINGE}
-            numbers += [
-                (actor, -1 if address(actor) in soft else number)
+        for object_id, thing in enumerate(things, len(actors) + 1):
+            soft_edges = {address(actor) for key, actor in thing.order if key[0] == Stage.FRINGE}
+            numbered_actors += [
+                (actor, -1 if address(actor) in soft_edges else object_id)
                 for actor in thing.drawn()
-                if not actor.HasTranslucentPolygonalGeometry()  # nor those: peeling has colours
+                if not actor.HasTranslucentPolygonalGeometry()  # peeling uses the attachment
             ]
-        self._numbers.put(numbers)
+        self._numbers.put(numbered_actors)
         self._numbered = [*actors.values(), *things]
         self._texture = scene.attach_surfaces(frame)
 
     def _is_free(self, scene, actors, things) -> bool:
-        """Return whether every opaque draw writes either both colours or one."""
+        """Return whether every opaque draw can write the second colour."""
         renderer = self.renderer
-        busy = (
+        obstacles = (
             renderer.GetPass() is not None,
             renderer.GetUseHiddenLineRemoval(),
             renderer.GetGradientBackground(),
@@ -213,32 +213,32 @@ class _Shared:
             renderer.GetBackgroundAlpha() > 0,
             scene.framebuffer.GetMultiSamples() > 1,
         )
-        return not any(busy) and not any(self._strangers(actors, things))
+        return not any(obstacles) and not any(self._strangers(actors, things))
 
     def _strangers(self, actors, things):
-        known = {address(a) for t in things for a in (*t.actors(), *t.props)}
+        own_addresses = {address(a) for t in things for a in (*t.actors(), *t.props)}
         for prop in self.renderer.GetViewProps():
             if prop.GetVisibility() and not prop.IsA('vtkVolume') and not is_marker(prop):
-                yield address(prop) not in actors and address(prop) not in known
+                yield address(prop) not in actors and address(prop) not in own_addresses
 
     def detach(self):
         """Reset the ids after the scene is drawn."""
         self._numbers.clear()
 
     def geometry(self, frame, picture) -> Geometry | None:
-        """Return the geometry, None if something prevented it."""
+        """Return the geometry, or None if it was not written."""
         if self._texture is None:
             return None
         return Geometry(self._texture, picture.depth, self._numbered, frame.origin)
 
     def release(self):
-        """Take all off the actors."""
+        """Detach everything from the actors."""
         self._numbers.release()
         self._texture = None
 
 
 class Buffers:
-    """One frame's buffers, as textures for effects and as arrays."""
+    """The buffers of one frame, as textures for effects and as arrays."""
 
     def __init__(self, renderer):
         self.renderer = renderer
@@ -254,7 +254,7 @@ class Buffers:
 
     @property
     def numbered(self) -> list:
-        """Actors and things that ids are indices into."""
+        """Actors and things that the ids index."""
         return list(self._geometry.numbered) if self._geometry else []
 
     def attach(self, frame, scene, things):
@@ -268,32 +268,32 @@ class Buffers:
             self._shared.detach()
 
     def geometry(self, frame, picture, things) -> Geometry:
-        """Return a frame's normals and ids, redrawn if the scene pass wrote none."""
+        """Return a frame's normals and ids, redrawn if the scene's pass wrote none."""
         if self._frame is not frame:
-            shared = self._shared.geometry(frame, picture) if self._shared else None
-            self._geometry = shared or self._again(frame, things)
+            from_scene = self._shared.geometry(frame, picture) if self._shared else None
+            self._geometry = from_scene or self._redrawn(frame, things)
             self._frame = frame
         return self._geometry
 
     def depth(self, frame, things) -> Texture:
-        """Return the depth of a frame that VTK's passes leave without."""
+        """Return the depth of a frame whose VTK passes produce none."""
         if self._frame is not frame:
-            self._geometry, self._frame = self._again(frame, things), frame
+            self._geometry, self._frame = self._redrawn(frame, things), frame
         return self._geometry.depth
 
-    def _again(self, frame, things):
+    def _redrawn(self, frame, things):
         self._drawn = self._drawn or Drawn(self.renderer)
         return self._drawn.draw(frame, things)
 
     def array(self, name, frame, picture, things) -> np.ndarray:
-        """Return a buffer of a frame."""
+        """Return a buffer of a frame as an array, top row first."""
         if name == 'color':
             texels = picture.color.download()
-            scale = 255 if texels.dtype == np.uint8 else 1
-            return np.ascontiguousarray(texels[::-1].astype(np.float32) / scale)
+            max_value = 255 if texels.dtype == np.uint8 else 1
+            return np.ascontiguousarray(texels[::-1].astype(np.float32) / max_value)
         if name == 'depth':
-            far = self._linear_depth(frame, picture)[::-1, :, 0]
-            return np.where(far < 0, np.float32(np.inf), far)
+            view_depth = self._linear_depth(frame, picture)[::-1, :, 0]
+            return np.where(view_depth < 0, np.float32(np.inf), view_depth)
         geometry = self.geometry(frame, picture, things)
         (x, y), (width, height) = geometry.origin, picture.size
         texels = geometry.surface.download()[y : y + height, x : x + width][::-1]
@@ -308,8 +308,8 @@ class Buffers:
         target = Target(frame.window, width, height, ('r32f',), filter='nearest')
         try:
             with target.drawing():
-                planes = {'planes': (frame.near, frame.far), 'parallel': int(frame.parallel)}
-                quad.draw(planes, {'depth': picture.depth})
+                clip_planes = {'planes': (frame.near, frame.far), 'parallel': int(frame.parallel)}
+                quad.draw(clip_planes, {'depth': picture.depth})
             return target.colors[0].download()
         finally:
             release(target, quad)
@@ -321,7 +321,7 @@ class Buffers:
 
 
 def _normals(texels):
-    """Return the normals in texels of `Geometry.surface`, 0 without surface."""
+    """Return the normals in texels of `Geometry.surface`, 0 where there is no surface."""
     x, y = texels[..., 0], texels[..., 1]
     z = np.copysign(np.sqrt(np.maximum(1 - x * x - y * y, 0)), texels[..., 2])
     normal = np.stack([x, y, z], -1)
@@ -330,7 +330,7 @@ def _normals(texels):
 
 
 class Tap(Effect):
-    """Reads a buffer of the next frame; the picture stays as it is."""
+    """Reads a buffer of the next frame and leaves the picture unchanged."""
 
     def __init__(self, buffer):
         check_one_of('name', buffer, NAMES)
@@ -344,7 +344,7 @@ class Tap(Effect):
         return self.buffer in ('normal', 'id')
 
     def render(self, frame, picture):
-        """Read it."""
+        """Read the buffer."""
         buffers = self.pipeline.buffers
         self.array = buffers.array(self.buffer, frame, picture, self.pipeline.things)
         self.numbered = buffers.numbered

@@ -24,58 +24,58 @@ from pvibr.things.actor_watch import ActorWatch
 from pvibr.things.thing import Thing
 
 _FLAT, _WIREFRAME, _SURFACE = 0, 1, 2  # VTK_FLAT, VTK_WIREFRAME, VTK_SURFACE
-#: Steps of the depth buffer by which PyVista's affine widget lifts its arrows.
+#: Depth offset of the arrows of PyVista's affine widget, in depth-buffer steps.
 _ON_TOP = -20_000
 _MAPPERS = ('vtkPolyDataMapper', 'vtkDataSetMapper', 'vtkGlyph3DMapper')
 
 
 class Surfaces:
-    """The actors of a renderer that are surfaces, cached until props change."""
+    """The surface actors of a renderer, cached until its props change."""
 
     def __init__(self, renderer):
         self.renderer = renderer
         self._key: tuple = ()
-        self._free: dict = {}
+        self._user_actors: dict = {}
         self._scenery: set = set()
-        self._others: dict = {}  # than the handles of widgets
-        self._watch, self._watched = ActorWatch(), self._free
-        self._versions: dict = {}  # of those that are visible
-        self._old = True
-        self._last: dict = {}  # casters by choice
+        self._without_handles: dict = {}
+        self._actor_watch, self._watched_actors = ActorWatch(), self._user_actors
+        self._versions: dict = {}  # of the visible ones
+        self._is_stale = True
+        self._last_casters: dict = {}  # by choice
 
     def begin(self):
-        """Look for changes anew: a frame begins."""
-        self._old = True
+        """Check for changes again: a frame begins."""
+        self._is_stale = True
 
     def _update(self, things):
-        """Refresh the list if props were added or removed."""
+        """Refresh the lists if props were added or removed."""
         widgets = widgets_of(self.renderer)
-        key = self.renderer.GetViewProps().GetMTime(), *map(id, (*things, *widgets))
-        if key == self._key:
+        props_key = self.renderer.GetViewProps().GetMTime(), *map(id, (*things, *widgets))
+        if props_key == self._key:
             return
-        self._key = key
-        # Parts of assemblies are not props of their own.
-        box = getattr(self.renderer, 'bounding_box_actor', None)
+        self._key = props_key
+        # Assemblies are skipped: their parts are not in the renderer's list.
+        bounding_box = getattr(self.renderer, 'bounding_box_actor', None)
         props = [p for p in self.renderer.GetViewProps() if p.IsA('vtkActor')]
-        # The prop that stands for a thing draws nothing itself.
-        owned = {address(a) for t in things for a in (*t.actors(), *t.props)}
-        found = {address(a): a for a in props if a is not box and _is_surface(a)}
-        free = {k: a for k, a in found.items() if k not in owned}
-        if free.keys() != self._free.keys():
-            self._free, self._last = free, {}
-            self._scenery = {k for k, a in free.items() if not a.GetUseBounds()}
-        parts = parts_of_widgets(widgets)
-        mine = {
+        # The actor that represents a thing draws nothing itself.
+        own_addresses = {address(a) for t in things for a in (*t.actors(), *t.props)}
+        surfaces = {address(a): a for a in props if a is not bounding_box and _is_surface(a)}
+        user_actors = {k: a for k, a in surfaces.items() if k not in own_addresses}
+        if user_actors.keys() != self._user_actors.keys():
+            self._user_actors, self._last_casters = user_actors, {}
+            self._scenery = {k for k, a in user_actors.items() if not a.GetUseBounds()}
+        widget_parts = parts_of_widgets(widgets)
+        handles = {
             k
-            for k, a in free.items()
-            if (parts and address(a.GetProperty()) in parts) or _is_on_top(a)
+            for k, a in user_actors.items()
+            if (widget_parts and address(a.GetProperty()) in widget_parts) or _is_on_top(a)
         }
-        self._others = {k: a for k, a in free.items() if k not in mine}
+        self._without_handles = {k: a for k, a in user_actors.items() if k not in handles}
 
     def chosen(self, choice, things, *, handles=True) -> tuple[dict, list]:
-        """Return the chosen actors of no thing, with or without widgets' handles, and things."""
+        """Return the chosen actors that belong to no thing, and the chosen things."""
         self._update(things)
-        actors = self._free if handles else self._others
+        actors = self._user_actors if handles else self._without_handles
         if choice is None:
             return actors, list(things)
         is_chosen = _chooser(choice)
@@ -83,44 +83,45 @@ class Surfaces:
         return actors, [t for t in things if is_chosen(address(t), t)]
 
     def casters(self, choice, things, frame=None, *, scenery=True) -> Casters:
-        """Return the chosen actors that are visible, no handles nor scenery, and the things."""
+        """Return the visible chosen actors and the things, without handles and scenery."""
         actors, chosen = self.chosen(choice, things, handles=False)
         self._look()
-        out = () if scenery else self._scenery
-        visible = [k for k in actors if k in self._versions and k not in out]
-        versions = [self._versions[k] for k in visible]
-        shown = [actors[k] for k in visible]
+        excluded = () if scenery else self._scenery
+        visible_keys = [k for k in actors if k in self._versions and k not in excluded]
+        versions = [self._versions[k] for k in visible_keys]
+        shown_actors = [actors[k] for k in visible_keys]
         for thing in things if choice is not None else ():
-            # Of a thing that stands for actors, these may be chosen one by one.
+            # The actors that a thing replaces may be chosen individually.
             if thing not in chosen:
-                key = id(thing), thing.content_key()
-                mine = _chosen_of(thing, choice)
-                shown, versions = [*shown, *mine], [*versions, *[key] * len(mine)]
-        found = Casters(shown, chosen, frame, tuple(versions), self)
-        found.inherit(self._last.get(id(choice)))
-        self._last[id(choice)] = found
-        return found
+                thing_key = id(thing), thing.content_key()
+                chosen_parts = _chosen_of(thing, choice)
+                shown_actors += chosen_parts
+                versions += [thing_key] * len(chosen_parts)
+        casters = Casters(shown_actors, chosen, frame, tuple(versions), self)
+        casters.inherit(self._last_casters.get(id(choice)))
+        self._last_casters[id(choice)] = casters
+        return casters
 
     def _look(self):
-        """Find which actors changed since the last frame, once in a frame."""
-        if self._watched is not self._free:
-            self._watched, self._old = self._free, True
-            self._watch = ActorWatch(self._free.values(), self._watch)
-        if not self._old:
+        """Find which actors changed since the last frame, once per frame."""
+        if self._watched_actors is not self._user_actors:
+            self._watched_actors, self._is_stale = self._user_actors, True
+            self._actor_watch = ActorWatch(self._user_actors.values(), self._actor_watch)
+        if not self._is_stale:
             return
-        self._old = False
-        if self._watch.changed():
-            pairs = zip(self._free.items(), self._watch.versions, strict=True)
+        self._is_stale = False
+        if self._actor_watch.changed():
+            pairs = zip(self._user_actors.items(), self._actor_watch.versions, strict=True)
             self._versions = {k: version for (k, a), version in pairs if a.GetVisibility()}
-        self._watch.settle()
+        self._actor_watch.settle()
 
     def settle(self):
-        """Take the actors for unchanged: drawing may modify them."""
-        self._watch.settle()
+        """Treat the actors as unchanged: drawing may have modified them."""
+        self._actor_watch.settle()
 
 
 class Choice:
-    """An attribute that chooses actors and things, checked when set: all, some, or a function."""
+    """An attribute that selects actors and things: None for all, a collection, or a predicate."""
 
     def __set_name__(self, owner, name):
         self._name = name
@@ -130,37 +131,37 @@ class Choice:
 
     def __set__(self, instance, choice):
         if choice is not None and (not callable(choice) or isinstance(choice, type)):
-            several = checked_each(self._name, choice, is_prop, _CHOSEN)
-            choice = choice if isinstance(choice, (list, set)) else several
+            chosen_props = checked_each(self._name, choice, is_prop, _CHOSEN)
+            choice = choice if isinstance(choice, (list, set)) else chosen_props
         instance.__dict__[self._name] = choice
 
 
 _CHOSEN = 'None for all, actors or things, or a function that returns True for them'
 
 
-def is_prop(one) -> bool:
-    """Return whether something is an actor or a thing."""
-    return isinstance(one, Thing | _vtk.vtkProp)
+def is_prop(candidate) -> bool:
+    """Return whether an object is an actor or a thing."""
+    return isinstance(candidate, Thing | _vtk.vtkProp)
 
 
 def _chooser(choice):
-    """Return a function of an address and an actor that tells if a choice has it."""
+    """Return a predicate of an address and an actor for a choice."""
     if callable(choice):
         return lambda _key, actor: choice(actor)
-    wanted = {address(a) for a in choice}
-    return lambda key, _actor: key in wanted
+    chosen_addresses = {address(a) for a in choice}
+    return lambda key, _actor: key in chosen_addresses
 
 
 def _chosen_of(thing, choice) -> list:
-    """Return the chosen ones of the actors that a thing stands for."""
+    """Return the chosen actors among those that a thing replaces."""
     is_chosen = _chooser(choice)
     return [a for a in thing.stands_for() if is_chosen(address(a), a)]
 
 
 def listed(things) -> list:
-    """Return one prop or effect, or several, as a list."""
-    several = isinstance(things, Iterable) and not isinstance(things, str)
-    return list(things) if several and not hasattr(things, 'IsA') else [things]
+    """Return a single prop or effect, or several, as a list."""
+    is_iterable = isinstance(things, Iterable) and not isinstance(things, str)
+    return list(things) if is_iterable and not hasattr(things, 'IsA') else [things]
 
 
 def _is_surface(actor) -> bool:
@@ -171,15 +172,15 @@ def _is_surface(actor) -> bool:
 
 
 def _is_on_top(actor) -> bool:
-    """Return True if an actor is drawn over all others, as arrows are that move an actor."""
-    factor, units = _vtk.reference(0.0), _vtk.reference(0.0)
-    actor.GetMapper().GetRelativeCoincidentTopologyPolygonOffsetParameters(factor, units)
-    return float(units) <= _ON_TOP
+    """Return True if an actor is drawn over everything else, as the affine widget's arrows are."""
+    slope, offset = _vtk.reference(0.0), _vtk.reference(0.0)
+    actor.GetMapper().GetRelativeCoincidentTopologyPolygonOffsetParameters(slope, offset)
+    return float(offset) <= _ON_TOP
 
 
-# Points as spheres are squares to VTK, which has only their normals and depth. Their bulge is told
-# in widths of the window, whatever the target's width is; their place is on the sphere that light
-# met, whatever the camera has made of their pixels since.
+# VTK draws sphere points as squares with normals and depth. The bulge is relative to the window's
+# width, not the target's; the position is on the sphere that the light saw, whatever size the
+# camera gives it.
 SPHERES = Feature(
     'spheres',
     fragment={
@@ -192,15 +193,14 @@ SPHERES = Feature(
 )
 
 
-# Points and lines have no plane of their own: they face every light, from as far before them as
-# they are wide for it.
+# Points and lines have no plane: they face every light, offset towards it by their width.
 THIN = Feature(
     'thin', fragment={'VTK::Normal::Impl': '#define IBR_THIN ibr_radius\n//VTK::Normal::Impl\n'}
 )
 
 
-# Facets stand for a curved surface where normals are averaged: by how much it bulges over them is
-# told by the length that interpolated normals lose: 1 - |n| is the bulge times the curvature.
+# Where normals are interpolated, facets approximate a curved surface. The normal's lost length
+# gives its bulge over them: 1 - |n| is bulge times curvature.
 SMOOTH = Feature(
     'smooth',
     fragment={
@@ -223,32 +223,34 @@ vec3 ibr_kept(vec3 n)
 
 
 def is_smooth(actor) -> bool:
-    """Return whether an actor is lit by interpolated normals."""
+    """Return whether an actor is lit with interpolated normals."""
     data, prop = actor.GetMapper().GetInput(), actor.GetProperty()
     has_points = data is not None and data.IsA('vtkDataSet')
     if not has_points or data.GetPointData().GetNormals() is None:
         return False
-    smooth = prop.GetLighting() and prop.GetInterpolation() != _FLAT
-    return smooth and not is_thin(actor) and _tells_bulge(actor, data.GetPointData())
+    is_interpolated = prop.GetLighting() and prop.GetInterpolation() != _FLAT
+    if not is_interpolated or is_thin(actor):
+        return False
+    return _has_unit_normals(actor, data.GetPointData())
 
 
-def _tells_bulge(actor, point_data) -> bool:
-    """Return whether normals have unit length at points and equal scale in all directions."""
-    axes = pv.array_from_vtkmatrix(actor.GetMatrix())[:3, :3]
-    square = axes.T @ axes
-    if not np.allclose(square, np.trace(square) / 3 * np.eye(3), rtol=0, atol=1e-5 * square.max()):
-        return False  # as short as the actor is large, another way in each direction
+def _has_unit_normals(actor, point_data) -> bool:
+    """Return whether point normals have unit length and the actor's scale is uniform."""
+    model_axes = pv.array_from_vtkmatrix(actor.GetMatrix())[:3, :3]
+    metric = model_axes.T @ model_axes
+    if not np.allclose(metric, np.trace(metric) / 3 * np.eye(3), rtol=0, atol=1e-5 * metric.max()):
+        return False  # VTK's normals shrink with the scale, here differently per axis
     normals = _vtk.vtk_to_numpy(point_data.GetNormals())
-    some = np.asarray(normals[:: len(normals) // 1000 + 1], float)
-    return bool(np.allclose(np.linalg.norm(some, axis=1), 1.0, atol=1e-3))
+    sampled_normals = np.asarray(normals[:: len(normals) // 1000 + 1], float)
+    return bool(np.allclose(np.linalg.norm(sampled_normals, axis=1), 1.0, atol=1e-3))
 
 
 def surface_features(actor) -> list[Feature]:
-    """Return the features that locate a surface which is not on its triangles."""
-    spheres = draws_spheres(actor)
-    thin = is_thin(actor) and not spheres
-    features = {SPHERES: spheres, THIN: thin, SMOOTH: is_smooth(actor)}
-    return [feature for feature, wanted in features.items() if wanted]
+    """Return the features that locate surfaces which do not lie on their triangles."""
+    has_spheres = draws_spheres(actor)
+    has_thin = is_thin(actor) and not has_spheres
+    features = {SPHERES: has_spheres, THIN: has_thin, SMOOTH: is_smooth(actor)}
+    return [feature for feature, is_needed in features.items() if is_needed]
 
 
 def set_surface_uniforms(actor, *, casts=True):
@@ -256,22 +258,22 @@ def set_surface_uniforms(actor, *, casts=True):
     if not casts and is_thin(actor):
         set_fragment_uniforms([actor], {'ibr_bulge': 0.0, 'ibr_radius': 0.0})
     if is_smooth(actor):
-        # VTK's normals are as short as the actor is large.
+        # VTK's normals shrink with the actor's scale.
         scale = abs(actor.GetMatrix().Determinant()) ** (1 / 3)
         set_fragment_uniforms([actor], {'ibr_scale': scale})
 
 
 def is_thin(actor) -> bool:
-    """Return whether an actor draws points or lines, with a width in pixels."""
+    """Return whether an actor draws points or lines whose width is in pixels."""
     if actor.GetMapper().IsA('vtkPointGaussianMapper'):
-        return False  # its points are as large as the world says
+        return False  # its sizes are in world units
     if actor.GetProperty().GetRepresentation() != _SURFACE:
         return True
-    data = actor.GetMapper().GetInput()
+    input_data = actor.GetMapper().GetInput()
     return (
-        bool(data)
-        and data.IsA('vtkPolyData')
-        and not (data.GetNumberOfPolys() or data.GetNumberOfStrips())
+        bool(input_data)
+        and input_data.IsA('vtkPolyData')
+        and not (input_data.GetNumberOfPolys() or input_data.GetNumberOfStrips())
     )
 
 
@@ -280,39 +282,39 @@ def _draws_lines(actor) -> bool:
     representation = actor.GetProperty().GetRepresentation()
     if representation != _SURFACE:
         return representation == _WIREFRAME
-    data = actor.GetMapper().GetInput()
-    return bool(data) and data.IsA('vtkPolyData') and data.GetNumberOfLines() > 0
+    input_data = actor.GetMapper().GetInput()
+    return bool(input_data) and input_data.IsA('vtkPolyData') and input_data.GetNumberOfLines() > 0
 
 
 def draws_spheres(actor) -> bool:
-    """Return whether an actor draws points as spheres, and nothing else."""
+    """Return whether an actor draws only points as spheres or lines as tubes."""
     prop = actor.GetProperty()
     return bool(prop.GetRenderPointsAsSpheres() or prop.GetRenderLinesAsTubes()) and is_thin(actor)
 
 
 @contextmanager
-def sized(actors, frame, seen, bulge):
+def sized(actors, frame, caster_frame, bulge):
     """Scale points and lines to their size in the camera's view."""
-    kept = []
+    saved_sizes = []
     for actor in actors:
         if is_thin(actor):
             prop, center = actor.GetProperty(), np.array(actor.GetCenter())
-            pixel = frame.pixel_at(center)
-            scale = pixel / seen.pixel_at(center)
-            size, width = prop.GetPointSize(), prop.GetLineWidth()
-            kept.append((actor, size, width))
-            prop.SetPointSize(max(size * scale, 1.0))
-            prop.SetLineWidth(max(width * scale, 1.0))
-            tube = prop.GetRenderLinesAsTubes()
-            radius = 0.5 * pixel * (width if tube or _draws_lines(actor) else size)
-            _set_bulge(actor, 0.0 if tube else bulge)
-            set_fragment_uniforms([actor], {'ibr_radius': float(radius)})
+            pixel_size = frame.pixel_at(center)
+            size_ratio = pixel_size / caster_frame.pixel_at(center)
+            point_size, line_width = prop.GetPointSize(), prop.GetLineWidth()
+            saved_sizes.append((actor, point_size, line_width))
+            prop.SetPointSize(max(point_size * size_ratio, 1.0))
+            prop.SetLineWidth(max(line_width * size_ratio, 1.0))
+            is_tube = prop.GetRenderLinesAsTubes()
+            width = line_width if is_tube or _draws_lines(actor) else point_size
+            _set_bulge(actor, 0.0 if is_tube else bulge)
+            set_fragment_uniforms([actor], {'ibr_radius': float(0.5 * pixel_size * width)})
     try:
         yield
     finally:
-        for actor, size, width in reversed(kept):
-            actor.GetProperty().SetPointSize(size)
-            actor.GetProperty().SetLineWidth(width)
+        for actor, point_size, line_width in reversed(saved_sizes):
+            actor.GetProperty().SetPointSize(point_size)
+            actor.GetProperty().SetLineWidth(line_width)
             _set_bulge(actor, 1.0)
 
 
@@ -324,7 +326,7 @@ def _set_bulge(actor, bulge):
 
 @dataclass
 class Casters:
-    """Actors and things drawn in views from elsewhere."""
+    """Actors and things drawn in views other than the camera's."""
 
     actors: list = field(default_factory=list)
     things: list = field(default_factory=list)
@@ -341,18 +343,18 @@ class Casters:
         return self.versions, tuple((id(t), t.content_key()) for t in self.things)
 
     def settled(self) -> tuple:
-        """Return the key once all is drawn: what drawing changed is no change."""
+        """Return the key after drawing, whose own modifications do not count as changes."""
         vars(self).pop('_key', None)
         if self.surfaces is not None:
             self.surfaces.settle()
         return self._key
 
-    def inherit(self, before):
+    def inherit(self, previous):
         """Reuse cached properties of an earlier frame if nothing changed."""
-        if before is not None and before.versions == self.versions:
-            kept = {'thin', 'worn', 'translucent', 'addresses'}
-            kept |= set() if before.thin else {'boxes'}
-            vars(self).update({k: v for k, v in vars(before).items() if k in kept})
+        if previous is not None and previous.versions == self.versions:
+            reusable = {'thin', 'worn', 'translucent', 'addresses'}
+            reusable |= set() if previous.thin else {'boxes'}
+            vars(self).update({k: v for k, v in vars(previous).items() if k in reusable})
 
     @cached_property
     def thin(self) -> set:
@@ -361,15 +363,15 @@ class Casters:
 
     @cached_property
     def worn(self) -> dict:
-        """Addresses of the textures that actors wear, and the rows of those."""
-        found: dict = {}
+        """Indices of the actors by the address of their texture."""
+        rows_by_texture: dict = {}
         for row, actor in enumerate(self.actors):
             if (texture := actor.GetTexture()) is not None:
-                found.setdefault(address(texture), []).append(row)
-        return found
+                rows_by_texture.setdefault(address(texture), []).append(row)
+        return rows_by_texture
 
     def wearing(self, texture) -> np.ndarray:
-        """Return the world bounds of the actors that wear a texture, shape (n, 6)."""
+        """Return the world bounds of the actors with a texture, shape (n, 6)."""
         return self.boxes[self.worn.get(address(texture), [])]
 
     @cached_property
@@ -383,19 +385,17 @@ class Casters:
         return [a for a in self.actors if a.HasTranslucentPolygonalGeometry()]
 
     def bounds(self) -> np.ndarray:
-        """Return the world bounds of all that have any, shape (n, 6)."""
-        reach = [t.cast_bounds for t in self.things]
-        things = np.array(reach, float).reshape(-1, 6)
-        boxes = np.concatenate([self.boxes, things])
-        return boxes[boxes[:, 0] <= boxes[:, 1]]
+        """Return all non-empty world bounds, shape (n, 6)."""
+        thing_boxes = np.array([t.cast_bounds for t in self.things], float).reshape(-1, 6)
+        all_boxes = np.concatenate([self.boxes, thing_boxes])
+        return all_boxes[all_boxes[:, 0] <= all_boxes[:, 1]]
 
     @cached_property
     def boxes(self) -> np.ndarray:
-        """Return the world bounds of each actor, shape (n, 6)."""
-        boxes = [a.GetBounds() or (1.0, -1.0) * 3 for a in self.actors]
-        found = np.array(boxes, float).reshape(-1, 6)
+        """The world bounds of each actor, shape (n, 6)."""
+        actor_bounds = [a.GetBounds() or (1.0, -1.0) * 3 for a in self.actors]
         widths = np.array([self._width(a) for a in self.actors])
-        return found + np.outer(widths, [-1.0, 1.0] * 3)
+        return np.reshape(actor_bounds, (-1, 6)) + np.outer(widths, [-1.0, 1.0] * 3)
 
     def _width(self, actor) -> float:
         """Return how far an actor may extend beyond its bounds, world units."""
@@ -405,15 +405,15 @@ class Casters:
         if self.frame is None or address(actor) not in self.thin:
             return 0.0
         prop = actor.GetProperty()
-        pixels = max(prop.GetPointSize(), prop.GetLineWidth())
-        width = pixels * self.frame.pixel_at(np.array(actor.GetCenter()))
-        return float(2.0 ** np.ceil(np.log2(width)))  # in steps: the camera moves all the time
+        pixel_width = max(prop.GetPointSize(), prop.GetLineWidth())
+        world_width = pixel_width * self.frame.pixel_at(np.array(actor.GetCenter()))
+        return float(2.0 ** np.ceil(np.log2(world_width)))  # in steps, for a moving camera
 
     def seen(self, view) -> Casters:
         """Return the casters that may be in a view."""
-        inside = may_see(view, self.boxes)
-        actors = list(compress(self.actors, inside))
+        in_view = may_see(view, self.boxes)
+        actors, versions = compress(self.actors, in_view), compress(self.versions, in_view)
         boxes = [t.cast_bounds for t in self.things]
-        near = may_see(view, boxes) | ~np.isfinite(boxes).all(1) if boxes else ()
-        versions = tuple(compress(self.versions, inside))
-        return Casters(actors, list(compress(self.things, near)), self.frame, versions)
+        things_seen = may_see(view, boxes) | ~np.isfinite(boxes).all(1) if boxes else ()
+        things = list(compress(self.things, things_seen))
+        return Casters(list(actors), things, self.frame, tuple(versions))

@@ -1,4 +1,4 @@
-"""Picking by the mouse: what a click hits goes to a function, and is marked."""
+"""Picking with the mouse: hits are passed to a callback and highlighted."""
 
 from __future__ import annotations
 
@@ -13,27 +13,28 @@ _MARK, _MESSAGE = '_pvibr_picked', '_pvibr_picking_message'
 
 
 class ClickPicking:
-    """Picks at clicks, or where the mouse is at the key P, until it is stopped."""
+    """Picks on clicks and on the P key until it is stopped."""
 
     def __init__(self, plotter, pick, callback, *, left_clicking, use_picker):
-        # What observes must not keep what it observes.
+        # Observers must not keep the plotter alive.
         self._plotter = weakref.proxy(plotter)
         self._pick, self._callback = pick, callback
         self._picker = _vtk.vtkCellPicker() if use_picker else None
         self._look: dict | None = None
-        button = 'Left' if left_clicking else 'Right'
-        self._message = f'{button}-click or press P to pick under the mouse'
-        events = {f'{button}ButtonPressEvent': self.clicked, 'KeyPressEvent': self._pressed}
+        button_name = 'Left' if left_clicking else 'Right'
+        self._message = f'{button_name}-click or press P to pick under the mouse'
+        add_observer = plotter.iren.add_observer
         self._observers = [
-            plotter.iren.add_observer(event, weakly(method)) for event, method in events.items()
+            add_observer(f'{button_name}ButtonPressEvent', weakly(self.clicked)),
+            add_observer('KeyPressEvent', weakly(self._pressed)),
         ]
 
     def show(self, **look):
-        """Mark what is picked as a mesh of these looks."""
+        """Highlight what is picked, with these looks."""
         self._look = look
 
     def tell(self, message, font_size):
-        """Show a message, True for one that says how to pick."""
+        """Show a message, or with True the instructions."""
         text = self._message if message is True else str(message)
         self._plotter.add_text(text, font_size=font_size, name=_MESSAGE, render=False)
 
@@ -42,7 +43,7 @@ class ClickPicking:
             self.clicked()
 
     def clicked(self):
-        """Pick where the mouse is."""
+        """Pick under the mouse."""
         x, y = self._plotter.iren.get_event_position()
         with self._plotter.iren.poked_subplot():
             thing, hit = self._pick(x, y)
@@ -61,11 +62,11 @@ class ClickPicking:
         if hit is None:
             self._plotter.remove_actor(_MARK)
         else:
-            how = {'name': _MARK, 'pickable': False, 'reset_camera': False}
-            self._plotter.add_mesh(_mesh_of(thing, hit), **self._look, **how)
+            mark_options = {'name': _MARK, 'pickable': False, 'reset_camera': False}
+            self._plotter.add_mesh(_mesh_of(thing, hit), **self._look, **mark_options)
 
     def stop(self):
-        """Pick no more, and take away message and mark."""
+        """Stop picking, and remove message and highlight."""
         iren = self._plotter.iren
         for tag in self._observers if iren is not None else ():
             iren.remove_observer(tag)
@@ -75,7 +76,7 @@ class ClickPicking:
 
 
 def _mesh_of(thing, hit) -> pv.DataSet:
-    """Return what was hit as a mesh in world units."""
+    """Return the hit item as a mesh in world units."""
     if hasattr(thing, 'item_mesh'):
         return thing.item_mesh(hit.index)
     actor = getattr(hit, 'actor', None)

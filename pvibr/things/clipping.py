@@ -1,12 +1,12 @@
-"""Clipping planes of things whose surfaces are found by fragment shaders."""
+"""Clipping planes of things whose surfaces are found in fragment shaders."""
 
 from __future__ import annotations
 
 import numpy as np
 
-#: As many as VTK takes.
-_MOST = 6
-#: Fragment shader: whether a place in eye space is on the sides that planes keep.
+#: VTK's limit.
+_MAX_PLANES = 6
+#: GLSL: whether a point in view space is on the kept side of all planes.
 KEPT = """uniform float ibr_planes[24];
 bool ibr_kept(vec3 place)
 {
@@ -21,18 +21,18 @@ bool ibr_kept(vec3 place)
 
 
 class ClippingPlanes:
-    """Planes in the world, of which each keeps what its normal points to."""
+    """World-space planes, each of which keeps the side that its normal points to."""
 
     def __init__(self, planes=None):
         self._planes = [] if planes is None else list(planes)
-        if len(self._planes) > _MOST:
-            raise ValueError(f'planes are {len(self._planes)}: must be {_MOST} at most')
+        if len(self._planes) > _MAX_PLANES:
+            raise ValueError(f'planes must be at most {_MAX_PLANES}, got {len(self._planes)}')
 
     def __len__(self):
         return len(self._planes)
 
     def key(self) -> tuple:
-        """Return what changes with them."""
+        """Return a value that changes with the planes."""
         return tuple(plane.GetMTime() for plane in self._planes)
 
     def _equations(self) -> np.ndarray:
@@ -42,21 +42,22 @@ class ClippingPlanes:
         return np.column_stack([normals, -(normals * origins).sum(1)])
 
     def kept(self, points) -> np.ndarray:
-        """Return which points, (..., 3), are on the sides that are kept."""
-        found = self._equations()
-        return (points @ found[:, :3].T + found[:, 3] >= 0).all(-1)
+        """Return which points, (..., 3), are on the kept sides."""
+        equations = self._equations()
+        return (points @ equations[:, :3].T + equations[:, 3] >= 0).all(-1)
 
-    def reach(self, start, direction) -> tuple[float, float]:
-        """Return between which distances, of 0 and more, a ray is on the sides that are kept."""
-        found = self._equations()
-        rise, above = found[:, :3] @ direction, found[:, :3] @ start + found[:, 3]
+    def reach(self, ray_start, direction) -> tuple[float, float]:
+        """Return the (first, last) distance, at least 0, at which a ray is on the kept sides."""
+        equations = self._equations()
+        slopes = equations[:, :3] @ direction
+        heights = equations[:, :3] @ ray_start + equations[:, 3]
         with np.errstate(divide='ignore', invalid='ignore'):
-            met = -above / rise
-        last = -np.inf if ((rise == 0) & (above < 0)).any() else np.inf
-        return met[rise > 0].max(initial=0.0), met[rise < 0].min(initial=last)
+            crossings = -heights / slopes
+        last = -np.inf if ((slopes == 0) & (heights < 0)).any() else np.inf
+        return crossings[slopes > 0].max(initial=0.0), crossings[slopes < 0].min(initial=last)
 
     def uniforms(self, frame) -> dict:
-        """Return the uniforms of a view: planes in eye space, and such that keep all."""
-        rows = np.tile([0.0, 0.0, 0.0, 1.0], (_MOST, 1))
-        rows[: len(self)] = self._equations() @ np.linalg.inv(frame.view_from_world)
-        return {'ibr_planes': rows.reshape(-1, 1)}
+        """Return the uniforms of a view: planes in view space, padded by planes that keep all."""
+        view_planes = np.tile([0.0, 0.0, 0.0, 1.0], (_MAX_PLANES, 1))
+        view_planes[: len(self)] = self._equations() @ np.linalg.inv(frame.view_from_world)
+        return {'ibr_planes': view_planes.reshape(-1, 1)}

@@ -1,4 +1,4 @@
-"""What a picture depends on: of an actor, of a light."""
+"""Keys that change with what a picture depends on: actors, lights, the background."""
 
 from __future__ import annotations
 
@@ -10,80 +10,83 @@ from pvibr.meshes.materials import PROPERTY_TEXTURES
 
 def textures_of(actor) -> list:
     """Return the textures of an actor and of its material."""
-    prop, found = actor.GetProperty(), [actor.GetTexture()]
+    prop, textures = actor.GetProperty(), [actor.GetTexture()]
     if prop.GetNumberOfTextures():
-        found += [prop.GetTexture(name) for name in PROPERTY_TEXTURES]
-    return [texture for texture in found if texture is not None]
+        textures += [prop.GetTexture(name) for name in PROPERTY_TEXTURES]
+    return [texture for texture in textures if texture is not None]
 
 
 def images_of(actor) -> list:
-    """Return the images of the textures of an actor and of its material."""
+    """Return the images of the textures of an actor and its material."""
     return [image for texture in textures_of(actor) for image in _inputs(texture)]
 
 
 def parts_of(actor) -> list:
-    """Return what a picture of an actor shows beyond the actor's own time."""
-    mapper, inputs = actor.GetMapper(), []
+    """Return what an actor's picture depends on beyond the actor's own modification time."""
+    mapper, input_data = actor.GetMapper(), []
     if mapper is not None:
-        inputs = _inputs(mapper) + [leaf for data in _inputs(mapper) for leaf in _leaves(data)]
-    planes = None if mapper is None else mapper.GetClippingPlanes()
+        input_data = _inputs(mapper) + [leaf for data in _inputs(mapper) for leaf in _leaves(data)]
+    clip_planes = None if mapper is None else mapper.GetClippingPlanes()
     return [
-        thing
-        for thing in (mapper, *inputs, *images_of(actor), *(planes or ()))
-        if thing is not None
+        part
+        for part in (mapper, *input_data, *images_of(actor), *(clip_planes or ()))
+        if part is not None
     ]
 
 
 def look_key(actor) -> tuple:
-    """Return what changes with the looks of an actor, its place left out."""
-    own = actor.GetProperty(), actor.GetBackfaceProperty(), *textures_of(actor)
-    things = *own, *parts_of(actor)
-    shown = bool(actor.GetVisibility())
-    return shown, *((address(t), t.GetMTime()) for t in things if t is not None)
+    """Return a value that changes with an actor's appearance, but not with its transform."""
+    look_objects = actor.GetProperty(), actor.GetBackfaceProperty(), *textures_of(actor)
+    all_parts = *look_objects, *parts_of(actor)
+    is_visible = bool(actor.GetVisibility())
+    return is_visible, *((address(t), t.GetMTime()) for t in all_parts if t is not None)
 
 
 def light_key(light) -> tuple:
-    """Return what changes with a light, but for the place that the camera gives it."""
-    place: tuple = ()
+    """Return a value that changes with a light, except by following the camera."""
+    placement: tuple = ()
     if not light.LightTypeIsHeadlight():
-        place = light.GetPosition(), light.GetFocalPoint()
+        placement = light.GetPosition(), light.GetFocalPoint()
     matrix = light.GetTransformMatrix()
     if light.LightTypeIsSceneLight() and matrix is not None:
-        place = *place, matrix.GetData()
-    kind = address(light), light.GetSwitch(), light.GetLightType()
-    return *kind, *place, colors_of(light), shape_of(light)
+        placement = *placement, matrix.GetData()
+    identity = address(light), light.GetSwitch(), light.GetLightType()
+    return *identity, *placement, colors_of(light), shape_of(light)
 
 
 def shape_of(light) -> tuple:
-    """Return cone and attenuation of a light."""
-    cone = light.GetPositional(), light.GetConeAngle(), light.GetExponent()
-    return *cone, tuple(light.GetAttenuationValues())
+    """Return a light's cone and attenuation."""
+    cone_shape = light.GetPositional(), light.GetConeAngle(), light.GetExponent()
+    return *cone_shape, tuple(light.GetAttenuationValues())
 
 
 def colors_of(light) -> list:
-    """Return the colours of a light times its intensity: diffuse, specular and ambient."""
+    """Return a light's diffuse, specular and ambient colour, times its intensity."""
     colors = light.GetDiffuseColor(), light.GetSpecularColor(), light.GetAmbientColor()
     return [[light.GetIntensity() * c for c in color] for color in colors]
 
 
 def lights_key(renderer, camera=None) -> tuple:
-    """Return what changes with the lights of a renderer, those included that follow a camera."""
+    """Return a value that changes with a renderer's lights; `camera` counts if any follows it."""
     lights = list(renderer.GetLights())
-    follow = any(light.GetSwitch() and not light.LightTypeIsSceneLight() for light in lights)
-    return *map(light_key, lights), camera if follow else None
+    following = any(x.GetSwitch() and not x.LightTypeIsSceneLight() for x in lights)
+    return *map(light_key, lights), camera if following else None
 
 
 def scene_key(pipeline) -> tuple:
-    """Return what changes with anything that a subplot shows, camera, size and time left out."""
+    """Return a value that changes with a subplot's content, not with camera, size and time."""
     renderer = pipeline.renderer
     things = [thing for thing in pipeline.things if thing.enabled]
     casters = pipeline.surfaces.casters(None, things)
-    known = {*casters.addresses, *(address(p) for t in things for p in (*t.actors(), *t.props))}
+    own_addresses = {
+        *casters.addresses,
+        *(address(p) for t in things for p in (*t.actors(), *t.props)),
+    }
     props = [p for p in renderer.GetViewProps() if p.GetVisibility() and not is_inner(p)]
-    others = [p for p in props if p.IsA('vtkProp3D') and address(p) not in known]
+    other_props = [p for p in props if p.IsA('vtkProp3D') and address(p) not in own_addresses]
     return (
         casters.key(),
-        [(address(p), p.GetRedrawMTime()) for p in others],
+        [(address(p), p.GetRedrawMTime()) for p in other_props],
         lights_key(renderer),
         background_key(renderer),
         [(address(p), p.GetMTime()) for p in passes_of(renderer)],
@@ -92,7 +95,7 @@ def scene_key(pipeline) -> tuple:
 
 
 def background_key(renderer) -> tuple:
-    """Return what changes with the background of a renderer, and with how it draws."""
+    """Return a value that changes with a renderer's background and draw settings."""
     textures = renderer.GetBackgroundTexture(), renderer.GetEnvironmentTexture()
     return (
         renderer.GetBackground(),
@@ -110,21 +113,21 @@ def background_key(renderer) -> tuple:
 
 
 def _inputs(algorithm) -> list:
-    """Return the data that come into an algorithm."""
+    """Return the input data of an algorithm."""
     ports = range(algorithm.GetNumberOfInputPorts())
-    return [algorithm.GetInputDataObject(k, 0) for k in ports if _fed(algorithm, k)]
+    return [algorithm.GetInputDataObject(k, 0) for k in ports if _is_connected(algorithm, k)]
 
 
-def _fed(algorithm, port) -> bool:
+def _is_connected(algorithm, port) -> bool:
     return algorithm.GetNumberOfInputConnections(port) > 0
 
 
 def _leaves(data) -> list:
-    """Return the blocks of a composite dataset, whose time has not theirs."""
-    found: list = []
+    """Return the blocks of a composite dataset, whose own time ignores theirs."""
+    leaves: list = []
     if data is not None and data.IsA('vtkCompositeDataSet'):
-        blocks = data.NewIterator()
-        while not blocks.IsDoneWithTraversal():
-            found.append(blocks.GetCurrentDataObject())
-            blocks.GoToNextItem()
-    return found
+        iterator = data.NewIterator()
+        while not iterator.IsDoneWithTraversal():
+            leaves.append(iterator.GetCurrentDataObject())
+            iterator.GoToNextItem()
+    return leaves

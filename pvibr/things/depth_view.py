@@ -1,4 +1,4 @@
-"""Depth maps: depth in views of lights, projectors and queries."""
+"""Depth maps of lights, projectors and queries."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ from pvibr.gl.target import blit
 from pvibr.things.casters import SPHERES, draws_spheres, sized
 from pvibr.things.seen_from import seen_from
 
-# What a translucent caster leaves of the light, and how near it is: one pass each, since the
-# two blend in different ways.
+# The transmittance of translucent casters, and the depth of the nearest: one pass each, since
+# they blend differently.
 _VEIL = Feature(
     'veil',
     fragment={
@@ -40,31 +40,29 @@ _VEIL = Feature(
 
 
 class DepthView:
-    """Depth of one or more views in one texture, redrawn only when stale."""
+    """Depth of one or more views in one texture; only stale views are redrawn."""
 
     def __init__(self, drawer, views, resolution, *, compare=False, veiled=False):
         self.drawer = drawer
         self.columns = int(np.ceil(np.sqrt(views)))
         self.rows = -(-views // self.columns)
-        limit = texture_limit(drawer.window)
-        self.resolution = min(int(resolution), limit // self.columns)
+        size_limit = texture_limit(drawer.window)
+        self.resolution = min(int(resolution), size_limit // self.columns)
         size = self.columns * self.resolution, self.rows * self.resolution
         self.target = Target(drawer.window, *size, (), depth=True)
         if compare:
             self.texture.compare()
-        self.veils: list = []
-        if veiled:
-            formats = ('rgba8', 'r32f')
-            self.veils = [Target(drawer.window, *size, (f,), depth=self.texture) for f in formats]
+        formats = ('rgba8', 'r32f') if veiled else ()
+        self.veils = [Target(drawer.window, *size, (f,), depth=self.texture) for f in formats]
         self.views: list = [None] * views
         self.key: tuple = ()  # of all casters
-        self.keys: list = [None] * views  # of each view, and of the casters in it
+        self.keys: list = [None] * views  # of each view and the casters in it
         self._attached = FeatureSet()
         self.bakes = 0
 
     @property
     def texture(self) -> Any:
-        """The depth texture: 0 near, 1 far."""
+        """The depth texture: 0 at the near plane, 1 at the far plane."""
         return self.target.depth
 
     @property
@@ -74,84 +72,83 @@ class DepthView:
 
     @property
     def tint(self):
-        """Transmittance of translucent casters, RGB; if veiled."""
+        """Transmittance of the translucent casters, RGB, if veiled."""
         return self.veils[0].colors[0]
 
     @property
     def veil(self):
-        """Depth of the nearest translucent caster; if veiled."""
+        """Depth of the nearest translucent caster, if veiled."""
         return self.veils[1].colors[0]
 
     def corner(self, k) -> tuple[int, int]:
-        """Return the lower left texel of a view in the texture."""
+        """Return the lower left texel of a view."""
         return k % self.columns * self.resolution, k // self.columns * self.resolution
 
-    def take(self, other):
-        """Copy the views that another has drawn, of as many texels each and without veils."""
-        side, state = self.resolution, self.drawer.window.GetState()
-        for k in range(min(len(other.views), len(self.views))):
-            at = [(x, y, x + side, y + side) for x, y in (other.corner(k), self.corner(k))]
-            blit(state, other.target.object, self.target.object, DEPTH_BUFFER_BIT, *at)
-            self.keys[k] = other.keys[k]
-        self.key = other.key
+    def take(self, source):
+        """Copy the views of another map of the same resolution, without veils."""
+        texels, state = self.resolution, self.drawer.window.GetState()
+        for k in range(min(len(source.views), len(self.views))):
+            corners = source.corner(k), self.corner(k)
+            rects = [(x, y, x + texels, y + texels) for x, y in corners]
+            blit(state, source.target.object, self.target.object, DEPTH_BUFFER_BIT, *rects)
+            self.keys[k] = source.keys[k]
+        self.key = source.key
 
     def update(self, frame, views, casters, *, faces='both') -> list[int]:
-        """Draw the views that are stale."""
-        stale = self._stale(views, casters)
+        """Redraw the stale views; return their indices."""
+        stale_views = self._stale(views, casters)
         self.views = list(views)
-        if not stale:
+        if not stale_views:
             return []
         self._attached.match(casters.actors, self._features_of)
         with self.target.drawing():
-            for k in stale:
+            for k in stale_views:
                 self._draw(frame, k, casters, faces)
         for mode, target in enumerate(self.veils, 1):
             with target.drawing():
-                for k in stale:
+                for k in stale_views:
                     self._draw_veil(views[k], k, casters, mode)
         self.drawer.doubles.keep(casters.actors, self.drawer.window)
         self.drawer.done()
-        # Taken again: things may have made actors for these views.
+        # Evaluated again: things may have created actors for these views.
         self.key = casters.settled()
-        for k in stale:
+        for k in stale_views:
             self.keys[k] = (views[k].key(), casters.seen(views[k]).key())
-        self.bakes += len(stale)
-        return stale
+        self.bakes += len(stale_views)
+        return stale_views
 
     def _stale(self, views, casters) -> list[int]:
-        """Return the views that are others, or that see others than when they were drawn."""
-        same = casters.key() == self.key
+        """Return the views that changed, or see other casters than when drawn."""
+        has_changed = casters.key() != self.key
         self.key = casters.key()
-        found = []
+        stale_views = []
         for k, view in enumerate(views):
-            at, seen = self.keys[k] or (None, None)
-            if at != view.key() or (not same and seen != casters.seen(view).key()):
-                found.append(k)
-        return found
+            view_key, casters_key = self.keys[k] or (None, None)
+            if view_key != view.key() or (has_changed and casters_key != casters.seen(view).key()):
+                stale_views.append(k)
+        return stale_views
 
     def _draw(self, frame, k, casters, faces):
-        view, size = self.views[k], (self.resolution, self.resolution)
-        casters, seen = casters.seen(view), frame.elsewhere(view, size, casting=True)
-        with seen_from(casters.things, seen):
-            drawn = [thing.draws(seen, depth=True) for thing in casters.things]
-            self.drawer.look(view, (*self.corner(k), *size))
-            # In a parallel view VTK has spheres bulge twice as far.
-            bulge = self.drawer.inner.GetSize()[0] / size[0] * (0.5 if view.parallel else 1.0)
-            with sized(casters.actors, frame, seen, bulge):
+        view, tile_size = self.views[k], (self.resolution, self.resolution)
+        casters, casting_frame = casters.seen(view), frame.elsewhere(view, tile_size, casting=True)
+        with seen_from(casters.things, casting_frame):
+            thing_actors = [thing.draws(casting_frame, depth=True) for thing in casters.things]
+            self.drawer.look(view, (*self.corner(k), *tile_size))
+            # In a parallel view VTK's spheres bulge twice as far.
+            bulge = self.drawer.inner.GetSize()[0] / tile_size[0] * (0.5 if view.parallel else 1.0)
+            with sized(casters.actors, frame, casting_frame, bulge):
                 self.drawer.draw_depth(casters.actors, faces=faces)
-            for actors in drawn:
+            for actors in thing_actors:
                 self.drawer.draw(actors)
 
     def _features_of(self, actor):
-        features = {SPHERES: draws_spheres(actor), _VEIL: self._is_veil(actor)}
-        return [feature for feature, wanted in features.items() if wanted]
-
-    def _is_veil(self, actor):
-        return bool(self.veils) and actor.HasTranslucentPolygonalGeometry()
+        veiled = self.veils and actor.HasTranslucentPolygonalGeometry()
+        features = {SPHERES: draws_spheres(actor), _VEIL: veiled}
+        return [feature for feature, is_needed in features.items() if is_needed]
 
     def _draw_veil(self, view, k, casters, mode):
-        rect = (*self.corner(k), self.resolution, self.resolution)
-        self.drawer.look(view, rect, clear=False)
+        view_rect = (*self.corner(k), self.resolution, self.resolution)
+        self.drawer.look(view, view_rect, clear=False)
         self.drawer.fill((1.0, 1.0, 1.0, 1.0))
         actors = casters.seen(view).translucent
         set_fragment_uniforms(actors, {'ibr_veil': mode})
@@ -166,5 +163,5 @@ class DepthView:
 
 
 def receiver_shader() -> dict[str, str]:
-    """Return the sections of ``receiver.glsl``, which looks points up in depth views."""
+    """Return the sections of ``receiver.glsl``, which samples depth views."""
     return sections(shader_source(__file__, 'receiver'))

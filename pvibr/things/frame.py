@@ -15,27 +15,27 @@ from pvibr.maths.views import View
 
 @dataclass(frozen=True, eq=False)
 class Sample:
-    """One of the samples whose mean is a still picture: effects vary with it what they sample."""
+    """One of the samples averaged into a still picture; effects vary their sampling with it."""
 
     index: int
-    #: How many there will be.
+    #: Number of samples in total.
     count: int = 64
-    #: The user's camera, which the renderer has again after the frame.
+    #: The user's camera, restored after the frame.
     camera: Any = None
 
     @property
     def gap(self) -> float:
-        """Return how far apart the samples of what spans 1 are; 0 if too near to be told apart."""
+        """Spacing of the samples over a unit interval; 0 if too fine to be visible."""
         return self.count**-0.5 if self.count < 64 else 0.0
 
     def pair(self, name) -> tuple[float, float]:
-        """Return two numbers, 0 to 1: over all samples those of a name fill a square evenly."""
+        """Return two numbers, 0 to 1; over all samples those of a name fill the unit square."""
         return pair(self.index, name)
 
 
 @dataclass(frozen=True, eq=False)
 class Frame:
-    """One frame of one subplot; read-only, the only thing that is passed to effects."""
+    """One frame of one subplot, read-only; all that effects are given."""
 
     renderer: _vtk.vtkRenderer
     window: _vtk.vtkRenderWindow
@@ -47,16 +47,16 @@ class Frame:
     picking: bool = False
     #: Whether nothing blends, as for shadow maps.
     casting: bool = False
-    #: Whether it is a depth map of a light or a projector, of which pixels may be oblong.
+    #: Whether it is a depth map of a light or projector, whose pixels may be oblong.
     depth_map: bool = False
     #: Whether `view` is that of the renderer's camera; else see `elsewhere`.
     own: bool = True
-    #: Things that were drawn in other views since they were prepared for this frame.
+    #: Things drawn in other views since they were prepared for this frame.
     astray: set = field(default_factory=set)
     tile: tuple[float, float, float, float] = (0.0, 0.0, 1.0, 1.0)
     scale: int = 1
     quality: float = 1.0
-    #: Which sample of a still picture it is; None if it is a picture of its own.
+    #: The sample of a still picture, or None for a picture by itself.
     sample: Sample | None = None
 
     @classmethod
@@ -64,12 +64,12 @@ class Frame:
         """Return the frame that a renderer is about to draw."""
         camera, window = renderer.GetActiveCamera(), renderer.GetRenderWindow()
         if bool(camera.GetStereo()) != bool(window.GetStereoRender()):
-            camera.Render(renderer)  # cameras learn by it whether they are one of two eyes
-        projection = camera.GetProjectionTransformMatrix(renderer.GetTiledAspectRatio(), -1, 1)
+            camera.Render(renderer)  # updates the camera's stereo state
+        clip_matrix = camera.GetProjectionTransformMatrix(renderer.GetTiledAspectRatio(), -1, 1)
         near, far = camera.GetClippingRange()
         view = View(
             _matrix(camera.GetModelViewTransformMatrix()),
-            _matrix(projection),
+            _matrix(clip_matrix),
             near,
             far,
             bool(camera.GetParallelProjection()),
@@ -93,27 +93,24 @@ class Frame:
 
     def elsewhere(self, view, size, *, casting=False) -> Frame:
         """Return the frame of another view of the same scene."""
-        how = {
-            'casting': casting,
-            'depth_map': casting,
-            'own': False,
-            'quality': 1.0,
-        }
-        return replace(self, view=view, size=size, origin=(0, 0), **how)
+        flags = {'casting': casting, 'depth_map': casting, 'own': False}
+        return replace(self, view=view, size=size, origin=(0, 0), quality=1.0, **flags)
 
     def within_passes(self) -> tuple[Frame, Frame]:
-        """Return the frame as VTK's passes have the scene drawn, and as they show that."""
+        """Return the frame as VTK's passes draw the scene, and as they show it."""
         camera = self.renderer.GetActiveCamera()
         if 0 in self.size or camera.GetUseExplicitProjectionTransformMatrix():
             return self, self
-        wide, high = margins(self.renderer, self.size)
-        if wide == high == 1:
+        width_ratio, height_ratio = margins(self.renderer, self.size)
+        if width_ratio == height_ratio == 1:
             return self, self
-        # They widen the angle along one axis, and keep the aspect ratio of what they show.
-        angle = wide if camera.GetUseHorizontalViewAngle() and not self.parallel else high
-        size = round(self.size[0] * wide), round(self.size[1] * high)
-        drawn = replace(self, size=size, view=_zoomed(self.view, 1 / angle, 1 / angle))
-        return drawn, replace(self, view=_zoomed(self.view, wide / angle, high / angle))
+        # Passes widen the angle along one axis and keep the shown aspect ratio.
+        is_horizontal = camera.GetUseHorizontalViewAngle() and not self.parallel
+        angle_ratio = width_ratio if is_horizontal else height_ratio
+        size = round(self.size[0] * width_ratio), round(self.size[1] * height_ratio)
+        drawn_view = _zoomed(self.view, 1 / angle_ratio, 1 / angle_ratio)
+        shown_view = _zoomed(self.view, width_ratio / angle_ratio, height_ratio / angle_ratio)
+        return replace(self, size=size, view=drawn_view), replace(self, view=shown_view)
 
     @property
     def view_from_world(self) -> np.ndarray:
@@ -146,12 +143,12 @@ class Frame:
         return self.view.eye
 
     def vary(self, name) -> tuple[float, float]:
-        """Return two numbers, 0 to 1, by which effects vary what they sample; mostly 0."""
+        """Return two numbers, 0 to 1, that jitter an effect's sampling; 0 without samples."""
         return (0.0, 0.0) if self.sample is None else self.sample.pair(name)
 
     @property
     def whole(self) -> tuple[float, float]:
-        """Width and height of the subplot in pixels; `size` is that of the tile."""
+        """Width and height of the whole subplot in pixels; `size` is that of the tile."""
         left, bottom, right, top = self.tile
         return self.size[0] / (right - left or 1), self.size[1] / (top - bottom or 1)
 
@@ -163,46 +160,47 @@ class Frame:
 
     @property
     def pixel_scale(self) -> float:
-        """The scale along y, or the greater where pixels may be oblong."""
+        """Pixels per unit along y, or the larger scale where pixels may be oblong."""
         return max(self.pixel_scales) if self.depth_map else self.pixel_scales[1]
 
     @property
     def scene_size(self) -> float:
-        """Diagonal of what is in the scene, world units."""
+        """Diagonal of the visible scene, world units."""
         low, high = np.reshape(self.renderer.ComputeVisiblePropBounds(), (3, 2)).T
         return max(float(np.linalg.norm(high - low)), 1e-12)
 
     def pixel_at(self, point) -> float:
-        """Return the size of a pixel at a point, in world units."""
-        away = -float(self.view_from_world[2, :3] @ point + self.view_from_world[2, 3])
-        return (1.0 if self.parallel else max(away, self.near)) / self.pixel_scale
+        """Return the size of a pixel at a point, world units."""
+        view_depth = -float(self.view_from_world[2, :3] @ point + self.view_from_world[2, 3])
+        return (1.0 if self.parallel else max(view_depth, self.near)) / self.pixel_scale
 
 
 def _zoomed(view, x, y) -> View:
-    """Return a view with another angle along each axis."""
-    clip = view.clip_from_view.copy()
-    clip[0, 0] *= x
-    clip[1, 1] *= y
-    return replace(view, clip_from_view=_frozen(clip, (4, 4)))
+    """Return a view with its angles scaled along each axis."""
+    clip_from_view = view.clip_from_view.copy()
+    clip_from_view[0, 0] *= x
+    clip_from_view[1, 1] *= y
+    return replace(view, clip_from_view=_frozen(clip_from_view, (4, 4)))
 
 
 def _whole(renderer):
-    """Return origin and size of a subplot, in pixels of the framebuffer, and the shares drawn."""
+    """Return origin, size and drawn fraction of a subplot, in framebuffer pixels."""
     return tuple(renderer.GetOrigin()), tuple(renderer.GetSize()), (0.0, 0.0, 1.0, 1.0)
 
 
 def _tile(renderer, window):
-    """Return the same where a tile of a large screenshot is drawn."""
-    tile, view, whole = window.GetTileViewport(), renderer.GetViewport(), window.GetSize()
-    corners, shares = [], []
+    """Return the same for the tile of a large screenshot."""
+    tile, viewport, size = window.GetTileViewport(), renderer.GetViewport(), window.GetSize()
+    tile_corners, drawn_shares = [], []
     for i in range(4):
-        side = view[2 + i % 2] - view[i % 2] or 1
-        edge = max(view[i], tile[i]) if i < 2 else min(view[i], tile[i])
-        shares.append((edge - view[i % 2]) / side)
-        within = min(max(view[i], tile[i % 2]), tile[2 + i % 2]) - tile[i % 2]
-        corners.append(round(within * whole[i % 2]))
-    x0, y0, x1, y1 = corners
-    return (x0, y0), (x1 - x0, y1 - y0), tuple(shares)
+        view_low, view_high = viewport[i % 2], viewport[2 + i % 2]
+        tile_low, tile_high = tile[i % 2], tile[2 + i % 2]
+        tile_edge = max(view_low, tile_low) if i < 2 else min(view_high, tile_high)
+        drawn_shares.append((tile_edge - view_low) / (view_high - view_low or 1))
+        within_tile = min(max(viewport[i], tile_low), tile_high) - tile_low
+        tile_corners.append(round(within_tile * size[i % 2]))
+    x0, y0, x1, y1 = tile_corners
+    return (x0, y0), (x1 - x0, y1 - y0), tuple(drawn_shares)
 
 
 def _matrix(vtk_matrix) -> np.ndarray:

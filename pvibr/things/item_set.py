@@ -1,4 +1,4 @@
-"""Sets of many items that a few actors draw."""
+"""Sets of many items drawn by a few actors."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ from pvibr.things.stand_ins import StandIns
 
 
 class ItemSet(PlacedItems, Painted):
-    """Items with looks of their own.
+    """Items with individual looks.
 
     Parameters are those of :class:`pvibr.Effect`.
     """
 
     FOR_USERS: tuple[str, ...] = ('instance_of',)
     _stand_ins: Any = None
-    #: Frames that are drawn to pick need them too.
+    #: Also drawn in picking frames.
     picks = True
     _noun = 'items'
     _changes = _watcher = 0
@@ -36,29 +36,29 @@ class ItemSet(PlacedItems, Painted):
         return f'{len(self):,} {self._noun}'
 
     def item_spheres(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return centres, shape (n, 3), and radii of the items' bounding spheres."""
+        """Return centres, shape (n, 3), and radii of the items' bounding spheres, world units."""
         raise NotImplementedError
 
     def item_mesh(self, index) -> pv.PolyData:
-        """Return the mesh of an item in world units, for VTK's pickers."""
+        """Return an item's mesh in world units, for VTK's pickers."""
         raise NotImplementedError
 
     def picked(self) -> list:
-        """Return the actors that pickers of VTK find in its place."""
+        """Return the actors that VTK's pickers find in its place."""
         return [] if self._stand_ins is None else self._stand_ins.actors()
 
     def instance_of(self, actor) -> int | None:
-        """Return the index of the item that an actor stands for, or None.
+        """Return the index of the item that a picked actor represents, or None.
 
         Parameters
         ----------
         actor : vtkActor
-            Actor that one of PyVista's pickers returned.
+            Actor returned by one of PyVista's pickers.
         """
         return None if self._stand_ins is None else self._stand_ins.index_of(actor)
 
     def _is_drawn_for_picker(self, frame) -> bool:
-        """Show meshes instead if a frame is drawn to pick; return True if it is."""
+        """In a picking frame show meshes instead, and return True."""
         if frame.picking and frame.own:
             self.deactivate()
             if self.pickable:
@@ -66,16 +66,16 @@ class ItemSet(PlacedItems, Painted):
         return frame.picking and frame.own
 
     def _places(self) -> np.ndarray:
-        """Return the positions of the items, shape (n, 3), world units."""
+        """Return the item positions, shape (n, 3), world units."""
         raise NotImplementedError
 
     def dataset(self) -> pv.PolyData:
-        """Return the positions of the items as points, with what is known of each."""
+        """Return the item positions as points, with the items' attributes as arrays."""
         self.follow()
         mesh = pv.PolyData(np.array(self._places(), float).reshape(-1, 3))
         mesh['visible'] = self.visible
-        known = {'colors': self.colors, self.scalar_title() or 'scalars': self.scalars}
-        for name, values in known.items():
+        item_arrays = {'colors': self.colors, self.scalar_title() or 'scalars': self.scalars}
+        for name, values in item_arrays.items():
             if values is not None:
                 mesh[name] = values
         return mesh
@@ -84,12 +84,12 @@ class ItemSet(PlacedItems, Painted):
         return self.pickable and self.pipeline is not None and self.needed(None) is True
 
     def content_key(self) -> tuple:
-        """Return a value that changes with the content, camera excluded."""
+        """Return a value that changes with the content, but not with the camera."""
         self.follow()
         return self._changes, self.revision, self.visibility
 
     def needed(self, frame) -> bool | str:
-        """Return True if there is anything to draw, else why not."""
+        """Return True if there is anything to draw, else the reason."""
         self.follow()
         if not self.visibility:
             return super().needed(frame)
@@ -110,11 +110,11 @@ class ItemSet(PlacedItems, Painted):
         super()._put_in(renderer)
         self._stand_ins = self._stand_ins or StandIns(self)
         self._stand_ins.put_in(renderer)
-        # Before the pipeline starts the frame, which has one clipping range.
+        # Before the pipeline's own observer, so that the frame has one clipping range.
         self._watcher = renderer.AddObserver('StartEvent', weakly(self._on_start))
 
     def _on_start(self):
-        with suppress(ValueError):  # raised in the pipeline: VTK's loop swallows errors
+        with suppress(ValueError):  # the pipeline raises it: VTK swallows errors here
             self.follow()
         self._stay_whole(self._changes)
 
@@ -125,13 +125,13 @@ class ItemSet(PlacedItems, Painted):
         super()._take_out(renderer)
 
     def _touch(self):
-        """Choose the items again for the next frame."""
+        """Choose the items again in the next frame."""
         self._content_key = None
         self._changes += 1
 
 
 class CardSet(ItemSet):
-    """Items on cards, sorted among other translucent props where they blend.
+    """Items on cards, depth-sorted with other translucent props where they blend.
 
     Parameters are those of :class:`pvibr.Effect`.
     """
@@ -140,35 +140,35 @@ class CardSet(ItemSet):
     _planes = ClippingPlanes()
 
     def _begin_drawing(self, *stale):
-        """Start without anything on the GPU; name the textures to be made."""
+        """Start with nothing on the GPU; name the textures to upload."""
         self.binder = Binder()
         self.textures: dict[str, Texture] = {}
         self._stale = set(stale)
 
     @property
     def blends(self) -> bool:
-        """Whether items are translucent, and so drawn from far to near."""
+        """Whether items are translucent, and so drawn back to front."""
         return self.prop.GetOpacity() < 1
 
     # -- the life of an effect ----------------------------------------------------------------
 
     def content_key(self) -> tuple:
-        """Return a value that changes with the content, camera excluded."""
+        """Return a value that changes with the content, but not with the camera."""
         return *super().content_key(), self.blends, self._planes.key()
 
     def set_clipping_planes(self, planes):
-        """Cut it off by a vtkPlaneCollection."""
-        found = ClippingPlanes(planes)
-        switched = bool(found) != bool(self._planes)
-        self._planes = found
-        if switched:
+        """Clip it by a vtkPlaneCollection."""
+        clip_planes = ClippingPlanes(planes)
+        toggles_clipping = bool(clip_planes) != bool(self._planes)
+        self._planes = clip_planes
+        if toggles_clipping:
             self._switch_clipping()
         if self._stand_ins is not None:
             self._stand_ins.clip(planes)
         self._touch()
 
     def _switch_clipping(self):
-        """Have shaders that clip, or such that do not."""
+        """Use shaders with, or without, clipping."""
         raise NotImplementedError
 
     def prepare(self, frame):
@@ -176,29 +176,29 @@ class CardSet(ItemSet):
         if self._is_drawn_for_picker(frame):
             return
         self._upload(frame.window)
-        others: list[float] = []
+        other_depths: list[float] = []
         if self.blends and frame.own and not frame.casting:
-            others = self.pipeline.order.others(frame, self, self.pipeline.things)
-        camera = frame.view_from_world.tobytes(), frame.clip_from_view.tobytes(), frame.size
-        key = (*camera, frame.casting, others, *self._choice_key())
-        if key != self._content_key:
-            self._choose(frame, others)
-            self._content_key = key
+            other_depths = self.pipeline.order.others(frame, self, self.pipeline.things)
+        camera_key = frame.view_from_world.tobytes(), frame.clip_from_view.tobytes(), frame.size
+        choice_key = (*camera_key, frame.casting, other_depths, *self._choice_key())
+        if choice_key != self._content_key:
+            self._choose(frame, other_depths)
+            self._content_key = choice_key
 
     def _choice_key(self) -> tuple:
-        """Return what changes with the choice of items, camera excluded."""
+        """Return what determines the choice of items, besides the camera."""
         return self.blends, self._changes, self.revision, self._planes.key()
 
     def _choose(self, frame, others):
         raise NotImplementedError
 
-    def _order_parts(self, frame, others, parts):
-        """Draw parts of the actors that blend in turn with other props, the farthest first."""
-        own = float(depths_of(frame, np.array([self.center]))[0])
-        places = *others, -np.inf
+    def _order_parts(self, frame, other_depths, parts):
+        """Interleave parts of the blending actors with other props, back to front."""
+        own_depth = float(depths_of(frame, np.array([self.center]))[0])
+        depths = *other_depths, -np.inf
         self.order = tuple(
-            ((*translucent(depth, own), k), actor)
-            for depth, part in zip(places, parts, strict=True)
+            ((*translucent(depth, own_depth), k), actor)
+            for depth, part in zip(depths, parts, strict=True)
             for k, actor in enumerate(part)
         )
 
@@ -215,6 +215,6 @@ class CardSet(ItemSet):
         self._drop('ibr_looks')
 
     def _drop(self, *names):
-        """Upload textures again for the next frame."""
+        """Upload textures again in the next frame."""
         self._stale |= set(names)
         self._touch()

@@ -1,4 +1,4 @@
-"""PyVista's widgets that cut meshes: they need one, and say so of things."""
+"""PyVista's widgets that cut meshes refuse things with a helpful error."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from functools import wraps
 
 from pvibr.things.thing import Thing
 
-#: Methods of plotters that cut the mesh that they are given.
+#: Plotter methods that cut a mesh.
 MESH_WIDGETS = (
     'add_mesh_clip_plane',
     'add_mesh_clip_box',
@@ -32,9 +32,9 @@ def _widget(name, plotter):
     def widget(mesh, *args, **kwargs):
         if isinstance(mesh, Thing):
             raise TypeError(
-                f'{name} cuts a mesh, and {mesh.name} is none. It is '
-                'cut by handle.mapper.AddClippingPlane(plane), whose plane may be set by the '
-                'callback of plotter.add_plane_widget'
+                f'{name} cuts meshes, and {mesh.name} is not one; clip it by '
+                'handle.mapper.AddClippingPlane(plane), and move the plane in the callback of '
+                'plotter.add_plane_widget'
             )
         return method(plotter(), mesh, *args, **kwargs)
 

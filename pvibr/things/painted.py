@@ -1,4 +1,4 @@
-"""Colours, scalars and visibility of the single items of a thing, as ``add_mesh`` has them."""
+"""Colours, scalars and visibility of a thing's items, as in ``add_mesh``."""
 
 from __future__ import annotations
 
@@ -16,59 +16,36 @@ from pvibr.things.thing import Thing
 if TYPE_CHECKING:
     from pyvista.plotting.themes import Theme
 
-#: What the table of the scalars takes from the arguments of ``add_mesh``.
+#: Arguments of ``add_mesh`` that configure the lookup table.
 TABLE_OPTIONS = (
-    'cmap',
-    'clim',
-    'n_colors',
-    'nan_color',
-    'below_color',
-    'above_color',
-    'log_scale',
-    'flip_scalars',
-    'categories',
-    'annotations',
+    *('cmap', 'clim', 'n_colors', 'nan_color', 'below_color', 'above_color'),
+    *('log_scale', 'flip_scalars', 'categories', 'annotations'),
 )
 
 
 class Painted(Thing):
-    """A thing of items with a colour each, given or mapped from scalars.
+    """A thing whose items have a colour each, set directly or mapped from scalars.
 
-    A subclass has a length, calls :meth:`_begin_looks` and has ``_repaint()``, which is called
+    A subclass has a length, calls :meth:`_begin_looks` and defines ``_repaint()``, which is called
     after each change.
-
-    Examples
-    --------
-    >>> from pvibr.things.painted import Painted
-    >>> class Dots(Painted):
-    ...     def __len__(self):
-    ...         return 2
-    ...
-    ...     def _repaint(self):
-    ...         pass
-    >>> dots = Dots()
-    >>> dots._begin_looks({'cmap': 'gray'})
-    >>> dots.scalars = [0.0, 1.0]
-    >>> dots.colors.tolist()
-    [[0, 0, 0], [255, 255, 255]]
     """
 
-    #: Table of the scalars; None without.
+    #: Lookup table of the scalars, or None.
     table: pv.LookupTable | None = None
-    #: What the numbers of the table stand for, if scalars are words or flags.
+    #: Category names, if the scalars are strings or booleans.
     _names: tuple[str, ...] = ()
-    #: Defaults of the table.
+    #: Defaults of the lookup table.
     _theme: Theme | None = None
 
     def __len__(self) -> int:
         raise NotImplementedError
 
     def _repaint(self):
-        """Draw the looks as they are now."""
+        """Draw the current looks."""
         raise NotImplementedError
 
     def _begin_looks(self, options, scalars=None, colors=None, visible=None, theme=None):
-        """Take over what was asked; nothing is drawn yet."""
+        """Adopt the constructor's arguments; nothing is drawn yet."""
         check_keywords(type(self), [name for name in options if name not in TABLE_OPTIONS])
         self._theme = theme
         self._table_options = {k: v for k, v in options.items() if v is not None}
@@ -82,10 +59,10 @@ class Painted(Thing):
 
     def _map(self, scalars):
         values = self._as_scalars(scalars)
-        names = look.numbered(values)[1]
-        known = self.table if names == self._names else None
-        table = known or self._table_for(values, self._table_options)
-        self._scalars, self.table, self._names = values, table, names
+        categories = look.numbered(values)[1]
+        reusable_table = self.table if categories == self._names else None
+        table = reusable_table or self._table_for(values, self._table_options)
+        self._scalars, self.table, self._names = values, table, categories
         self._scalar_name = name_of(scalars)
         self._colors = look.map_scalars(table, values)
 
@@ -93,18 +70,18 @@ class Painted(Thing):
         return look.color_table(scalars, theme=self._theme, **options)
 
     def _as_scalars(self, scalars):
-        """Return checked scalars; for who has several for each item, too."""
+        """Return validated scalars; override it for several per item."""
         return look.as_scalars(scalars, len(self))
 
     def _as_colors(self, colors):
-        """Return checked colours; for who has several for each item, too."""
+        """Return validated colours; override it for several per item."""
         return look.as_colors(colors, len(self))
 
     @property
     def scalars(self):
-        """Numbers, flags or words of the items, shape (n,), read-only, or None.
+        """Numbers, booleans or strings of the items, shape (n,), read-only, or None.
 
-        Setting them bakes nothing. Words and flags have a colour each, as in ``add_mesh``.
+        Setting them bakes nothing. Booleans and strings are categories, as in ``add_mesh``.
         """
         return None if self._scalars is None else look.read_only(self._scalars)
 
@@ -113,7 +90,7 @@ class Painted(Thing):
         self._set_scalars(scalars, name_of(scalars))
 
     def _set_scalars(self, scalars, name):
-        """Show scalars, whose scalar bar has a name."""
+        """Show scalars under a scalar-bar title."""
         if scalars is None:
             self._scalars = self._colors = self.table = None
         else:
@@ -123,12 +100,12 @@ class Painted(Thing):
         self._show_bar()
 
     def map(self, cmap=None, clim=None, **options):
-        """Colour the scalars by another map or range; nothing is baked.
+        """Recolour the scalars by another map or range; nothing is baked.
 
         Parameters
         ----------
         cmap, clim : optional
-            As in ``add_mesh``; what is None stays.
+            As in ``add_mesh``; None keeps the current one.
         **options
             ``n_colors``, ``nan_color``, ``below_color``, ``above_color``, ``log_scale``,
             ``flip_scalars``, ``categories``, ``annotations``.
@@ -136,23 +113,23 @@ class Painted(Thing):
         Raises
         ------
         ValueError
-            Where there are no scalars.
+            If there are no scalars.
         """
-        changed = {k: v for k, v in {'cmap': cmap, 'clim': clim}.items() if v is not None}
+        new_options = {k: v for k, v in {'cmap': cmap, 'clim': clim}.items() if v is not None}
         if self._scalars is None:
-            named = ', '.join([*changed, *options]) or 'map'
-            raise ValueError(f'{named}: there are no scalars to map, set scalars first')
+            option_names = ', '.join([*new_options, *options]) or 'map'
+            raise ValueError(f'{option_names} requires scalars; set scalars first')
         check_keywords(type(self), options, TABLE_OPTIONS)
-        merged = self._table_options | changed | options
-        self.table = self._table_for(self._scalars, merged)
-        self._table_options = merged
+        all_options = self._table_options | new_options | options
+        self.table = self._table_for(self._scalars, all_options)
+        self._table_options = all_options
         self._colors = look.map_scalars(self.table, self._scalars)
         self._repaint()
         self._show_bar()
 
     @property
     def clim(self) -> tuple[float, float] | None:
-        """Range of the scalars in their colour map, None without scalars."""
+        """Range of the scalars in their colour map, or None without scalars."""
         return None if self.table is None else self.table.scalar_range
 
     @clim.setter
@@ -160,7 +137,7 @@ class Painted(Thing):
         self.map(clim=clim)
 
     def set_scalar_range(self, clim):
-        """Show the scalars by another range, in the same table."""
+        """Change the scalar range, keeping the lookup table."""
         if self.table is None or tuple(self.table.scalar_range) == clim:
             return
         self.table.scalar_range = self._table_options['clim'] = clim
@@ -170,14 +147,14 @@ class Painted(Thing):
 
     @property
     def colors(self):
-        """Colours of the items, uint8, read-only, or None; (n, 4) if any is translucent."""
+        """Colours of the items, uint8, read-only, or None; shape (n, 4) if any is translucent."""
         return None if self._colors is None else look.read_only(self._colors)
 
     @colors.setter
     def colors(self, colors):
-        new = None if colors is None else self._as_colors(colors)
+        new_colors = None if colors is None else self._as_colors(colors)
         self._scalars = self.table = None
-        self._colors = new
+        self._colors = new_colors
         self._repaint()
         self._show_bar()
 
@@ -193,7 +170,7 @@ class Painted(Thing):
         self._repaint()
 
     def scalar_mapper(self):
-        """Return the actor's mapper with the table of the scalars, None without scalars."""
+        """Return the actor's mapper with the lookup table of the scalars, or None."""
         if self.table is None or self._scalars is None:
             return None
         self.has_names = bool(self._names)
@@ -205,7 +182,7 @@ class Painted(Thing):
 
 
 def scalars_of(points, scalars):
-    """Return scalars, those of a dataset or a table of points by the name of an array."""
+    """Return scalars; a string is the name of an array of the dataset or table `points`."""
     if not isinstance(scalars, str):
         return scalars
     return source_of(points, scalars, argument='points', oriented=False).scalars(scalars)

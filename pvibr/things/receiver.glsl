@@ -1,10 +1,10 @@
-// What receives light or a picture from elsewhere: where a fragment is, how it is turned, and
-// whether a depth view sees it.
+// What receives light or a picture from elsewhere: a fragment's position and normal, and whether a
+// depth view sees it.
 //
-// Depth is compared on the receiver's own plane, at the place of each texel that is read, not at
-// that of the fragment (Isidoro, "Shadow mapping: GPU-based tips and techniques", GDC 2006), and
-// what is curved is moved along its normal by a part of a texel (Holbert, "Saying goodbye to
-// shadow acne", GDC 2011). Twin: pvibr.visibility.depth_test.
+// Depth is compared on the receiver's own plane, at the position of each texel read rather than of
+// the fragment (Isidoro, "Shadow mapping: GPU-based tips and techniques", GDC 2006). Curved surfaces
+// are offset along the normal by a fraction of a texel (Holbert, "Saying goodbye to shadow acne",
+// GDC 2011). Twin: pvibr.visibility.depth_test.
 
 //@vertex.declare
 #ifndef IBR_CLIP
@@ -19,7 +19,7 @@ in vec4 ibr_clip;
 #endif
 
 //@fragment.pixel
-// Where a geometry shader stands between, nothing of the vertex shader comes through.
+// A geometry shader in between passes no outputs of the vertex shader on.
 #ifndef IBR_CLIP
 #define IBR_CLIP
 #define ibr_clip (vec4((gl_FragCoord.xy - ibr_viewport.xy) / ibr_viewport.zw, gl_FragCoord.z, \
@@ -29,7 +29,7 @@ in vec4 ibr_clip;
 //@plane
 #ifndef IBR_PLANE
 #define IBR_PLANE
-// Derivative of texture space along a direction in the plane of the receiver.
+// Derivative of texture coordinates along a direction in the receiver's plane.
 vec3 ibr_along(mat4 m, vec4 q, vec3 t)
 {
   vec4 d = m * vec4(t, 0.0);
@@ -52,13 +52,13 @@ vec2 ibr_slope(mat4 m, vec4 q, vec3 n)
 //@declare
 #ifndef IBR_RECEIVER
 #define IBR_RECEIVER
-// Place in view space; z is taken from w in perspective, so that no near plane spoils it.
+// Position in view space; in perspective z is derived from w, whatever the near plane.
 vec3 ibr_place(vec4 clip)
 {
   return (ibr_view_from_clip[0] * vec4(clip.xy, dot(ibr_ahead, clip.zw), 1.0)).xyz;
 }
 
-// Direction from a place to the eye, of any length.
+// Direction from a position to the eye, not normalized.
 vec3 ibr_to_eye(vec3 p)
 {
   return ibr_ahead.y > 0.0 ? -p : vec3(0.0, 0.0, 1.0);
@@ -73,7 +73,7 @@ vec3 ibr_flat(vec3 p)
   return dot(n, ibr_to_eye(p)) < 0.0 ? -n : n;
 }
 
-// The steepest that a blocker may rise away from a receiver, depth per texel: four texels.
+// Largest slope of a blocker away from a receiver, in depth per texel: four texels.
 float ibr_steepest(mat4 m, vec4 q, float side)
 {
   vec3 x = ibr_along(m, q, vec3(1.0, 0.0, 0.0));
@@ -83,8 +83,8 @@ float ibr_steepest(mat4 m, vec4 q, float side)
   return 4.0 * length(along) / (side * length(across));
 }
 
-// How much of a place a depth view sees, 0 to 1: four comparisons, each where its texel is,
-// weighted by nearness. The matrix is to texture space; off is how far to move along the normal.
+// Visibility of a position in a depth view, 0 to 1: four comparisons, each at its texel, weighted
+// bilinearly. The matrix maps to texture space; off is the offset along the normal.
 float ibr_seen(sampler2D map, mat4 m, vec3 p, vec3 n, float off)
 {
   vec4 q = m * vec4(p, 1.0);
@@ -109,7 +109,7 @@ float ibr_seen(sampler2D map, mat4 m, vec3 p, vec3 n, float off)
     if (here > there)
     {
       // The blocker's own plane must hide the fragment, too: in a valley each slope is above the
-      // plane of the other, and hides nothing.
+      // other's plane without hiding it.
       ivec2 last = ivec2(int(side) - 1), at = ivec2(texel), out_ = 2 * ivec2(d) - 1;
       vec2 next = vec2(texelFetch(map, clamp(at + ivec2(out_.x, 0), ivec2(0), last), 0).r,
         texelFetch(map, clamp(at + ivec2(0, out_.y), ivec2(0), last), 0).r);

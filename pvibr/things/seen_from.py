@@ -1,4 +1,4 @@
-"""The scene as other views have it: those of lights, mirrors, textures and image layers."""
+"""The scene in other views: those of lights, mirrors, textures and image layers."""
 
 from __future__ import annotations
 
@@ -6,14 +6,14 @@ from contextlib import contextmanager
 
 
 @contextmanager
-def seen_from(things, seen):
-    """Let things be drawn in a frame of another view: they answer ``thing.draws(seen)`` within.
+def seen_from(things, other_frame):
+    """Let things draw in a frame of another view: call ``thing.draws(seen)`` within.
 
-    The pipeline prepares them for their own frame again, once, before the next effect.
+    The pipeline prepares them for their own frame again before the next effect.
     """
-    seen.astray.update(things)
+    other_frame.astray.update(things)
     try:
         yield
     finally:
         for thing in things:
-            thing.finish(seen)
+            thing.finish(other_frame)

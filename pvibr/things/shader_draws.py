@@ -15,17 +15,17 @@ from pvibr.gl.binder import Binder
 from pvibr.gl.feature import Feature
 from pvibr.things.shared_material import CardMaterial
 
-ROW = 1024  # texels of a row of a table
+ROW = 1024  # texels per row of a table
 PBR = 3  # VTKPBR
-# VTK computes highlights also where the material has none; the compiler drops what follows.
+# VTK computes highlights even if the material has none; with this the compiler drops them.
 DULL = '#define specularColor vec3(0.0)\n', '#undef specularColor\n'
 
 
 class ShaderDraws:
-    """Actors of one mapper, visible within frames only, each of which draws a span of entries."""
+    """Actors of one mapper, visible within frames only, each drawing a span of the entries."""
 
-    # The shader has the entries as ibr_entries, in rows of 1024 texels, and of each actor
-    # ibr_first, the number of its first item, and ibr_end, the entry after its last.
+    # The shader reads the entries from ibr_entries, in rows of ROW texels; an actor's span is
+    # from ibr_first, its first item, to before ibr_end.
 
     def __init__(
         self, *, draws=1, chunk=1, prop=None, feature=None, translucent=None, binder=None
@@ -33,9 +33,9 @@ class ShaderDraws:
         self.mapper = _vtk.vtkPolyDataMapper()
         self.mapper.ScalarVisibilityOff()
         tell_programs(self.mapper, self._set_shader)
-        #: Most items of a draw.
+        #: Most items per draw.
         self.chunk = chunk
-        #: Shared with whoever made it, or a copy of what is no material of cards.
+        #: Shared if given as a `CardMaterial`, else a copy.
         self.material = prop if isinstance(prop, CardMaterial) else CardMaterial(prop)
         self.actors = [_draw_actor(self.mapper, self.material, translucent) for _ in range(draws)]
         self.textures: dict[str, Texture] = {}
@@ -43,10 +43,10 @@ class ShaderDraws:
         self.entries: Texture | None = None
         self.failure: str | None = None
         self._binder = binder or Binder()
-        self._spans, self._used = [(0, 0)] * draws, 0
-        self._corners = self._watcher = 0
+        self._spans, self._span_count = [(0, 0)] * draws, 0
+        self._corners = self._start_observer = 0
         self.feature: Feature | None = None
-        self.landed = self._asked = False
+        self.landed = self._was_drawn = False
         if feature is not None:
             self.set_feature(feature)
 
@@ -62,7 +62,7 @@ class ShaderDraws:
         return 0 if self.entries is None else self.entries.nbytes
 
     def set_feature(self, feature):
-        """Replace the attached shader text."""
+        """Replace the attached feature."""
         if self.feature is None or feature.name != self.feature.name:
             for actor in self.actors:
                 if self.feature is not None:
@@ -72,67 +72,68 @@ class ShaderDraws:
             self._watch()
 
     def place_cards(self, bounds, corners=4):
-        """Have cards of 4 corners, or points, as many as a draw may have; VTK culls by bounds."""
+        """Set the most cards of a draw, of 4 corners or 1, and the bounds that VTK culls by."""
         self._corners = corners
         self.mapper.SetInputData(card_mesh(self.chunk, corners, bounds))
 
     # -- what is drawn ------------------------------------------------------------------------
 
     def upload(self, window, entries):
-        """Upload the table of entries, shape (n, channels), if there are any."""
+        """Upload the table of entries, shape (n, channels), unless it is empty."""
         if len(entries):
             self.entries = self.entries or Texture(window)
             self.entries.upload(pack(entries, ROW, entries.shape[1]))
 
-    def grow(self, count, made) -> list:
-        """Have so many actors at least; return those that were made."""
-        new = [made() for _ in range(count - len(self.actors))]
-        self.actors += new
-        self._spans += [(0, 0)] * len(new)
-        return new
+    def grow(self, count, make_actor) -> list:
+        """Grow the pool to at least `count` actors; return the new ones."""
+        new_actors = [make_actor() for _ in range(count - len(self.actors))]
+        self.actors += new_actors
+        self._spans += [(0, 0)] * len(new_actors)
+        return new_actors
 
     def show_spans(self, spans):
-        """Draw a span by each actor: first item and end of the entries; others draw nothing."""
-        count, self._used = max(len(spans), self._used), len(spans)  # others are hidden already
-        spans = [*spans, *[(0, 0)] * (count - len(spans))]
-        for k, (actor, span) in enumerate(zip(self.actors[:count], spans, strict=True)):
+        """Draw one span (first item, end entry) per actor; the other actors draw nothing."""
+        draw_count = max(len(spans), self._span_count)  # the rest is hidden already
+        self._span_count = len(spans)
+        spans = [*spans, *[(0, 0)] * (draw_count - len(spans))]
+        for k, (actor, span) in enumerate(zip(self.actors[:draw_count], spans, strict=True)):
             actor.SetVisibility(span[1] > 0)
-            if span != self._spans[k]:  # most stay while the camera moves
+            if span != self._spans[k]:  # most persist while the camera moves
                 uniforms = actor.GetShaderProperty().GetVertexCustomUniforms()
                 uniforms.SetUniformi('ibr_first', span[0])
                 uniforms.SetUniformi('ibr_end', span[1])
                 self._spans[k] = span
 
     def show_parts(self, cuts, unit) -> list:
-        """Draw the entries between each two cuts, of so many items each; return their actors."""
-        step = self.chunk // unit
-        parts = [
-            [(a * unit, min(a + step, end)) for a in range(first, end, step)]
+        """Draw the entries between consecutive cuts; return the actors of each part."""
+        step_size = self.chunk // unit
+        part_spans = [
+            [(a * unit, min(a + step_size, end)) for a in range(first, end, step_size)]
             for first, end in pairwise(cuts)
         ]
-        self.show_spans([span for part in parts for span in part])
-        free = iter(self.actors)
-        return [[next(free) for _ in part] for part in parts]
+        self.show_spans([span for part in part_spans for span in part])
+        free_actors = iter(self.actors)
+        return [[next(free_actors) for _ in part] for part in part_spans]
 
     def hide(self):
-        """Draw nothing, and give the texture units back."""
+        """Draw nothing, and release the texture units."""
         self.show_spans(())
         self._binder.unbind()
 
     # -- the GPU ------------------------------------------------------------------------------
 
     def _watch(self):
-        """Note the next time that VTK draws, whether or not it has a program."""
-        self.mapper.RemoveObserver(self._watcher)
-        self._asked = False
-        self._watcher = self.mapper.AddObserver('StartEvent', weakly(self._note))
+        """Note when VTK next draws, with or without a program."""
+        self.mapper.RemoveObserver(self._start_observer)
+        self._was_drawn = False
+        self._start_observer = self.mapper.AddObserver('StartEvent', weakly(self._on_start))
 
-    def _note(self):
-        self._asked = True
-        self.mapper.RemoveObserver(self._watcher)
+    def _on_start(self):
+        self._was_drawn = True
+        self.mapper.RemoveObserver(self._start_observer)
 
     def _inputs(self) -> tuple[dict, dict]:
-        """Return the textures and the uniforms of a program that is about to draw."""
+        """Return the textures and uniforms of a program about to draw."""
         return self.textures, self.uniforms
 
     def _set_shader(self, program):
@@ -149,8 +150,8 @@ class ShaderDraws:
                 self.failure = f'the shader text {self.feature.name} did not land'
 
     def check(self):
-        """Note if the frame that was drawn had no program for what it was to show."""
-        if self._asked and not self.landed and self.feature is not None:
+        """Record a failure if the last frame drew without a program."""
+        if self._was_drawn and not self.landed and self.feature is not None:
             self.failure = f'the driver refused the shader {self.feature.name}'
 
     def release(self, window):
@@ -167,7 +168,7 @@ class ShaderDraws:
 
 
 def _draw_actor(mapper, material, translucent):
-    """Return an actor without bounds that is not picked."""
+    """Return an unpickable actor without bounds."""
     actor = pv.Actor()
     actor.SetMapper(mapper)
     actor.SetProperty(material)
@@ -179,35 +180,35 @@ def _draw_actor(mapper, material, translucent):
     return actor
 
 
-def card_mesh(count, corners, bounds):
-    """Return the polydata of unplaced cards: the shader places them by their vertex number."""
+def card_mesh(card_count, corners, bounds):
+    """Return polydata of cards that the shader positions by vertex number."""
     low, high = np.asarray(bounds, float).reshape(3, 2).T
-    count = max(count, 2)  # one point has no bounds
-    points = np.empty((count * corners, 3))
-    points[0::2], points[1::2] = low, high
-    cell = np.array([0]) if corners == 1 else np.array([0, 1, 2, 0, 2, 3])
-    cells = (np.arange(count)[:, None] * corners + cell).astype(np.int32).ravel()
+    card_count = max(card_count, 2)  # one point has no bounds
+    corner_points = np.empty((card_count * corners, 3))
+    corner_points[0::2], corner_points[1::2] = low, high
+    corner_offsets = np.array([0]) if corners == 1 else np.array([0, 1, 2, 0, 2, 3])
+    cells = (np.arange(card_count)[:, None] * corners + corner_offsets).astype(np.int32).ravel()
     mesh = _vtk.vtkPolyData()
     vertices = _vtk.vtkPoints()
-    vertices.SetData(_vtk.numpy_to_vtk(points, deep=True))
+    vertices.SetData(_vtk.numpy_to_vtk(corner_points, deep=True))
     mesh.SetPoints(vertices)
-    polys = _vtk.vtkCellArray()
-    offsets = np.arange(0, len(cells) + 1, 1 if corners == 1 else 3, dtype=np.int32)
-    polys.SetData(*(_vtk.numpy_to_vtk(a, deep=True) for a in (offsets, cells)))
+    cell_array = _vtk.vtkCellArray()
+    cell_offsets = np.arange(0, len(cells) + 1, 1 if corners == 1 else 3, dtype=np.int32)
+    cell_array.SetData(*(_vtk.numpy_to_vtk(a, deep=True) for a in (cell_offsets, cells)))
     if corners == 1:
-        # VTK lights points that have normals, whatever these are.
-        mesh.SetVerts(polys)
-        normals = _vtk.numpy_to_vtk(np.zeros((count, 3), np.float32), deep=True)
-        mesh.GetPointData().SetNormals(normals)
+        # VTK lights points only if they have normals; their values do not matter.
+        mesh.SetVerts(cell_array)
+        zero_normals = _vtk.numpy_to_vtk(np.zeros((card_count, 3), np.float32), deep=True)
+        mesh.GetPointData().SetNormals(zero_normals)
     else:
-        mesh.SetPolys(polys)
+        mesh.SetPolys(cell_array)
     return mesh
 
 
-def pack(values, width, channels) -> np.ndarray:
-    """Return values as an image, padded with zeros."""
-    flat = values.reshape(-1, channels)
-    height = max(1, -(-len(flat) // width))
-    out = np.zeros((height * width, channels), values.dtype)
-    out[: len(flat)] = flat
-    return out.reshape(height, width, channels)
+def pack(values, row_length, channel_count) -> np.ndarray:
+    """Return values as an image, zero-padded."""
+    flat_values = values.reshape(-1, channel_count)
+    height = max(1, -(-len(flat_values) // row_length))
+    padded = np.zeros((height * row_length, channel_count), values.dtype)
+    padded[: len(flat_values)] = flat_values
+    return padded.reshape(height, row_length, channel_count)

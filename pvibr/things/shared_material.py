@@ -1,4 +1,4 @@
-"""One material for several actors that have their own: changes of it are theirs."""
+"""Copies changes of one material to the materials of several actors."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _LOOKS = (
     *('Metallic', 'Roughness', 'Anisotropy', 'AnisotropyRotation', 'BaseIOR'),
     *('AmbientColor', 'DiffuseColor', 'SpecularColor'),
 )
-# Faces culled, and what is drawn in place of faces or beside them.
+# Culling, and how faces, edges, lines and points are drawn.
 _STYLES = (
     *('BackfaceCulling', 'FrontfaceCulling', 'Representation', 'EdgeVisibility', 'EdgeColor'),
     *('EdgeOpacity', 'LineWidth', 'PointSize', 'RenderPointsAsSpheres', 'RenderLinesAsTubes'),
@@ -21,7 +21,7 @@ _VALUES = (*_LOOKS, *_STYLES)
 
 
 class CardMaterial(_vtk.vtkProperty):
-    """The material of cards: lit as a property says, but always of filled faces without edges."""
+    """The material of cards: lit like a property, always with filled faces and no edges."""
 
     def __init__(self, prop=None):
         for name in _LOOKS if prop is not None else ():
@@ -29,7 +29,7 @@ class CardMaterial(_vtk.vtkProperty):
 
 
 def _ignored(_material, *_values):
-    """Leave the faces of cards as they are."""
+    """Leave the faces of cards unchanged."""
 
 
 for _name in _STYLES:
@@ -37,13 +37,13 @@ for _name in _STYLES:
 
 
 class SharedMaterial:
-    """Sets what changes in a property in others, too."""
+    """Copies each change of a property to other properties."""
 
     def __init__(self, prop, others):
         self._others = weakref.WeakMethod(others)
-        #: How many times others were changed.
+        #: Number of changes made to the others.
         self.changes = 0
-        self._was = _values(prop)
+        self._last_values = _values(prop)
         self._watch(prop)
 
     def _watch(self, prop):
@@ -51,24 +51,24 @@ class SharedMaterial:
         self._tag = prop.AddObserver('ModifiedEvent', weakly(self._apply))
 
     def wear(self, prop):
-        """Take over another property, all of it."""
+        """Switch to another property and copy all of it."""
         self.stop()
-        self._was = {}
+        self._last_values = {}
         self._watch(prop)
         self._apply()
 
     def stop(self):
-        """Leave others alone."""
+        """Stop copying changes."""
         self._prop.RemoveObserver(self._tag)
 
     def _apply(self):
-        others, before, now = self._others(), self._was, _values(self._prop)
-        changed = {name: value for name, value in now.items() if before.get(name) != value}
-        self._was = now
-        if not changed or others is None:
+        get_others, values = self._others(), _values(self._prop)
+        changes = [(n, v) for n, v in values.items() if self._last_values.get(n) != v]
+        self._last_values = values
+        if not changes or get_others is None:
             return
-        for other in others():
-            for name, value in changed.items():
+        for other in get_others():
+            for name, value in changes:
                 getattr(other, f'Set{name}')(value)
         self.changes += 1
 

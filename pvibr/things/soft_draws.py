@@ -1,4 +1,4 @@
-"""Soft-edged cards drawn in parts: what is opaque of them, their edges, and their depth."""
+"""Soft-edged cards drawn in parts: opaque cores, blended fringes, and their depth."""
 
 from __future__ import annotations
 
@@ -8,19 +8,19 @@ from dataclasses import dataclass
 from pvibr.things.draw_order import Stage
 from pvibr.things.shader_draws import ShaderDraws
 
-#: Coverage from which a pixel is opaque.
+#: Coverage at which a pixel counts as opaque.
 WHOLE = 0.98
 _ALL = 2.0  # more than any coverage
-_BEHIND = 1e-6  # of w: a fringe behind its own core is rejected before it is shaded
+_BEHIND = 1e-6  # of w: the depth test rejects a fringe behind its own core before shading
 
 
 @dataclass(frozen=True)
 class Part:
-    """What a draw shows of cards: coverages, and how."""
+    """What a draw shows of cards: a range of coverage, and how."""
 
     least: float
     most: float
-    #: Opacity, below 0 the coverage.
+    #: Opacity; negative for the coverage.
     alpha: float
     writes_depth: bool = True
     back: float = 0.0
@@ -35,20 +35,20 @@ class Part:
         }
 
 
-# Cores write depth and are opaque, so that they may come in any order, and before all fringes;
-# these blend and write none, so that nothing behind them is missing that is drawn later.
+# Opaque cores write depth, so any order works, before all fringes. Fringes blend and write no
+# depth, so they do not hide what is drawn later behind them.
 CORE = Part(WHOLE, _ALL, 1.0, nearest_first=True)
 FRINGE = Part(1 / 255, WHOLE, -1.0, writes_depth=False, back=_BEHIND)
-#: Fringes of what has no core.
+#: Fringes of cards without a core.
 SOFT = Part(1 / 255, _ALL, -1.0, writes_depth=False)
-#: Depth alone for effects that read it, of what is more than half covered; VTK discards alpha 0.
+#: Depth only, where more than half covered, for effects that read it; VTK discards alpha 0.
 DEPTH = Part(0.5, _ALL, 1e-9)
-#: Hard edges, also for lights and picks.
+#: Hard edges, also for lights and picking.
 SOLID = Part(0.5, _ALL, 1.0)
 
 
 class PartDraws(ShaderDraws):
-    """The draws of a part; the soft draws that own them have the textures and uniforms."""
+    """The draws of one part; textures and uniforms come from the owning soft draws."""
 
     def __init__(self, owner, **look):
         super().__init__(**look)
@@ -61,14 +61,14 @@ class PartDraws(ShaderDraws):
 
     def _set_shader(self, program):
         super()._set_shader(program)
-        # VTK itself sets it for the next actor.
+        # VTK sets it again for the next actor.
         self._owner.window.GetState().vtkglDepthMask(self.part.writes_depth)
 
 
 class SoftDraws:
-    """Draws of the same cards: cores, fringes, and depth where it is read.
+    """Draws of the same cards: cores, fringes, and depth where an effect reads it.
 
-    A subclass has the window, and ``inputs()``: textures and uniforms of all parts.
+    A subclass has a `window` and ``inputs()``, the textures and uniforms of all parts.
     """
 
     def __init__(self, feature, fringe=None, *, cored=True, **look):
@@ -88,7 +88,7 @@ class SoftDraws:
 
     @property
     def landed(self) -> bool:
-        """Whether a program was drawn with."""
+        """Whether any program has drawn."""
         return any(draws.landed for draws in self.every)
 
     @property
@@ -97,19 +97,19 @@ class SoftDraws:
         return next((draws.failure for draws in self.every if draws.failure), None)
 
     def order(self, row) -> list:
-        """Return pairs of a key and an actor: fringes of higher rows are drawn later."""
-        found = []
+        """Return (key, actor) pairs; fringes of higher rows are drawn later."""
+        keyed_actors = []
         for draws, stage, turn in (
             (self.core, Stage.CORE, -1),
             (self.fringe, Stage.FRINGE, 1),
             (self.depth, Stage.DEPTH, 1),
         ):
             actors = [] if draws is None else draws.actors
-            found += [((stage, turn * row, turn * k), a) for k, a in enumerate(actors)]
-        return found
+            keyed_actors += [((stage, turn * row, turn * k), a) for k, a in enumerate(actors)]
+        return keyed_actors
 
     def parts(self, *, solid, deep) -> dict:
-        """Return the part that each draw shows: hard edges, or soft ones whose depth is read."""
+        """Return the part that each draw shows: hard edges, or soft ones, with depth if `deep`."""
         if solid:
             return {self.core or self.depth: SOLID}
         parts = {self.fringe: SOFT}
@@ -118,12 +118,12 @@ class SoftDraws:
         return {**parts, self.depth: DEPTH} if deep else parts
 
     def bound(self, bounds, corners=4):
-        """Set the bounds that VTK knows the cards by."""
+        """Set the bounds by which VTK culls the cards."""
         for draws in self.every:
             draws.place_cards(bounds, corners)
 
     def check(self):
-        """Note shaders that the frame was not drawn with."""
+        """Record failures of shaders in the last frame."""
         for draws in self.every:
             draws.check()
 

@@ -1,4 +1,4 @@
-"""Gaussian points in targets of floats: there, colours below 0 and alphas of light would count."""
+"""Gaussian points in float targets, where negative colours and accumulated alpha would show."""
 
 from __future__ import annotations
 
@@ -6,13 +6,13 @@ from pvibr.core._vtk import method
 from pvibr.gl.feature import Feature, FeatureSet
 
 _TAG = 'VTK::DepthPeeling::Impl'
-# PyVista's points as spheres have negative rims, which targets of bytes clamp.
+# PyVista's sphere points have negative rims, which 8-bit targets clamp.
 _CLAMPED = Feature(
     'clamped_splats',
     fragment={_TAG: f'  gl_FragData[0] = max(gl_FragData[0], vec4(0.0));\n//{_TAG}'},
 )
-# VTK adds alpha times the colour, and alpha times alpha: a thousandth of alpha and a thousand
-# times the colour are as much light, and hide nothing of what will be put behind.
+# VTK adds alpha times colour, and alpha times alpha. A thousandth of the alpha with a thousand
+# times the colour gives the same light and hides nothing composited behind it.
 _LIGHT = Feature(
     'light_splats',
     fragment={
@@ -26,38 +26,39 @@ _LIGHT = Feature(
 
 
 class Splats:
-    """What Gaussian points of a renderer write while its scene is drawn into floats."""
+    """Sets what a renderer's Gaussian points write while the scene is drawn into floats."""
 
     def __init__(self, renderer):
         self._renderer = renderer
         self._attached = FeatureSet()
-        self._found: list = []
+        self._splat_actors: list = []
         self._time = -1
 
     def look(self):
-        """Look for them anew if props came or went since the last frame: mappers are asked."""
+        """Find them again if props were added or removed since the last frame."""
         props = self._renderer.GetViewProps()
         if props.GetMTime() != self._time:
-            self._found = [p for p in props if p.IsA('vtkActor') and _splats(p.GetMapper())]
+            actors = [prop for prop in props if prop.IsA('vtkActor')]
+            self._splat_actors = [a for a in actors if _draws_splats(a.GetMapper())]
 
     def settle(self):
-        """Take the props for unchanged: a frame takes some out, and puts them back."""
+        """Treat the props as unchanged: a frame removes and restores some."""
         self._time = self._renderer.GetViewProps().GetMTime()
 
     def shine(self) -> bool:
-        """Return whether any adds light."""
+        """Return whether any is emissive."""
         return any(a.GetMapper().GetEmissive() for a in self._visible())
 
     def _visible(self) -> list:
-        return [actor for actor in self._found if method(actor, 'GetVisibility')()]
+        return [actor for actor in self._splat_actors if method(actor, 'GetVisibility')()]
 
     def match(self, floats):
-        """Have them write what the target of this frame needs."""
-        peeling = self._renderer.GetUseDepthPeeling()
-        splats = self._visible() if floats else ()
-        light = () if peeling else {id(a) for a in splats if a.GetMapper().GetEmissive()}
-        self._attached.match(splats, lambda a: (_LIGHT if id(a) in light else _CLAMPED,))
+        """Attach the shader text that this frame's target needs."""
+        splats, additive = self._visible() if floats else (), set()
+        if not self._renderer.GetUseDepthPeeling():
+            additive = {id(a) for a in splats if a.GetMapper().GetEmissive()}
+        self._attached.match(splats, lambda a: (_LIGHT if id(a) in additive else _CLAMPED,))
 
 
-def _splats(mapper) -> bool:
+def _draws_splats(mapper) -> bool:
     return mapper is not None and mapper.IsA('vtkPointGaussianMapper')

@@ -1,4 +1,4 @@
-"""Meshes of single items, which are there only while VTK's own pickers look for them."""
+"""Meshes of single items that exist only while VTK's own pickers look for them."""
 
 from __future__ import annotations
 
@@ -18,63 +18,63 @@ from pvibr.gl.scene_pass import hidden_name
 from pvibr.things.frame import Frame
 from pvibr.things.picking import pixel_ray
 
-#: Items that a click finds, and that pickers that draw do, the nearest.
+#: Most items, the nearest, offered to pickers that cast rays and to pickers that draw.
 _CLICKED, _DRAWN = 8, 1024
-#: Places that a picker by rays asks about: its own, then two corners of the viewport.
+#: Display points that a ray picker converts: its own, then two corners of the viewport.
 _LAST = 3
-#: Tolerance of PyVista's pickers, as a share of the diagonal.
+#: Tolerance of PyVista's pickers, as a fraction of the diagonal.
 _TOLERANCE = 0.025
 
 
 class StandIns:
-    """Actors of items: some that pickers by rays ask for meshes, and some that others draw."""
+    """Actors of single items, some for ray pickers and some for pickers that draw."""
 
-    #: Whether any thing asks a renderer for a ray: no picker does then.
-    _looking = False
+    #: Whether a thing converts points itself, which is then no sign of a picker.
+    _is_converting = False
 
     def __init__(self, thing):
         self._thing: Any = weakref.ref(thing)
         self._renderer: Any = None
         self._observers: list[int] = []
-        #: The last places that the renderer was asked about: all that is known of a picker.
-        self._asked: deque = deque(maxlen=_LAST)
-        self._found: tuple = ((), [])
+        #: The display points converted last: the only trace of a picker.
+        self._display_points: deque = deque(maxlen=_LAST)
+        self._ray_items: tuple = ((), [])
         self._point: tuple = ()
-        self._clips: list = []
-        self._shown: tuple | None = None
-        #: Indices of the items that actors of either kind stand for.
-        self._under: dict = {}
-        self._within: list[int] = []
-        self._clicked: list = []
-        self._drawn: list = []
-        self._warned = self._is_empty = False
+        self._clip_planes: list = []
+        self._area_key: tuple | None = None
+        #: Indices of the items that the actors of either kind represent.
+        self._index_by_rank: dict = {}
+        self._drawn_indices: list[int] = []
+        self._ray_actors: list = []
+        self._drawn_actors: list = []
+        self._has_warned = self._is_empty = False
 
     def put_in(self, renderer):
-        """Be in a scene."""
+        """Enter a scene."""
         self._renderer = renderer
-        if not self._clicked:
-            self._clicked = [_lazy_actor(self, k) for k in range(_CLICKED)]
-        self._drawn = [_actor(_vtk.vtkPolyDataMapper()) for _ in range(_CLICKED)]
-        self.clip(self._clips)
+        if not self._ray_actors:
+            self._ray_actors = [_lazy_actor(self, k) for k in range(_CLICKED)]
+        self._drawn_actors = [_actor(_vtk.vtkPolyDataMapper()) for _ in range(_CLICKED)]
+        self.clip(self._clip_planes)
         for actor in self.actors():
             put_inner(renderer, actor)
         self._empty()
         self._observers = [
-            renderer.AddObserver('ModifiedEvent', weakly(self._note)),
-            renderer.AddObserver('StartEvent', weakly(self._hide)),
-            renderer.AddObserver('EndEvent', weakly(self._offer)),
+            renderer.AddObserver('ModifiedEvent', weakly(self._on_convert)),
+            renderer.AddObserver('StartEvent', weakly(self._on_start)),
+            renderer.AddObserver('EndEvent', weakly(self._on_end)),
         ]
-        self._offer()
+        self._on_end()
 
     def actors(self) -> list:
         """Return the actors of both kinds."""
-        return [*(actor for actor, _ in self._clicked), *self._drawn]
+        return [*(actor for actor, _ in self._ray_actors), *self._drawn_actors]
 
     def clip(self, planes):
-        """Cut items off by planes, or None."""
-        self._clips = list(planes or ())
+        """Clip the items by planes, or by none."""
+        self._clip_planes = list(planes or ())
         for actor in self.actors():
-            _clip(actor, self._clips)
+            _clip(actor, self._clip_planes)
 
     def take_out(self):
         """Leave the scene."""
@@ -82,168 +82,174 @@ class StandIns:
             self._renderer.RemoveObserver(tag)
         for actor in self.actors():
             self._renderer.RemoveViewProp(actor)
-        self._renderer, self._observers, self._drawn, self._within = None, [], [], []
-        self._shown = None
+        self._renderer, self._observers, self._drawn_actors, self._drawn_indices = None, [], [], []
+        self._area_key = None
 
-    def _note(self):
-        point = self._renderer.GetDisplayPoint()[:2]
-        if self._looking or (self._asked and self._asked[-1] == point):
+    def _on_convert(self):
+        display_point = self._renderer.GetDisplayPoint()[:2]
+        if self._is_converting or (
+            self._display_points and self._display_points[-1] == display_point
+        ):
             return
-        self._asked.append(point)
-        if point != self._point and not self._has_drawn(*point):
+        self._display_points.append(display_point)
+        if display_point != self._point and not self._has_drawn(*display_point):
             self._empty()
-        self._point = point
-        for _, source in self._clicked:
+        self._point = display_point
+        for _, source in self._ray_actors:
             source.Modified()
 
     def _has_drawn(self, x, y) -> bool:
-        """Return True if a picker that drew a pixel asks for the place of what it found there."""
-        if self._shown is None:
+        """Return True if a picker that drew a pixel asks for the position of what it found."""
+        if self._area_key is None:
             return False
-        (x0, y0, x1, y1), _, content = self._shown
+        (x0, y0, x1, y1), _, content_key = self._area_key
         thing = self._thing()
-        inside = x0 - 1 <= x <= x1 + 1 and y0 - 1 <= y <= y1 + 1
-        return inside and thing is not None and content == thing.content_key()
+        is_inside = x0 - 1 <= x <= x1 + 1 and y0 - 1 <= y <= y1 + 1
+        return is_inside and thing is not None and content_key == thing.content_key()
 
     def _empty(self):
-        """Have no meshes for pickers that draw: pickers by rays would find them."""
-        if self._shown is None and self._is_empty:
+        """Drop the meshes for pickers that draw: ray pickers would find them."""
+        if self._area_key is None and self._is_empty:
             return
-        self._shown, self._is_empty = None, True
-        for actor in self._drawn:
+        self._area_key, self._is_empty = None, True
+        for actor in self._drawn_actors:
             actor.GetMapper().SetInputDataObject(_vtk.vtkPolyData())
 
-    def _hide(self):
+    def _on_start(self):
         if self._renderer.GetSelector() is None:
             self._empty()
         for actor in self.actors():
             actor.VisibilityOff()
 
-    def _offer(self):
+    def _on_end(self):
         """Let pickers find items between frames."""
         thing = self._thing()
-        there = thing is not None and thing.pickable and thing.visibility
-        for actor, _ in self._clicked:
-            actor.SetVisibility(there)
-        # The hardware picker draws only what was visible before it asks for the first frame.
-        for actor in self._drawn[:_CLICKED]:
-            actor.SetVisibility(there)
-        self._asked.clear()
+        is_pickable = thing is not None and thing.pickable and thing.visibility
+        for actor, _ in self._ray_actors:
+            actor.SetVisibility(is_pickable)
+        # The hardware picker draws only what is visible before its first frame.
+        for actor in self._drawn_actors[:_CLICKED]:
+            actor.SetVisibility(is_pickable)
+        self._display_points.clear()
 
     # -- pickers by rays ----------------------------------------------------------------------
 
     def fill(self, k, output):
-        """Put the mesh of the item into an output that is the k-th under a picker."""
+        """Put the mesh of the k-th item under a ray picker into an output."""
         thing = self._thing()
-        found = self._candidates(thing) if thing is not None and self._renderer else []
+        item_indices = self._candidates(thing) if thing is not None and self._renderer else []
         output.Initialize()
-        if k < len(found):
-            self._under[k] = found[k]
-            output.ShallowCopy(_named(thing, found[k]))
+        if k < len(item_indices):
+            self._index_by_rank[k] = item_indices[k]
+            output.ShallowCopy(_named(thing, item_indices[k]))
 
     def _candidates(self, thing) -> list[int]:
-        if len(self._asked) < _LAST:
+        if len(self._display_points) < _LAST:
             return []
-        key = tuple(self._asked), thing.content_key()
-        if self._found[0] != key:
-            self._under = {}
-            self._found = key, self._near(thing, *self._place())
-        return self._found[1]
+        pick_key = tuple(self._display_points), thing.content_key()
+        if self._ray_items[0] != pick_key:
+            self._index_by_rank = {}
+            self._ray_items = pick_key, self._items_near(thing, *self._place())
+        return self._ray_items[1]
 
     def _place(self):
-        """Return the pixel of a picker, which goes on to ask for both corners of the viewport."""
+        """Return a picker's pixel; afterwards it converts both corners of the viewport."""
         width, height = self._renderer.GetRenderWindow().GetSize()
         _, _, right, top = self._renderer.GetViewport()
-        at_end = np.allclose(self._asked[-1], (width * right, height * top))
-        return self._asked[0] if at_end else self._asked[-1]
+        has_corners = np.allclose(self._display_points[-1], (width * right, height * top))
+        return self._display_points[0 if has_corners else -1]
 
-    def _near(self, thing, x, y) -> list[int]:
-        with self._looks():
-            start, direction = pixel_ray(self._renderer, x, y)
+    def _items_near(self, thing, x, y) -> list[int]:
+        with self._converting():
+            ray_start, direction = pixel_ray(self._renderer, x, y)
             hit = thing.pick(x, y)
         frame = Frame.of(self._renderer)
         centers, radii = thing.item_spheres()
-        away = centers - start
-        along = away @ direction
-        gaps = np.linalg.norm(away - along[:, None] * direction, axis=1)
-        pixel = (1.0 if frame.parallel else np.maximum(along, 0)) / frame.pixel_scale
-        reach = radii + _TOLERANCE * np.hypot(*frame.size) * pixel
-        near = np.flatnonzero(thing.visible & (gaps <= reach) & (along + radii > 0))
-        near = near[np.argsort((along - radii)[near], kind='stable')].tolist()
-        first = [] if hit is None else [hit.index]
-        return list(dict.fromkeys([*first, *near[:_CLICKED]]))[:_CLICKED]
+        from_start = centers - ray_start
+        ray_distances = from_start @ direction
+        ray_gaps = np.linalg.norm(from_start - ray_distances[:, None] * direction, axis=1)
+        pixel_sizes = (1.0 if frame.parallel else np.maximum(ray_distances, 0)) / frame.pixel_scale
+        max_gaps = radii + _TOLERANCE * np.hypot(*frame.size) * pixel_sizes
+        item_indices = np.flatnonzero(
+            thing.visible & (ray_gaps <= max_gaps) & (ray_distances + radii > 0)
+        )
+        item_indices = item_indices[
+            np.argsort((ray_distances - radii)[item_indices], kind='stable')
+        ].tolist()
+        hit_first = [] if hit is None else [hit.index]
+        return list(dict.fromkeys([*hit_first, *item_indices[:_CLICKED]]))[:_CLICKED]
 
     @contextmanager
-    def _looks(self):
-        """Ask the renderer for rays, and leave it as the picker has it."""
+    def _converting(self):
+        """Convert points with the renderer, and restore the picker's afterwards."""
         renderer = self._renderer
-        world, display = renderer.GetWorldPoint(), renderer.GetDisplayPoint()
-        StandIns._looking = True
+        world_point, display_point = renderer.GetWorldPoint(), renderer.GetDisplayPoint()
+        StandIns._is_converting = True
         try:
             yield
         finally:
-            renderer.SetDisplayPoint(*display)
-            renderer.SetWorldPoint(*world)
-            StandIns._looking = False
+            renderer.SetDisplayPoint(*display_point)
+            renderer.SetWorldPoint(*world_point)
+            StandIns._is_converting = False
 
     # -- pickers that draw --------------------------------------------------------------------
 
     def draw(self, frame):
-        """Show items in the area of a picker that draws the scene, in each of its passes."""
+        """Show the items in the area of a picker that draws the scene, in each of its passes."""
         thing = self._thing()
-        view = frame.view_from_world.tobytes(), frame.clip_from_view.tobytes(), frame.size
-        area = tuple(self._renderer.GetSelector().GetArea())
-        key = area, view, thing.content_key()
-        if key == self._shown:
+        view_key = frame.view_from_world.tobytes(), frame.clip_from_view.tobytes(), frame.size
+        picked_area = tuple(self._renderer.GetSelector().GetArea())
+        key = picked_area, view_key, thing.content_key()
+        if key == self._area_key:
             self._show_drawn()
             return
-        self._shown = key
-        found = self._in_area(thing, frame)
-        if len(found) > _DRAWN and not self._warned:
-            self._warned = True
+        self._area_key = key
+        item_indices = self._in_area(thing, frame)
+        if len(item_indices) > _DRAWN and not self._has_warned:
+            self._has_warned = True
             warn(
-                f"{thing.name}: VTK's hardware pickers see items as meshes, the nearest {_DRAWN} "
-                f'of {len(found)} there; plotter.ibr.pick and rectangles through the scene see all'
+                f"{thing.name}: VTK's hardware picker sees only the nearest {_DRAWN} of the "
+                f'{len(item_indices)} items there; plotter.ibr.pick and frustum picking see all'
             )
-        found = found[:_DRAWN]
-        for _ in range(len(found) - len(self._drawn)):
-            self._drawn.append(_actor(_vtk.vtkPolyDataMapper()))
-            _clip(self._drawn[-1], self._clips)
-            put_inner(self._renderer, self._drawn[-1])
-        self._within, self._is_empty = found, False
-        for actor, index in zip(self._drawn, found, strict=False):
+        item_indices = item_indices[:_DRAWN]
+        for _ in range(len(item_indices) - len(self._drawn_actors)):
+            self._drawn_actors.append(_actor(_vtk.vtkPolyDataMapper()))
+            _clip(self._drawn_actors[-1], self._clip_planes)
+            put_inner(self._renderer, self._drawn_actors[-1])
+        self._drawn_indices, self._is_empty = item_indices, False
+        for actor, index in zip(self._drawn_actors, item_indices, strict=False):
             actor.GetMapper().SetInputDataObject(_named(thing, index))
         self._show_drawn()
 
     def _show_drawn(self):
-        for k, actor in enumerate(self._drawn):
-            actor.SetVisibility(k < len(self._within))
+        for k, actor in enumerate(self._drawn_actors):
+            actor.SetVisibility(k < len(self._drawn_indices))
 
     def _in_area(self, thing, frame) -> list[int]:
         centers, radii = thing.item_spheres()
         view, clip = frame.view_from_world, frame.clip_from_view
-        eye = centers @ view[:3, :3].T + view[:3, 3]
-        seen = eye @ clip[:, :3].T + clip[:, 3]
-        depth = np.maximum(seen[:, 3], 1e-30)
-        pixels = (seen[:, :2] / depth[:, None] + 1) / 2 * frame.size + frame.origin
-        sizes = radii * frame.pixel_scale / (1.0 if frame.parallel else depth)
+        view_points = centers @ view[:3, :3].T + view[:3, 3]
+        clip_points = view_points @ clip[:, :3].T + clip[:, 3]
+        depths, w = -view_points[:, 2], np.maximum(clip_points[:, 3], 1e-30)
+        pixels = (clip_points[:, :2] / w[:, None] + 1) / 2 * frame.size + frame.origin
+        pixel_radii = radii * frame.pixel_scale / (1.0 if frame.parallel else w)
         x0, y0, x1, y1 = self._renderer.GetSelector().GetArea()
-        gaps = np.maximum((x0, y0) - pixels, pixels - (x1, y1)).max(1)
-        inside = (gaps <= sizes + 1) & (-eye[:, 2] > 0) | (-eye[:, 2] <= radii)
-        found = np.flatnonzero(thing.visible & inside & (-eye[:, 2] + radii > 0))
-        return found[np.argsort(-eye[found, 2], kind='stable')].tolist()
+        pixel_gaps = np.maximum((x0, y0) - pixels, pixels - (x1, y1)).max(1)
+        overlaps = (pixel_gaps <= pixel_radii + 1) & (depths > 0) | (depths <= radii)
+        in_area = np.flatnonzero(thing.visible & overlaps & (depths + radii > 0))
+        return in_area[np.argsort(depths[in_area], kind='stable')].tolist()
 
     def index_of(self, actor) -> int | None:
-        """Return the index of the item that a picked actor stands for, None for none."""
-        for k, (own, _) in enumerate(self._clicked):
-            if own is actor:
-                return self._under.get(k)
-        pairs = zip(self._drawn, self._within, strict=False)
-        return next((index for own, index in pairs if own is actor), None)
+        """Return the index of the item that a picked actor represents, or None."""
+        for k, (stand_in, _) in enumerate(self._ray_actors):
+            if stand_in is actor:
+                return self._index_by_rank.get(k)
+        pairs = zip(self._drawn_actors, self._drawn_indices, strict=False)
+        return next((index for stand_in, index in pairs if stand_in is actor), None)
 
     def release(self, window):
         """Free GPU memory; the context is current."""
-        for actor in self._drawn if window is not None else ():
+        for actor in self._drawn_actors if window is not None else ():
             actor.ReleaseGraphicsResources(window)
 
 
@@ -264,24 +270,24 @@ def _actor(mapper):
 
 
 def _clip(actor, planes):
-    own = _vtk.vtkPlaneCollection()  # mappers that share one empty it for each other
+    plane_copy = _vtk.vtkPlaneCollection()  # mappers that share one empty it for each other
     for plane in planes:
-        own.AddItem(plane)
-    actor.GetMapper().SetClippingPlanes(own)
+        plane_copy.AddItem(plane)
+    actor.GetMapper().SetClippingPlanes(plane_copy)
 
 
 def _lazy_actor(owner, k):
-    """Return an actor whose mesh is made when it is asked for, and what makes it."""
+    """Return an actor whose mesh is made on demand, and its source."""
     source = _vtk.vtkProgrammableSource()
-    # PyVista's pickers return it as it is: as PyVista's own mesh, which `fill` keeps.
+    # PyVista's pickers return the output itself, so it must be a PyVista mesh.
     output, owner = pv.PolyData(), weakref.ref(owner)
     source.GetExecutive().SetOutputData(0, output)
 
     def fill():
-        # VTK keeps the function, which must not keep the thing: a cycle through C++ leaks.
-        alive = owner()
-        if alive is not None:
-            alive.fill(k, output)
+        # VTK holds the function; a reference to the thing would be a cycle through C++.
+        stand_ins = owner()
+        if stand_ins is not None:
+            stand_ins.fill(k, output)
 
     source.SetExecuteMethod(fill)
     mapper = _vtk.vtkPolyDataMapper()

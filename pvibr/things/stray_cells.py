@@ -1,4 +1,4 @@
-"""Cells that lie on the edges of polygons, such as the lines that `clean()` makes of slivers."""
+"""Lines and points on the edges of polygons, which `clean()` makes of sliver triangles."""
 
 from __future__ import annotations
 
@@ -8,45 +8,47 @@ from pvibr.core import _vtk
 
 
 def has_strays_only(data) -> bool:
-    """Return True if the points and lines of polydata are corners and edges of its polygons."""
+    """Return True if all lines and points of polydata lie on edges of its polygons."""
     polygons, lines = data.GetPolys(), data.GetLines()
     if not data.GetNumberOfPolys() or data.GetNumberOfStrips():
         return False
-    count = data.GetNumberOfPoints()
+    point_count = data.GetNumberOfPoints()
     corners = _vtk.vtk_to_numpy(polygons.GetConnectivityArray())
-    points = _vtk.vtk_to_numpy(data.GetVerts().GetConnectivityArray())
-    edges = _sorted_edges(polygons, count, closed=True)
-    return bool(
-        np.isin(points, corners).all() and np.isin(_sorted_edges(lines, count), edges).all()
-    )
+    loose_points = _vtk.vtk_to_numpy(data.GetVerts().GetConnectivityArray())
+    polygon_edges = _sorted_edges(polygons, point_count, closed=True)
+    line_edges = _sorted_edges(lines, point_count)
+    on_corners, on_edges = np.isin(loose_points, corners), np.isin(line_edges, polygon_edges)
+    return bool(on_corners.all() and on_edges.all())
 
 
 def _sorted_edges(cells, count, *, closed=False):
-    """Return a number for each edge of some cells, which has no direction."""
+    """Return a number for each undirected edge of cells."""
     corners = _vtk.vtk_to_numpy(cells.GetConnectivityArray()).astype(np.int64)
     ends = _vtk.vtk_to_numpy(cells.GetOffsetsArray())
-    other = np.roll(corners, -1)
-    last = ends[1:][np.diff(ends) > 0] - 1
+    next_corners = np.roll(corners, -1)
+    cell_ends = ends[1:][np.diff(ends) > 0] - 1
     if closed:
-        other[last] = corners[ends[:-1][np.diff(ends) > 0]]
+        next_corners[cell_ends] = corners[ends[:-1][np.diff(ends) > 0]]
     else:
-        corners, other = np.delete(corners, last), np.delete(other, last)
-    return np.minimum(corners, other) * count + np.maximum(corners, other)
+        corners, next_corners = np.delete(corners, cell_ends), np.delete(next_corners, cell_ends)
+    return np.minimum(corners, next_corners) * count + np.maximum(corners, next_corners)
 
 
 def without_strays(data):
-    """Return polydata without its points and lines; itself if it has none."""
-    first = data.GetNumberOfVerts() + data.GetNumberOfLines() if data.IsA('vtkPolyData') else 0
-    if not first:
+    """Return polydata without its points and lines, or itself if it has none."""
+    if not data.IsA('vtkPolyData'):
         return data
-    found = _vtk.vtkPolyData()
-    found.ShallowCopy(data)
-    found.SetVerts(_vtk.vtkCellArray())
-    found.SetLines(_vtk.vtkCellArray())
-    # Values of cells are in the order of points, lines and polygons.
-    values, kept = data.GetCellData(), _vtk.vtkCellData()
-    kept.CopyAllOn()
-    kept.CopyAllocate(values)
-    kept.CopyData(values, 0, data.GetNumberOfCells() - first, first)
-    found.GetCellData().ShallowCopy(kept)
-    return found
+    stray_count = data.GetNumberOfVerts() + data.GetNumberOfLines()
+    if not stray_count:
+        return data
+    polygons_only = _vtk.vtkPolyData()
+    polygons_only.ShallowCopy(data)
+    polygons_only.SetVerts(_vtk.vtkCellArray())
+    polygons_only.SetLines(_vtk.vtkCellArray())
+    # Cell data is ordered by points, lines, polygons.
+    cell_values, polygon_values = data.GetCellData(), _vtk.vtkCellData()
+    polygon_values.CopyAllOn()
+    polygon_values.CopyAllocate(cell_values)
+    polygon_values.CopyData(cell_values, 0, data.GetNumberOfCells() - stray_count, stray_count)
+    polygons_only.GetCellData().ShallowCopy(polygon_values)
+    return polygons_only

@@ -1,4 +1,4 @@
-"""Effects that are actors: what draws in a scene, as PyVista's plotters list it."""
+"""Effects that are actors: they draw in the scene, and PyVista's plotters list them."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ from pvibr.things.scalar_bars import Bar, ThingMapper, share_range
 from pvibr.things.shared_material import SharedMaterial
 
 _DIRECT = 2  # VTK_COLOR_MODE_DIRECT_SCALARS
-#: What PyVista appends to the names of arrays that it derives, but for numbers of components.
+#: Suffixes of the arrays that PyVista derives, component numbers aside.
 _DERIVED = 'normed', 'digitized', 'real'
-#: Methods of actors that change their place.
+#: Methods of actors that change their transform.
 MOVES = (
     *('SetPosition', 'AddPosition', 'SetOrigin', 'SetOrientation', 'AddOrientation', 'SetScale'),
     *('RotateX', 'RotateY', 'RotateZ', 'RotateWXYZ', 'SetUserMatrix', 'SetUserTransform'),
@@ -31,18 +31,18 @@ MOVES = (
 
 
 def _box_mesh():
-    """Return a mesh of two points that has bounds and draws nothing."""
+    """Return a mesh that has bounds and draws nothing."""
     mesh, points, cells = _vtk.vtkPolyData(), _vtk.vtkPoints(), _vtk.vtkCellArray()
     points.SetDataTypeToDouble()
     points.SetNumberOfPoints(2)
-    cells.InsertNextCell(3, (0, 1, 1))  # VTK takes the bounds of cells
+    cells.InsertNextCell(3, (0, 1, 1))  # VTK computes bounds from cells
     mesh.SetPoints(points)
     mesh.SetPolys(cells)
     return mesh
 
 
 class _Visibility(Param):
-    """The visibility of an actor as a setting."""
+    """An actor's visibility as a setting."""
 
     def __get__(self, owner, cls=None):
         return self if owner is None else bool(owner.GetVisibility())
@@ -52,44 +52,43 @@ class _Visibility(Param):
 
 
 def _unplaced(name):
-    """Return a property of an actor that can be read only."""
+    """Return a read-only property of an actor's transform."""
 
     def refuse(thing, _value):
         raise AttributeError(f'{thing.name}.{name} cannot be set: {thing.moved_by}')
 
     def value(thing):
-        found = getattr(pv.Actor, name).fget(thing)
-        return read_only(found) if isinstance(found, np.ndarray) else found
+        actor_value = getattr(pv.Actor, name).fget(thing)
+        return read_only(actor_value) if isinstance(actor_value, np.ndarray) else actor_value
 
     return property(value, refuse, doc=getattr(pv.Actor, name).__doc__)
 
 
 def _unmoved(name):
-    """Return a method of actors that raises an error."""
+    """Return an actor's method that raises, since the thing has no transform of its own."""
 
     def refuse(thing, *_args):
-        if name != 'SetScale':  # plotters scale all that they list, also what it stands for
-            raise AttributeError(f'{thing.name}.{name} is of no use: {thing.moved_by}')
+        if name != 'SetScale':  # plotters scale everything they list
+            raise AttributeError(f'{thing.name}.{name} has no effect: {thing.moved_by}')
 
-    refuse.__doc__ = 'Raise an error: its place cannot be set.'
+    refuse.__doc__ = 'Raise an error: the transform cannot be set.'
     return refuse
 
 
 def joined_bounds(boxes) -> tuple[float, ...]:
-    """Return the bounds of all of some boxes, empty ones left out."""
-    found = np.array([b for b in boxes if b and b[0] <= b[1]]).reshape(-1, 6)
-    if not len(found):
+    """Return the union of bounding boxes, empty ones ignored."""
+    valid_boxes = np.array([b for b in boxes if b and b[0] <= b[1]]).reshape(-1, 6)
+    if not len(valid_boxes):
         return (1.0, -1.0) * 3
-    ends = np.stack([found[:, ::2].min(0), found[:, 1::2].max(0)], 1)
-    return tuple(ends.ravel().tolist())
+    low_high = np.stack([valid_boxes[:, ::2].min(0), valid_boxes[:, 1::2].max(0)], 1)
+    return tuple(low_high.ravel().tolist())
 
 
 class Thing(Effect, pv.Actor):
-    """An effect that draws in the scene: the actor that stands for all that it draws with.
+    """An effect that draws in the scene, and the actor that represents it there.
 
-    The actor itself draws nothing, unless it is among its `actors`: it has the name, visibility,
-    material and bounds of the whole.
-    A subclass overrides the hooks it needs.
+    The actor itself draws nothing, unless it is among its `actors`: it carries the name,
+    visibility, material and bounds of the whole. A subclass overrides the hooks it needs.
 
     Parameters
     ----------
@@ -102,60 +101,60 @@ class Thing(Effect, pv.Actor):
         *('orientation', 'scale', 'origin', 'user_matrix', 'mapper', 'label'),
     )
 
-    visibility = _Visibility(True, 'Draw it.')
-    #: What errors say of clipping planes.
-    clipped_by = 'leave items out by its visible mask'
-    #: What errors say of setting its place.
-    moved_by = 'its items have places of their own, set these'
+    visibility = _Visibility(True, 'Whether it is drawn.')
+    #: Remedy in errors about clipping planes.
+    clipped_by = 'hide items by its visible mask'
+    #: Remedy in errors about setting its transform.
+    moved_by = 'its items have their own positions, set those'
 
-    # -- hooks: what draws it ----------------------------------------------------------------
+    # -- hooks: drawing ----------------------------------------------------------------------
 
     def actors(self) -> list:
-        """Return the actors that draw it, invisible ones included."""
+        """Return the actors that draw it, including invisible ones."""
         raise NotImplementedError
 
     def drawn(self) -> list:
-        """Return the actors that draw it in the frame that it was prepared for."""
+        """Return the actors that draw it in the frame it was prepared for."""
         return [actor for actor in self.actors() if actor.GetVisibility()]
 
     def picked(self) -> list:
-        """Return the actors that pickers of VTK find in its place."""
+        """Return the actors that VTK's pickers find in its place."""
         return []
 
     def draws(self, frame, *, depth=False) -> list:
-        """Return the actors that draw it in a frame that is not its own, or its depth alone."""
+        """Return the actors that draw it, or only its depth, in a frame of another view."""
         self.prepare(frame)
         return self.depths() if depth else self.drawn()
 
     @property
     def blends(self) -> bool:
-        """Whether its items are sorted among other translucent props."""
+        """Whether its items are depth-sorted with other translucent props."""
         return False
 
     def _depth_is_read(self, frame) -> bool:
-        """Return True if an effect reads the depth of the frame after it is drawn."""
+        """Return True if an effect reads the depth of the drawn frame."""
         renderer = frame.renderer
-        own = renderer.GetPass() is not None or bool(renderer.GetUseSSAO())
+        read_by_vtk = renderer.GetPass() is not None or bool(renderer.GetUseSSAO())
         effects = self.pipeline.effects
-        return frame.own and (own or any(e.is_image_effect and e.enabled for e in effects))
+        return frame.own and (read_by_vtk or any(e.is_image_effect and e.enabled for e in effects))
 
     def depths(self) -> list:
         """Return the actors that draw its depth, as lights see it."""
         return self.drawn()
 
     def solids(self) -> list:
-        """Return the actors whose meshes cast its shadow volumes, None for what has no mesh."""
+        """Return the actors whose meshes cast shadow volumes; None stands for what has no mesh."""
         return [None]
 
     def dataset(self) -> pv.DataSet | None:
-        """Return what PyVista takes for its mesh, such as its items' places; None for nothing."""
+        """Return what PyVista treats as its mesh, such as item positions, or None."""
         return None
 
     def set_clipping_planes(self, planes):
-        """Cut it off by a vtkPlaneCollection."""
+        """Clip it by a vtkPlaneCollection."""
         raise AttributeError(f'{self.name} cannot be clipped: {self.clipped_by}')
 
-    # -- hooks: what is known of it ----------------------------------------------------------
+    # -- hooks: state -----------------------------------------------------------------------
 
     @property
     def cast_bounds(self) -> np.ndarray:
@@ -163,11 +162,11 @@ class Thing(Effect, pv.Actor):
         return np.array(self.bounds)
 
     def content_key(self) -> tuple:
-        """Return a value that changes whenever the drawn content does, the camera left out."""
+        """Return a value that changes with the drawn content, but not with the camera."""
         raise NotImplementedError
 
     def stands_for(self) -> list:
-        """Return the visible actors of the user that it is drawn in place of."""
+        """Return the user's visible actors that it replaces."""
         return []
 
     def needed(self, frame) -> bool | str:
@@ -175,81 +174,77 @@ class Thing(Effect, pv.Actor):
         return self.visibility or 'not visible'
 
     def _now(self) -> float:
-        """Return the time of its subplot, 0 in none."""
+        """Return the time of its subplot, 0 outside one."""
         return 0.0 if self.pipeline is None else self.pipeline.time
 
     def follow(self):
-        """Take over a new time of the pipeline."""
+        """Adopt the pipeline's new time."""
 
     @classmethod
     def follow_all(cls, things):
-        """Have all things of this class in a pipeline take over its new time."""
+        """Let all things of this class in a pipeline adopt its new time."""
         for thing in things:
             thing.follow()
 
     def scalar_mapper(self):
-        """Return the actor's mapper with the table of the shown scalars, None without scalars."""
+        """Return the actor's mapper with the lookup table of the scalars, or None."""
         return
 
     def scalar_title(self) -> str:
         """Return the title of the scalar bar."""
         return self._scalar_name
 
-    #: Whether the values of the shown scalars are names: the bar has no numbers then.
+    #: Whether the scalars are categories; the bar then shows no numbers.
     has_names = False
 
     def set_scalar_range(self, clim):
-        """Show the scalars by another range, in the same table."""
+        """Change the scalar range, keeping the lookup table."""
 
     def has_bar(self) -> bool:
-        """Return True if it gets a scalar bar where none was asked for, as the theme says."""
+        """Return True if the theme's default scalar bar applies to it."""
         return True
 
-    # -- the actor that stands for it --------------------------------------------------------
+    # -- the actor that represents it -------------------------------------------------------
 
-    keeps_arguments = False  # of instances these are large
+    keeps_arguments = False  # those of instances are large
 
-    # PyVista checks each access in Python for VTK's own names, which frames cannot afford.
+    # PyVista's attribute check runs in Python on each access, too slow for every frame.
     __getattribute__ = object.__getattribute__
 
-    #: Whether the bounds of the scene take in its own.
+    #: Whether its bounds count toward those of the scene.
     counts_bounds = True
     _has_extent = True
     _label: str | None = None
     _pickable = True
     _listed: str | None = None
     _scalar_name = ''
-    #: Pairs of a key, which begins with a `Stage`, and an actor that has its place in the order
-    #: of drawing by it; replaced wherever it changes.
+    #: Pairs of a draw-order key, which begins with a `Stage`, and an actor; replaced, not mutated.
     order: tuple = ()
-    #: The scalar bar asked for with it, None if it was added without.
+    #: The scalar bar requested when it was added, or None.
     bar: Bar | None = None
-    #: Actors with its material.
+    #: Actors that share its material.
     _dressed: tuple = ()
-    #: What keeps the materials of several meshes like its own.
+    #: Propagates changes of its material to those of several meshes.
     _material: Any = None
 
-    position = _unplaced('position')
-    orientation = _unplaced('orientation')
-    scale = _unplaced('scale')
-    origin = _unplaced('origin')
-    user_matrix = _unplaced('user_matrix')
+    position, orientation, scale = map(_unplaced, ('position', 'orientation', 'scale'))
+    origin, user_matrix = map(_unplaced, ('origin', 'user_matrix'))
 
     def __init__(self, **settings):
         mapper = ThingMapper()
         mapper.follow(self)
-        mapper.SetNumberOfSubPieces(0)  # nothing is drawn, in any representation
+        mapper.SetNumberOfSubPieces(0)  # draws nothing in any representation
         mapper.SetInputData(_vtk.vtkPolyData())
         pv.Actor.__init__(self, mapper)
-        pv.Actor.SetPickable(self, False)  # what stands for its items is picked instead
-        self.ForceOpaqueOn()  # a translucent prop takes part in the order of drawing
+        pv.Actor.SetPickable(self, False)  # stand-ins of its items are picked instead
+        self.ForceOpaqueOn()  # a translucent prop would be sorted
         self.SetUseBounds(self.counts_bounds)
         super().__init__(**settings)
         _ADD_ACTOR.need(self)
 
     def _set_bounds(self, bounds):
-        """Have bounds, in the space of the actor."""
-        # PyVista takes empty bounds for real ones.
+        """Set the bounds, in the actor's space."""
+        # PyVista does not recognise empty bounds.
         if self._has_extent != (bounds[0] <= bounds[1]):
             self._has_extent = not self._has_extent
             self.SetUseBounds(self._has_extent and self.counts_bounds)
@@ -257,11 +252,11 @@ class Thing(Effect, pv.Actor):
         if not self._has_extent:
             mapper.SetInputData(_vtk.vtkPolyData())
             return
-        mesh = mapper.GetInput()
-        if not mesh.GetNumberOfPoints():
-            mesh = _box_mesh()
-            mapper.SetInputData(mesh)
-        points = mesh.GetPoints()
+        bounds_mesh = mapper.GetInput()
+        if not bounds_mesh.GetNumberOfPoints():
+            bounds_mesh = _box_mesh()
+            mapper.SetInputData(bounds_mesh)
+        points = bounds_mesh.GetPoints()
         bounds = [float(b) for b in bounds]
         points.SetPoint(0, *bounds[::2])
         points.SetPoint(1, *bounds[1::2])
@@ -269,7 +264,7 @@ class Thing(Effect, pv.Actor):
 
     @property
     def name(self) -> str:
-        """Name in ``plotter.actors``, reports and the state; its class's by default."""
+        """Name in ``plotter.actors``, reports and the state; the class name by default."""
         return self._name or self._listed or type(self).__name__
 
     @name.setter
@@ -286,16 +281,16 @@ class Thing(Effect, pv.Actor):
         self._pickable = bool(checked_flag('pickable', pickable))
 
     def GetPickable(self) -> bool:
-        """Return `pickable`, also to PyVista."""
+        """Return `pickable`; PyVista calls this."""
         return self._pickable
 
     def SetPickable(self, pickable):
-        """Set `pickable`, as PyVista does."""
+        """Set `pickable`; PyVista calls this."""
         self._pickable = bool(pickable)
 
     @property
     def prop(self):
-        """Material of all of it; where meshes have several, what changes in it does in all."""
+        """Material of the whole; where meshes have several, a change applies to all of them."""
         return self.GetProperty()
 
     @prop.setter
@@ -307,43 +302,43 @@ class Thing(Effect, pv.Actor):
             self._material.wear(prop)
 
     def _share_material(self):
-        """Have the first of the materials, and have what changes in it change in all."""
-        for first in self._materials_of_all()[:1]:
-            copy_property(self.prop, first)
+        """Copy the first mesh's material, then propagate changes to all."""
+        for first_material in self._materials_of_all()[:1]:
+            copy_property(self.prop, first_material)
         self._lead_materials()
 
     def _lead_materials(self):
-        """Have what changes in the material change in those of all."""
+        """Propagate changes of the material to those of all meshes."""
         if self._material is not None:
             self._material.stop()
         self._material = SharedMaterial(self.prop, self._materials_of_all)
 
     def _materials_of_all(self) -> list:
-        """Return the properties of what draws it."""
+        """Return the properties of the meshes that draw it."""
         return []
 
     @property
     def label(self) -> str | None:
-        """Text in the legend of the plotter, None for no entry."""
+        """Text in the plotter's legend, None for no entry."""
         return self._label
 
     @label.setter
     def label(self, label):
         if not isinstance(label, (str, type(None))):
-            raise TypeError(f'label = {label!r}: must be a str or None')
+            raise TypeError(f'label must be a str or None, got {label!r}')
         self._label = label
         if self.pipeline is not None:
             set_legend_label(self.pipeline.renderer, self, label, self.scalar_mapper() is not None)
 
     @property
     def center(self) -> tuple[float, float, float]:
-        """Middle of the bounds, world units."""
+        """Centre of the bounds, world units."""
         x, y, z = np.reshape(self.bounds, (3, 2)).mean(1).tolist()
         return x, y, z
 
     def copy(self, deep=True):
         """Raise an error: the copy would draw nothing."""
-        raise TypeError(f'{self.name} cannot be copied or pickled: make one more and add it')
+        raise TypeError(f'{self.name} cannot be copied or pickled: create another and add it')
 
     def __reduce_ex__(self, _protocol):
         return self.copy()
@@ -352,9 +347,9 @@ class Thing(Effect, pv.Actor):
         return self.copy()
 
     def __dir__(self) -> list[str]:
-        """Return the names that users use: hooks and undeclared attributes are left out."""
-        declared = {*dir(type(self)), *get_annotations(type(self))}
-        return [name for name in super().__dir__() if name in declared]
+        """Return the public names, without hooks and undeclared attributes."""
+        declared_names = {*dir(type(self)), *get_annotations(type(self))}
+        return [name for name in super().__dir__() if name in declared_names]
 
     def __repr__(self) -> str:
         return Effect.__repr__(self)
@@ -364,15 +359,15 @@ class Thing(Effect, pv.Actor):
     def _state(self) -> str:
         return ('' if self.visibility else 'hidden, ') + super()._state()
 
-    # -- its place in the scene --------------------------------------------------------------
+    # -- in the scene ------------------------------------------------------------------------
 
     @property
     def props(self) -> tuple:
-        """The actor that stands for it."""
+        """The actor that represents it."""
         return (self,)
 
     def is_gone(self, renderer) -> bool:
-        """Return True if its actor was removed from the scene by other means."""
+        """Return True if its actor was removed from the scene directly."""
         return not renderer.HasViewProp(self)
 
     def attach(self, pipeline):
@@ -380,10 +375,10 @@ class Thing(Effect, pv.Actor):
         super().attach(pipeline)
         renderer = pipeline.renderer
         if isinstance(renderer, pv.Renderer):
-            given = self._name
-            self._listed = None if given else _free_name(self.name, renderer.actors)
+            user_name = self._name
+            self._listed = None if user_name else _free_name(self.name, renderer.actors)
             renderer.add_actor(self, name=self.name, render=False, pickable=self.pickable)
-            self._name = given
+            self._name = user_name
         else:
             renderer.AddViewProp(self)
         if self._label:
@@ -396,7 +391,7 @@ class Thing(Effect, pv.Actor):
         self._take_out(renderer)
         if isinstance(renderer, pv.Renderer):
             renderer.remove_actor(self, render=False)
-            if self.bar is not None:  # also where it is no more in the scene
+            if self.bar is not None:  # even if no longer in the scene
                 self.bar.leave(self)
         else:
             renderer.RemoveViewProp(self)
@@ -415,36 +410,37 @@ class Thing(Effect, pv.Actor):
         return [actor for actor in self.actors() if actor is not self]
 
     def _show_bar(self):
-        """Have the scalar bar show the scalars as they are now."""
+        """Update the scalar bar to the current scalars."""
         if self.bar is not None:
             self.bar.show(self)
         elif self.pipeline is not None:
             share_range(self)
 
     def _with_table(self, table, scalar_range):
-        """Return the actor's mapper with a table: plotters remove its scalar bar with it."""
+        """Return the actor's mapper with a lookup table: plotters find its scalar bar by it."""
         mapper = self.GetMapper()
         mapper.SetLookupTable(table)
         mapper.SetScalarRange(scalar_range)
         return mapper
 
     def _with_table_of(self, parts):
-        """Return the actor's mapper with the first table that colours parts of a mesh, or None."""
-        first = next(_mapping(parts), None)
-        if first is None:
+        """Return the actor's mapper with the first lookup table of a mesh's parts, or None."""
+        colored_part = next(_colored_by_table(parts), None)
+        if colored_part is None:
             return None
-        self._scalar_name = _array_of(first)
-        self.has_names, mapper = first.scalars[1], first.actor.mapper
+        self._scalar_name = _array_of(colored_part)
+        self.has_names, mapper = colored_part.scalars[1], colored_part.actor.mapper
         return self._with_table(mapper.lookup_table, mapper.scalar_range)
 
     def _set_range_of(self, parts, clim) -> bool:
-        """Set the range of the scalar bar's array in parts of a mesh; return True on a change."""
-        shown = [p.actor.mapper for p in _mapping(parts) if _array_of(p) == self._scalar_name]
-        stale = [m for m in shown if m.scalar_range != clim]
-        for mapper in stale:
-            mapper.scalar_range = clim
-            mapper.lookup_table.SetTableRange(clim)  # nothing may draw with it
-        return bool(stale)
+        """Set the range of the scalar bar's array in a mesh's parts; return True on a change."""
+        has_changed = False
+        for part in _colored_by_table(parts):
+            mapper = part.actor.mapper
+            if _array_of(part) == self._scalar_name and mapper.scalar_range != clim:
+                mapper.scalar_range, has_changed = clim, True
+                mapper.lookup_table.SetTableRange(clim)  # a mapper sets it only when it draws
+        return has_changed
 
 
 for _name in MOVES:
@@ -452,8 +448,8 @@ for _name in MOVES:
 _ADD_ACTOR = MethodHook(pv.Renderer, 'add_actor', adding_by_component(Thing))
 
 
-def _mapping(parts):
-    """Yield the parts that colour scalars by a table."""
+def _colored_by_table(parts):
+    """Yield the parts that colour scalars by a lookup table."""
     for part in parts:
         mapper = part.actor.mapper
         if mapper.GetScalarVisibility() and mapper.GetColorMode() != _DIRECT:
@@ -462,17 +458,17 @@ def _mapping(parts):
 
 def _array_of(part) -> str:
     """Return the name of the array that a part shows."""
-    # PyVista derives an array of its own from words, complex numbers and vectors.
+    # PyVista derives arrays of its own from strings, complex numbers and vectors.
     mapper = part.actor.mapper
-    name = mapper.GetArrayName() or mapper.dataset.active_scalars_name or ''
-    asked = part.scalars[0]
-    if not asked:  # of an actor, which does not know
-        asked, _, suffix = name.rpartition('-')
-        return asked if suffix in _DERIVED else name
-    return asked if name.startswith(f'{asked}-') else name
+    array_name = mapper.GetArrayName() or mapper.dataset.active_scalars_name or ''
+    requested_name = part.scalars[0]
+    if not requested_name:  # from a user's actor
+        requested_name, _, suffix = array_name.rpartition('-')
+        return requested_name if suffix in _DERIVED else array_name
+    return requested_name if array_name.startswith(f'{requested_name}-') else array_name
 
 
-def _free_name(name, taken) -> str:
-    """Return a name that nothing has: 'Spheres', 'Spheres 2' and so on."""
-    names = (f'{name} {k}' if k > 1 else name for k in count(1))
-    return next(n for n in names if n not in taken)
+def _free_name(name, used_names) -> str:
+    """Return an unused name: 'Spheres', 'Spheres 2' and so on."""
+    candidates = (f'{name} {k}' if k > 1 else name for k in count(1))
+    return next(n for n in candidates if n not in used_names)

@@ -1,4 +1,4 @@
-"""How much of what the camera sees volumes hide."""
+"""How much volumes hide of what is behind them."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pvibr.gl.texture import Texture, nbytes_of, release
 
 
 class Veil:
-    """The opacity of volumes before the surface in each pixel, drawn once more for itself."""
+    """The opacity of the volumes in front of the surface in each pixel, drawn separately."""
 
     def __init__(self, renderer):
         self.renderer = renderer
@@ -22,18 +22,18 @@ class Veil:
         return nbytes_of(self._target)
 
     def draw(self, frame, picture) -> Texture | None:
-        """Return a texture as large as the subplot's end, alpha the opacity; None without any."""
+        """Return a window-sized texture with the opacity as alpha, or None without volumes."""
         volumes = volumes_of(self.renderer)
         if not volumes:
             return None
         window, (x, y), (width, height) = frame.window, frame.origin, frame.size
-        place = x, y, x + width, y + height
-        if self._target is None or self._target.colors[0].size != place[2:]:
+        subplot_rect = x, y, x + width, y + height
+        if self._target is None or self._target.colors[0].size != subplot_rect[2:]:
             release(self._target)
-            self._target = like_window(window, place[2:], 'rgba8')
+            self._target = like_window(window, subplot_rect[2:], 'rgba8')
         target, state = self._target, window.GetState()
         with target.drawing((0.0, 0.0, 0.0, 0.0)):
-            picture.blit_depth(target.object, place)
+            picture.blit_depth(target.object, subplot_rect)
             state.vtkglViewport(x, y, width, height)
             state.vtkglScissor(x, y, width, height)
             state.SetEnumState(gl.DEPTH_TEST, True)

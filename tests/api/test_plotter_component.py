@@ -107,7 +107,7 @@ def test_closed_by_show(pl):
         lambda: ibr.effects,
         lambda: ibr.add_instances(pv.Sphere(), np.zeros((1, 3))),
     ):
-        with pytest.raises(ClosedError, match='the plotter is closed: make a new one'):
+        with pytest.raises(ClosedError, match='the plotter is closed; create a new one'):
             use()
 
 

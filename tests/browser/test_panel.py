@@ -175,7 +175,7 @@ def test_texts_switches_presets_and_colours(panel, until):
     field.press('Enter')
     alert = panel.group('Vignette').get_by_role('alert').filter(has_text='must be')
     until(alert.count)
-    assert "Vignette.radius = 'far': must be a float in [0, 4]" in alert.inner_text()
+    assert "Vignette.radius must be a float in [0, 4], got 'far'" in alert.inner_text()
     assert field.input_value() == '0.4'
     field.fill('0.1')
     field.press('Enter')

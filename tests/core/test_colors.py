@@ -33,7 +33,7 @@ def test_settings_take_what_pyvista_takes(kind, name):
         assert getattr(effect, name) == pytest.approx(pv.Color('tomato').float_rgb)
     optional = params_of(kind)[name].default is None
     for color in (color for color in BAD if not (optional and color is None)):
-        with pytest.raises((TypeError, ValueError), match=rf'{kind.__name__}\.{name} = .*must be'):
+        with pytest.raises((TypeError, ValueError), match=rf'{kind.__name__}\.{name} must be'):
             setattr(effect, name, color)
     assert getattr(effect, name) == pytest.approx(pv.Color('tomato').float_rgb)
     setattr(effect, name, (0, 0, 1))  # whole numbers up to 1 are fractions, as ever

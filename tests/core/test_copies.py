@@ -5,7 +5,6 @@ from __future__ import annotations
 import copy
 import pickle
 
-import numpy as np
 import pytest
 import pyvista as pv
 
@@ -66,30 +65,8 @@ def test_a_copy_follows_what_was_set_and_is_independent():
 def test_things_say_why_they_are_not_copied():
     balls = pvibr.Spheres([[0.0, 0, 0]], name='balls')
     for way in WAYS.values():
-        with pytest.raises(TypeError, match='balls cannot be copied or pickled: make one more'):
+        with pytest.raises(TypeError, match='balls cannot be copied or pickled: create another'):
             way(balls)
-
-
-def test_arrays_that_things_return_are_read_only():
-    """So that no change in place is silent; PyVista's own matrices, too."""
-    rng = np.random.default_rng(8)
-    places = rng.uniform(-1, 1, (5, 3))
-    made = [
-        pvibr.Spheres(places),
-        pvibr.Billboards(places, np.zeros((2, 2, 3)), size=0.3),
-        pvibr.Cylinders(places, places + 1),
-        pvibr.Ellipsoids(places, (1, 2, 3)),
-        pvibr.Instances(pv.Cube(), places, bake=False),
-    ]
-    count = 0
-    for thing in made:
-        for name in dir(thing):
-            value = None if name.startswith('_') else getattr(thing, name, None)
-            if isinstance(value, np.ndarray):
-                count += 1
-                with pytest.raises(ValueError, match='read-only'):
-                    value[...] = 0
-    assert count > 20
 
 
 @pytest.mark.parametrize('way', WAYS)

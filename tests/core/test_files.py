@@ -45,8 +45,8 @@ def test_a_full_disk_is_named(tmp_path):
     done = subprocess.run(
         [sys.executable, '-c', FULL, str(file)], capture_output=True, text=True, check=True
     )
-    assert f'{file} could not be written' in done.stdout
-    assert 'as it was' in done.stdout
+    assert f'cannot write {file}' in done.stdout
+    assert 'the existing file is unchanged' in done.stdout
     assert file.read_bytes() == b'before'
     assert [p.name for p in tmp_path.iterdir()] == ['a.bin']
 

@@ -40,7 +40,7 @@ def test_an_interrupted_bake_leaves_nothing(scenes, bean, monkeypatch, tmp_path)
 @pytest.mark.parametrize('where', ['terminal', 'notebook', 'neither'])
 def test_a_bar_is_shown_in_terminals_and_notebooks(where, monkeypatch, capsys):
     shown = []
-    monkeypatch.setattr('pvibr.core.progress._SOON', -1.0)
+    monkeypatch.setattr('pvibr.core.progress._DELAY', -1.0)
     monkeypatch.setattr(sys.stderr, 'isatty', lambda: where == 'terminal', raising=False)
     monkeypatch.setattr('pvibr.core.progress.in_notebook', lambda: where == 'notebook')
     monkeypatch.setattr('rich.progress.Progress.start', lambda _: shown.append(True))

@@ -9,7 +9,6 @@ import pyvista as pv
 
 import pvibr
 from pvibr.effects import ORDER
-from tests.things.test_things import THINGS, Scene
 
 
 @pytest.fixture
@@ -28,16 +27,6 @@ def test_settings_of_effects(pl):
     bloom.name = 'bright'
     assert bloom.threshold == 0.25
     assert 'treshold' not in vars(bloom)
-
-
-@pytest.mark.parametrize('kind', THINGS)
-def test_attributes_of_things(kind):
-    thing = Scene().add(kind)
-    with pytest.raises(
-        AttributeError, match=rf"{kind} has no attribute 'visiblity'.*'visibility'"
-    ):
-        thing.visiblity = False
-    assert thing.visibility
 
 
 def test_attributes_of_the_plotters_component(pl):

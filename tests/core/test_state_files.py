@@ -69,13 +69,8 @@ def test_a_file_of_another_version_is_applied_as_far_as_it_is_known(pl, tmp_path
     assert len(caught) == len(again) == 1
     assert str(caught[0].message) == str(again[0].message)
     assert caught[0].filename == again[0].filename == __file__
-    for name in (
-        'moon',
-        'plotter.interactive_frame_ms',
-        'Bloom.hue',
-        "Bloom.blend = 'multiply'",
-        'subplot 0: Ripples',
-    ):
+    names = 'moon', 'plotter.interactive_frame_ms', 'Bloom.hue', "Bloom.blend = 'multiply'"
+    for name in (*names, 'subplot 0: Ripples'):
         assert name in str(caught[0].message)
     assert (bloom.threshold, bloom.intensity, bloom.blend) == (0.5, 0.25, 'add')
     assert bloom.enabled
@@ -103,19 +98,17 @@ def test_a_wrong_value_changes_nothing(pl, change):
     with pytest.raises((TypeError, ValueError), match=r'must be|not JSON'):
         pl.ibr.load_state_text(text)
     assert pl.ibr.state() == before
-    with pytest.raises(TypeError, match='text = nan: must be a str or bytes'):
+
+
+def test_a_text_must_be_text(pl):
+    with pytest.raises(TypeError, match='text must be a str or bytes, got nan'):
         pl.ibr.load_state_text(float('nan'))
 
 
 @pytest.mark.parametrize(
     'text',
     [
-        '',
-        '[]',
-        '3',
-        'null',
-        '{',
-        '{"version": 1}',
+        *('', '[]', '3', 'null', '{', '{"version": 1}'),
         '{"pvibr": "presets", "version": 1}',
         '{"pvibr": "state", "version": true}',
         '{"pvibr": "state", "version": "1"}',
@@ -181,7 +174,7 @@ def test_a_full_disk_leaves_the_old_file(pl, tmp_path, monkeypatch):
         raise OSError(errno.ENOSPC, 'No space left on device')
 
     monkeypatch.setattr(os, 'fsync', full)
-    with pytest.raises(OSError, match=r'look\.json could not be written: the disk is full') as e:
+    with pytest.raises(OSError, match=r'cannot write .*look\.json: the disk is full') as e:
         pl.ibr.save_state(path)
     assert e.value.errno == errno.ENOSPC
     assert path.read_text() == 'old'
@@ -199,7 +192,7 @@ def test_a_file_that_the_system_cuts_is_never_seen(tmp_path):
         "state_files.write(sys.argv[1], 'x' * 100_000)"
     )
     done = subprocess.run([sys.executable, '-c', code, path], capture_output=True, text=True)
-    assert 'could not be written: File too large' in done.stderr
+    assert 'look.json: File too large' in done.stderr
     assert path.read_text() == 'old'
     assert os.listdir(tmp_path) == ['look.json']
 
@@ -215,5 +208,5 @@ def test_folders_and_files_must_be_there(pl, tmp_path):
 def test_a_huge_file_is_not_read(tmp_path, monkeypatch):
     monkeypatch.setattr(state_files, 'MOST_BYTES', 10)
     (tmp_path / 'a').write_bytes(b' ' * 11)
-    with pytest.raises(ValueError, match='not a file of settings'):
+    with pytest.raises(ValueError, match='not a settings file'):
         state_files.read(tmp_path / 'a')

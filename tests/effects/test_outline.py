@@ -206,7 +206,7 @@ def test_bad_input():
     with pytest.raises(ValueError, match='must be in this subplot'):
         pl.ibr.add(pvibr.Outline(actors=list(other.renderer.actors.values())))
     assert not pl.ibr.effects
-    with pytest.raises(ValueError, match=r'Outline\.width = 99'):
+    with pytest.raises(ValueError, match=r'Outline\.width must be .*, got 99'):
         pvibr.Outline(width=99)
 
 

@@ -62,7 +62,7 @@ def test_settings_are_uniforms_of_their_types(pl):
     effect.on, effect.count, effect.way = False, 2, 'up'
     assert (shot(pl) == 0).all()
     assert effect.state()['tint'] == [0.0, 0.6, 0.0]
-    with pytest.raises(ValueError, match=r'Mixed.level = 2: must be a float in \[0, 1\]'):
+    with pytest.raises(ValueError, match=r'Mixed.level must be a float in \[0, 1\], got 2'):
         effect.level = 2
 
 

@@ -292,7 +292,7 @@ def test_what_is_wrong_is_said(figure):
         ({'clips': ['bend']}, 'clips must be one clip or ., got 1'),
         ({'loop': 1.0}, 'loop must be bool'),
         ({'skinning': 'cubic'}, 'skinning must'),
-        ({'colors': [[1, 2, 3]]}, 'colors has shape'),
+        ({'colors': [[1, 2, 3]]}, 'colors must be of shape'),
     ):
         refused(words, Crowd, figure, apart(), cache=False, **wrong)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pvibr.gl import Quad, Target, Texture
+from pvibr.gl import Quad, Target, Texture, release
 from pvibr.gl.blur import CHAINS, Blur, halving_taps
 from pvibr.gl.hidden_window import hidden_window
 
@@ -38,8 +38,7 @@ def test_blur_of_nothing_but_one_colour(window, chain, extent):
     out = blur.draw(image, 0.6).download()
     assert out.shape == (23, 39, 4)
     np.testing.assert_allclose(out, 0.5, atol=1e-6)
-    for owner in (blur, image):
-        owner.release()
+    release(blur, image)
 
 
 @pytest.mark.parametrize('chain', CHAINS)
@@ -56,8 +55,7 @@ def test_light_ends_where_it_says(window, chain, kernel, levels):
     # Between texels too: one more on each side.
     assert 2 * (lit[0] - 1) >= 319 - blur.reach
     assert 2 * (lit[-1] + 2) <= 321 + blur.reach
-    for owner in (blur, quad):
-        owner.release()
+    release(blur, quad)
 
 
 @pytest.mark.parametrize('chain', CHAINS)
@@ -73,8 +71,7 @@ def test_its_width_is_what_it_says(window, chain, levels):
     places = 2 * np.arange(256) + 1 - 256
     variance = (light.sum(axis=0) * places**2).sum() / light.sum() - 1 / 4
     assert variance == pytest.approx(blur.sigma**2, rel=0.01)
-    for owner in (blur, quad):
-        owner.release()
+    release(blur, quad)
 
 
 @pytest.mark.parametrize(('blend', 'there'), [('add', [0.75, 1.0]), ('screen', [0.625, 0.75])])
@@ -89,5 +86,4 @@ def test_quads_blend_with_what_is_there(window, blend, there):
         quad.draw()
     seen = target.colors[0].download()[1, 1] / 255
     np.testing.assert_allclose(seen, [0.25, 0.5, 0.0, 0.5], atol=1 / 255)
-    for owner in (target, quad):
-        owner.release()
+    release(target, quad)

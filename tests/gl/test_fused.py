@@ -32,23 +32,27 @@ def pictures(pl):
     return pl.screenshot().astype(int), pl.screenshot(transparent_background=True).astype(int)
 
 
+@pytest.fixture
+def draw_sizes(monkeypatch):
+    """The number of programs in each draw."""
+    sizes, draw = [], fused.Fused._draw
+
+    def counted(self, picture, points, *to):
+        sizes.append(len(points))
+        return draw(self, picture, points, *to)
+
+    monkeypatch.setattr(fused.Fused, '_draw', counted)
+    return sizes
+
+
 @pytest.mark.parametrize('high', [False, True])
-def test_as_one_and_one_after_the_other(high, monkeypatch):
+def test_as_one_and_one_after_the_other(high, draw_sizes, monkeypatch):
     pl = plotter()
     if high:
         pl.ibr.add(pvibr.ToneMapping(curve='aces'))
         pl.ibr.add(pvibr.Bloom(threshold=0.3))
-    drawn = []
-    draw = fused.Fused._draw
-
-    def counted(self, picture, points, *to):
-        drawn.append(len(points))
-        return draw(self, picture, points, *to)
-
-    monkeypatch.setattr(fused.Fused, '_draw', counted)
     together = pictures(pl)
-    assert set(drawn) == {8 if high else 6}
-    monkeypatch.undo()
+    assert set(draw_sizes) == {8 if high else 6}
 
     def one_by_one(self, picture, points, to=None):
         for point in points[:-1]:
@@ -61,22 +65,14 @@ def test_as_one_and_one_after_the_other(high, monkeypatch):
     assert together[0].std() > 10
 
 
-def test_what_has_many_textures_is_drawn_in_parts(monkeypatch):
+def test_what_has_many_textures_is_drawn_in_parts(draw_sizes):
     pl = plotter()
     images = np.random.default_rng(1).integers(0, 256, (9, 8, 8, 4), np.uint8)
     for image in images:
         pl.ibr.add(pvibr.ImageOverlay(image, opacity=0.3))
-    drawn = []
-    draw = fused.Fused._draw
-
-    def counted(self, picture, points, *to):
-        drawn.append(len(points))
-        return draw(self, picture, points, *to)
-
-    monkeypatch.setattr(fused.Fused, '_draw', counted)
     pl.show(auto_close=False)
-    assert max(drawn) < 15
-    assert len(drawn) > 1
+    assert max(draw_sizes) < 15
+    assert len(draw_sizes) > 1
 
 
 def test_names_do_not_meet():

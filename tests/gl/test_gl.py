@@ -7,7 +7,7 @@ import pytest
 import pyvista as pv
 
 from pvibr.core.errors import ShaderError
-from pvibr.gl import Quad, Target, Texture, texture_limit
+from pvibr.gl import Quad, Target, Texture, release, texture_limit
 from pvibr.gl.hidden_window import hidden_window, read_pixels
 
 COPY = 'uniform sampler2D image; void main() { gl_FragData[0] = texture(image, uv); }'
@@ -24,8 +24,7 @@ def drawn(window, fragment, uniforms=None, textures=None, size=(4, 3), format='r
     with target.drawing(clear=(9, 9, 9, 9)):
         quad.draw(uniforms, textures)
     out = target.colors[0].download()
-    for owner in (target, quad):
-        owner.release()
+    release(target, quad)
     return out
 
 
@@ -67,10 +66,7 @@ def test_an_array_replaces_another(window):
 def test_a_texture_that_cannot_be(window, shape):
     with pytest.raises(ValueError, match=f'must be 1 to {texture_limit(window)}'):
         Texture(window).upload(np.zeros(shape, np.uint8))
-
-
-def test_a_type_that_cannot_be(window):
-    with pytest.raises(ValueError, match='dtype float64: must be one of uint8'):
+    with pytest.raises(ValueError, match=r'dtype must be one of uint8, .*, got float64'):
         Texture(window).upload(np.zeros((2, 2, 4)))
 
 

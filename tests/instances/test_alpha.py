@@ -70,7 +70,7 @@ def test_alpha_comes_and_goes():
 def test_others_name_what_they_have_instead():
     _, places, rgba = scene()
     images = np.full((8, 8, 3), 255, np.uint8)
-    with pytest.raises(ValueError, match=r'colors\[\d\] is translucent.*give opacity'):
+    with pytest.raises(ValueError, match=r'colors\[\d\] must be opaque; set opacity'):
         pvibr.Billboards(places, images, size=1.0, colors=rgba)
     opaque = pvibr.Billboards(places, images, size=1.0, colors=rgba | [0, 0, 0, 255])
     assert opaque.colors.shape == (9, 3)

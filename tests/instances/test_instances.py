@@ -505,7 +505,7 @@ BAD = {
     'texture of nothing': ({'texture': np.array([None] * 5)}, TypeError, 'texture = '),
     'column': ({'poses': {'x': 1}}, ValueError, "poses = .*column 'x'"),
     'columns': ({'poses': np.zeros(5, [('a', float)])}, ValueError, "poses = .*column 'x'"),
-    'cache': ({'cache': 3.5}, TypeError, 'cache = 3.5: must be True or False'),
+    'cache': ({'cache': 3.5}, TypeError, 'cache must be True or False, got 3.5'),
     'theme': ({'theme': 'nowhere'}, FileNotFoundError, 'theme = .nowhere'),
     'dates': ({'scale': np.datetime64('NaT', 's')}, TypeError, 'scale must be numbers'),
     'masked': ({'scale': np.ma.masked_all(2)}, TypeError, 'scale must be numbers'),

@@ -176,7 +176,7 @@ def field(ball, away, many, samples):
         stage.look(((0, 0, away), (0, 0, 0), (0, 1, 0)))
         stage.draw()
         # Means of samples, as the truth is: VTK shows those of light.
-        return box_reduce(read_pixels(stage.window, shown=False), stage.samples) / 255
+        return box_reduce(read_pixels(stage.window, displayed=False), stage.samples) / 255
 
 
 @pytest.mark.parametrize(('away', 'sides', 'gain'), [(90, 12, 0.85), (45, 12, 0.96)])

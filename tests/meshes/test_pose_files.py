@@ -112,7 +112,7 @@ def test_arrays_on_disk(tmp_path):
     file.write_bytes(b'')
     with pytest.raises(ValueError, match=r'a\.npy'):
         read_poses(file)
-    with pytest.raises(FileNotFoundError, match=r'poses file at the path .*no\.csv'):
+    with pytest.raises(FileNotFoundError, match=r'existing poses file, got .*no\.csv'):
         read_poses(tmp_path / 'no.csv')
 
 

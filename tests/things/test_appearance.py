@@ -215,14 +215,14 @@ def test_colors_as_bytes_and_floats():
     given = [[0, 0.5, 1], [1, 0, 0]]
     np.testing.assert_array_equal(look.as_colors(given, 2), [[0, 128, 255], [255, 0, 0]])
     np.testing.assert_array_equal(look.as_colors([[0, 127, 255, 255]], 1), [[0, 127, 255]])
-    with pytest.raises(ValueError, match=r'colors\[0\] is translucent.*give opacity'):
+    with pytest.raises(ValueError, match=r'colors\[0\] must be opaque; set opacity'):
         look.as_colors([[0, 127, 255, 9]], 1)
 
 
 @pytest.mark.parametrize(
     ('colors', 'words'),
     [
-        ([[0, 0, 0]], r'shape \(1, 3\).*\(2, 3\)'),
+        ([[0, 0, 0]], r'shape \(2, 3\).*got \(1, 3\)'),
         ([[0.0, 0, 0], [0, 2.0, 0]], '0 to 1.*uint8'),
         ([[0.0, 0, 0], [0, np.nan, 0]], '0 to 1'),
         ([[0, 0, 0], [0, 256, 0]], 'uint8'),
@@ -267,7 +267,7 @@ def test_table_is_that_of_add_mesh():
 
 @pytest.mark.parametrize('clim', [[1, 0], [0, np.nan], [0, np.inf]])
 def test_range_that_is_none(clim):
-    with pytest.raises(ValueError, match='clim is'):
+    with pytest.raises(ValueError, match='clim must be two finite numbers'):
         look.color_table(np.arange(3.0), None, clim)
 
 

@@ -14,9 +14,6 @@ def test_arrays_are_read_only_or_masks(kind):
     pl = pv.Plotter(off_screen=True, window_size=(60, 40))
     mask = np.random.default_rng(4).integers(0, 2, 7)
     thing = THINGS[kind](pl.ibr, scalars=VALUES)
-    for name in ('visible', 'scalars', 'colors'):
-        with pytest.raises(ValueError, match='read-only'):
-            getattr(thing, name)[0] = 0
     for given in (mask, mask.tolist(), mask.astype(float), mask.astype(np.uint8)):
         thing.visible = given
         assert thing.visible.tolist() == mask.astype(bool).tolist()
@@ -26,9 +23,10 @@ def test_arrays_are_read_only_or_masks(kind):
     for wrong in (2 * mask + 1, mask - 0.5, ['yes'] * 7, mask[:3]):
         with pytest.raises(ValueError, match='visible'):
             thing.visible = wrong
-    for name in ('poses', 'points', 'radius', 'radii', 'points_a', 'index', 'opacity'):
-        array = getattr(thing, name, None)
-        if isinstance(array, np.ndarray):
-            with pytest.raises(ValueError, match='read-only'):
-                array[...] = 0
+    values = [getattr(thing, name, None) for name in dir(thing) if not name.startswith('_')]
+    arrays = [value for value in values if isinstance(value, np.ndarray)]
+    assert len(arrays) >= 4
+    for array in arrays:
+        with pytest.raises(ValueError, match='read-only'):
+            array[...] = 0
     pl.close()

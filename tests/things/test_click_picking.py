@@ -75,7 +75,9 @@ def test_message_mark_and_picker_as_asked(pl):
     assert '_pvibr_picked' not in pl.actors
     pl.ibr.enable_picking(show_message=False)
     assert '_pvibr_picking_message' not in pl.actors
-    with pytest.raises(TypeError, match="callback = 'print': must be a function"):
+    with pytest.raises(
+        TypeError, match="callback must be a function of the hit or None, got 'print'"
+    ):
         pl.ibr.enable_picking('print')
 
 

@@ -198,6 +198,6 @@ def test_not_more_planes_than_vtk_has():
     thing = pl.ibr.add_spheres(PLACES)
     for k in range(6):
         thing.mapper.AddClippingPlane(plane((0, 0, -k), (0, 0, 1)))
-    with pytest.raises(ValueError, match='planes are 7: must be 6 at most'):
+    with pytest.raises(ValueError, match='planes must be at most 6, got 7'):
         thing.mapper.AddClippingPlane(plane((0, 0, -9), (0, 0, 1)))
     assert thing.mapper.clipping_planes.GetNumberOfItems() == 6

@@ -182,7 +182,7 @@ def test_far_instances_are_found_and_too_many_are_told():
         actor, _, _ = picked(pl, pixel, _vtk.vtkCellPicker())
         assert things.instance_of(actor) == things.pick(*pixel).index
     area = 0, 0, *SIZE
-    with pytest.warns(pvibr.PvibrWarning, match='the nearest 1024 of 1500 there'):
+    with pytest.warns(pvibr.PvibrWarning, match='only the nearest 1024 of the 1500 items'):
         rectangle(pl, 'enable_rectangle_visible_picking', area)
     with warnings.catch_warnings():
         warnings.simplefilter('error')

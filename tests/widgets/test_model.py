@@ -104,7 +104,7 @@ def test_a_bad_value_is_said_and_told(pl):
     model.listen(told.append)
     row = row_of(model, 'Bloom', 'spread')
     model.do(row.write, '7')
-    assert 'Bloom.spread = 7.0: must be a float in [0, 1]' in row.error
+    assert 'Bloom.spread must be a float in [0, 1], got 7.0' in row.error
     assert (row.text, told) == ('0.5', [False])
     model.do(row.write, '0.5')
     assert (row.error, told) == ('', [False, False])
