@@ -279,7 +279,7 @@ def test_added_to_another_plotter(name):
     on = shot(pl)
     thing.remove()
     pl.close()
-    with pytest.raises(ClosedError, match='make a new one'):
+    with pytest.raises(ClosedError, match='create a new one'):
         pl.ibr.add(thing)
     if not EVERY[name].replaces:  # its actors were closed with the plotter
         other = drawn(None)[0]

@@ -125,16 +125,16 @@ class Pipeline:
     def check_addable(self, effect):
         """Raise an error unless an effect can be added."""
         if self._closed:
-            raise ClosedError('the plotter is closed: make a new one and add the effect there')
+            raise ClosedError('the plotter is closed; create a new one and add the effect there')
         if not isinstance(effect, Effect):
             near = get_close_matches(getattr(effect, '__name__', str(effect)), ORDER, 1, 0.8)
             meant = near[0] if near else 'Shadows'
             raise TypeError(
-                f'effect = {effect!r}: must be a pvibr.Effect, such as pvibr.{meant}()'
+                f'effect must be a pvibr.Effect, such as pvibr.{meant}(), got {effect!r}'
             )
         if effect.before not in (None, *ORDER):
             raise ValueError(
-                f'{effect.name}.before = {effect.before!r}: must be one of {", ".join(ORDER)}'
+                f'{effect.name}.before must be one of {", ".join(ORDER)}, got {effect.before!r}'
             )
         if effect.pipeline is not None:
             effect.pipeline.forget_removed()

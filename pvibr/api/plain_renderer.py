@@ -86,11 +86,11 @@ def attach(renderer, draw=None) -> IBRComponent:
     """
     if not (hasattr(renderer, 'IsA') and renderer.IsA('vtkRenderer')):
         raise TypeError(
-            f'renderer = {renderer!r}: must be a vtkRenderer; a plotter has its own plotter.ibr'
+            f'renderer must be a vtkRenderer, got {renderer!r}; a plotter has its own plotter.ibr'
         )
     if draw is not None and not callable(draw):
         raise TypeError(
-            f'draw = {draw!r}: must be a function without arguments, such as view.update'
+            f'draw must be a function without arguments, such as view.update, got {draw!r}'
         )
     component = _attached.get(id(renderer))
     if component is None or not component.serves(renderer):

@@ -210,7 +210,7 @@ class IBRComponent(
         reset_camera = checked_flag('reset_camera', reset_camera, optional=True)
         render = checked_flag('render', render)
         if not isinstance(label, str | None):
-            raise TypeError(f'label = {label!r}: must be a str or None')
+            raise TypeError(f'label must be a str or None, got {label!r}')
         if accepts(make, 'theme'):
             if kwargs.get('color') is True:  # PyVista's word for the next one
                 kwargs['color'] = None

@@ -221,7 +221,7 @@ def checked_look(name):
     """Return the name of a look."""
     if not isinstance(name, str) or name not in LOOKS:
         raise ValueError(
-            f'name = {name!r}: must be one of {", ".join(LOOKS)}{nearest(str(name), LOOKS)}'
+            f'name must be one of {", ".join(LOOKS)}, got {name!r}{nearest(str(name), LOOKS)}'
         )
     return name
 

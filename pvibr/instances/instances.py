@@ -189,10 +189,8 @@ class Instances(BakedSet):
         mesh_kwargs |= {'opacity': opacity, 'cmap': cmap, 'clim': clim}
         self._theme = theme
         mesh_options = self._ask(len(poses), scalars, colors, blend, mesh_kwargs)
-        parts = [
-            with_own_culling(mesh_parts)
-            for mesh_parts in as_meshes(meshes, theme=theme, **mesh_options)
-        ]
+        parts = as_meshes(meshes, theme=theme, **mesh_options)
+        parts = [with_own_culling(mesh_parts) for mesh_parts in parts]
         self._sources = Sources(meshes, partial(as_parts, theme=theme, **mesh_options), parts)
         check_one_of('views', views, ('full', 'half'))
         baking = {'half': views == 'half', 'cache': checked_cache(cache), 'progress': progress}

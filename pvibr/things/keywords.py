@@ -70,11 +70,10 @@ _BILLBOARDS = {
     'point_size': "give size, and size_unit='pixel'",
 }
 _SUBSTITUTES = dict.fromkeys(signature(pv.Plotter.add_mesh).parameters, _OWN_LOOKS)
-_BY_ROOM = {
-    'quadrics': _QUADRICS,
-    'billboards': _BILLBOARDS,
-    'impostors': _SUBSTITUTES,
-    'image_layers': _SUBSTITUTES,
+_BY_FACTORY = {
+    **dict.fromkeys(('Spheres', 'Cylinders', 'Ellipsoids'), _QUADRICS),
+    'Billboards': _BILLBOARDS,
+    **dict.fromkeys(('Impostor', 'ImageLayers'), _SUBSTITUTES),
 }
 #: Keywords that apply to the scalars of a mesh, but not to those of its instances.
 OF_MESH_SCALARS = {
@@ -85,8 +84,7 @@ OF_MESH_SCALARS = {
 
 def reason(factory, name) -> str:
     """Return why a thing's factory rejects a keyword of ``add_mesh``, empty if unknown."""
-    room = factory.__module__.split('.')[1]
-    return _BY_ROOM.get(room, {}).get(name) or _COMMON.get(name, '')
+    return _BY_FACTORY.get(factory.__name__, {}).get(name) or _COMMON.get(name, '')
 
 
 def check_keywords(factory, names, allowed=None):

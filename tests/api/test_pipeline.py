@@ -626,7 +626,7 @@ def test_released_pipeline_takes_nothing_more(pl):
     pipeline.release()
     pipeline.release()
     assert not any(observers(pl.renderer))
-    with pytest.raises(ClosedError, match='make a new one'):
+    with pytest.raises(ClosedError, match='create a new one'):
         pipeline.add(Same())
 
 

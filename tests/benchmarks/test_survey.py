@@ -116,7 +116,7 @@ def test_what_cannot_be_measured_is_a_row_and_the_others_are_measured(monkeypatc
     first, *others = results.points['survey']
     assert (first['name'], len(others)) == ('gear, split edges', 2)
     assert 'IndexError: too many indices' in first['error']
-    assert 'offscreen.py' in first['error']
+    assert 'stage.py' in first['error']
     assert not any(f['error'] for f in others)
     told = capsys.readouterr().err
     assert all(f['name'] in told for f in results.points['survey'])

@@ -224,7 +224,7 @@ def test_by_default_it_is_the_same_at_any_scale():
 
 @pytest.mark.parametrize('settings', [{'radius': 0}, {'strength': -1}, {'samples': 1}])
 def test_bad_settings(settings):
-    with pytest.raises(ValueError, match=f'{next(iter(settings))} = '):
+    with pytest.raises(ValueError, match=f'{next(iter(settings))} must be '):
         pvibr.AmbientOcclusion(**settings)
 
 

@@ -141,7 +141,7 @@ def test_two_plotters_know_nothing_of_each_other(pl, name):
     nothing(two)
     np.testing.assert_array_equal(shot(other), before)
     pl.close()
-    with pytest.raises(ClosedError, match='make a new one'):
+    with pytest.raises(ClosedError, match='create a new one'):
         pl.ibr.add(one)
     np.testing.assert_array_equal(shot(other), before)
 

@@ -114,5 +114,5 @@ def test_by_default_it_is_the_same_at_any_scale():
 
 @pytest.mark.parametrize('settings', [{'visibility': 0}, {'height': -1}, {'color': (1, 0)}])
 def test_bad_settings(settings):
-    with pytest.raises(ValueError, match=f'{next(iter(settings))} = '):
+    with pytest.raises(ValueError, match=f'{next(iter(settings))} must be '):
         pvibr.Fog(**settings)

@@ -150,7 +150,7 @@ def test_light_above_one_before_tone_mapping(pl):
     assert pl.ibr.effects[0] is lamp
     odd = Lamp()
     odd.before = 'Lunch'
-    with pytest.raises(ValueError, match=r"Lamp.before = 'Lunch': must be one of .*, Shadows, "):
+    with pytest.raises(ValueError, match=r"Lamp.before must be one of .*, Shadows, .*got 'Lunch'"):
         pl.ibr.add(odd)
 
 

@@ -81,7 +81,7 @@ def test_pickers_of_pyvista_find_what_is_left():
 def test_widgets_say_what_to_do():
     pl = pv.Plotter(off_screen=True)
     balls = pl.ibr.add_spheres([[0.0, 0, 0]])
-    with pytest.raises(TypeError, match=r'Spheres is none.*add_plane_widget'):
+    with pytest.raises(TypeError, match=r'Spheres is not one.*add_plane_widget'):
         pl.add_mesh_clip_plane(balls)
     assert pl.add_mesh_clip_plane(pv.Sphere()) is not None
     pl.close()

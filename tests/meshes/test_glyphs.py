@@ -125,7 +125,7 @@ BAD = [
     ({'geom': TABLE, 'indices': [0, 2]}, ValueError, r'indices must .*got \[0, 2\]'),
     ({'rng': (2.0, 1.0)}, ValueError, r'rng must .*got \(2.0, 1.0\)'),
     ({'tolerance': -1.0}, ValueError, 'tolerance must .*got -1.0'),
-    ({'clamping': 'no'}, TypeError, "clamping = 'no'"),
+    ({'clamping': 'no'}, TypeError, "clamping must be .* got 'no'"),
     ({'factor': np.inf}, ValueError, 'factor must be .* got inf'),
     ({'orient': 3}, TypeError, 'orient = 3'),
 ]

@@ -117,7 +117,7 @@ def test_who_may_not_come_or_go_changes_nothing():
     for wrong, why in (
         (actors[0], r'actors\[0\] must be new'),
         (stranger, 'not in this subplot'),
-        (later, 'stands for some'),
+        (later, 'already replaces some'),
         ([], 'got none'),
     ):
         with pytest.raises(ValueError, match=why):

@@ -562,7 +562,7 @@ def test_bad_input_changes_nothing():
         with pytest.raises(ValueError, match=next(iter(settings))):
             pl.ibr.add_image_layers([actor], **settings)
     pl.ibr.add_image_layers([actor])
-    with pytest.raises(ValueError, match='stands for'):
+    with pytest.raises(ValueError, match='already replaces'):
         pl.ibr.add_image_layers([actor])
     assert len(pl.ibr.effects) == 1
     assert not pl.ibr.effects[0].report()['taken']

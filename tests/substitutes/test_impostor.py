@@ -351,7 +351,7 @@ def test_bad_input_changes_nothing():
     with pytest.raises(ValueError, match='max_error'):
         pl.ibr.add_impostor(actor, max_error=-1)
     pl.ibr.add_impostor(actor)
-    with pytest.raises(ValueError, match='stands for'):
+    with pytest.raises(ValueError, match='already replaces'):
         pl.ibr.add_impostor(actor)
     assert len(pl.ibr.effects) == 1
 

@@ -165,7 +165,7 @@ def test_states_are_saved_and_loaded(pl, tmp_path):
     assert (pl.ibr.effects[0].threshold, model.message) == (0.5, '')
     pl.ibr.clear()
     model.do(model.load, path)
-    assert 'unknown names are not restored: subplot 0: Bloom' in model.message
+    assert 'unknown names were not restored: subplot 0: Bloom' in model.message
     for wrong in ('', str(tmp_path), str(tmp_path / 'none')):
         model.do(model.load, wrong)
         assert model.message
