@@ -439,14 +439,14 @@ REFUSED = {
     ],
     'add_ellipsoids': [
         ({'radii': [1.0, 2.0]}, 'radii must be .* got shape'),
-        ({'radii': (1, 1, -2)}, 'radii has the value -2'),
+        ({'radii': (1, 1, -2)}, 'radii must be .* got -2'),
         ({'orientation': [0.0, 0, 0, 0]}, 'of length above 0'),
         ({'orientation': [1.0, 0, 0]}, 'orientation must be .* got shape'),
         ({'orientation': np.ones((3, 3))}, 'orthonormal'),
     ],
     'add_spheres': [
         ({'radius': -1.0}, 'radius must be .* got -1'),
-        ({'radius': np.nan}, 'radius has the value nan'),
+        ({'radius': np.nan}, 'radius must be .* got nan'),
         ({'radius': 1e300}, 'radius must be .* got 1e.300'),
         ({'radius': [1.0, 2.0]}, 'radius must be .* got shape'),
         ({'points': [[0, 0, np.inf]]}, 'finite'),
