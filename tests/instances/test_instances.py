@@ -477,7 +477,7 @@ BAD = {
     'no mesh': ({'mesh': 3}, TypeError, 'mesh must be'),
     'list': ({'mesh': []}, ValueError, 'at least one mesh'),
     'no file': ({'mesh': 'nowhere.ply'}, FileNotFoundError, r'nowhere\.ply'),
-    'scalars': ({'scalars': [1.0]}, ValueError, r'scalars.*\(1,\).*\(2,\)'),
+    'scalars': ({'scalars': [1.0]}, ValueError, r'scalars must be \(2,\).* got shape \(1,\)'),
     'no array': ({'scalars': 'nowhere'}, (KeyError, ValueError), 'nowhere'),
     'cmap': ({'scalars': [1.0, 2], 'cmap': 'nocolors'}, ValueError, 'nocolors'),
     'cmap of the mesh': ({'scalars': 'height', 'cmap': 'nocolors'}, ValueError, 'nocolors'),

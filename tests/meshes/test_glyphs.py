@@ -116,7 +116,11 @@ def test_far_from_the_origin_glyphs_keep_their_shape():
 
 BAD = [
     ({'progress_bar': True}, ValueError, 'progress_bar must be False'),
-    ({'color_mode': 'scales'}, ValueError, "color_mode is 'scales'.*'scale', 'scalar'"),
+    (
+        {'color_mode': 'scales'},
+        ValueError,
+        "color_mode must be one of 'scale', 'scalar'.* got 'scales'",
+    ),
     ({'orient': 'wnd'}, ValueError, "orient must .*got 'wnd'; did you mean 'wind'"),
     ({'orient': 'speed'}, ValueError, r"orient must be vectors.*'speed' of shape \(36,\)"),
     ({'scale': 'spee'}, ValueError, "scale must .*got 'spee'; did you mean 'speed'"),
@@ -127,7 +131,7 @@ BAD = [
     ({'tolerance': -1.0}, ValueError, 'tolerance must .*got -1.0'),
     ({'clamping': 'no'}, TypeError, "clamping must be .* got 'no'"),
     ({'factor': np.inf}, ValueError, 'factor must be .* got inf'),
-    ({'orient': 3}, TypeError, 'orient = 3'),
+    ({'orient': 3}, TypeError, 'orient must be .* got 3'),
 ]
 
 

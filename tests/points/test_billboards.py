@@ -588,7 +588,7 @@ GOOD = {'points': [[0, 0, 0]], 'image': WHITE}
         ({'size': np.inf, 'size_unit': 'pixel'}, 'size'),
         ({'image': np.zeros((1, 20_000))}, 'got 20000 x 4'),
         ({'image': np.zeros((4, 4, 4, 0))}, 'image'),
-        ({'image': pv.Texture()}, 'image must have floats'),
+        ({'image': pv.Texture()}, 'image must have shape'),
         ({'image': np.full((4, 4), np.nan)}, 'image must have floats'),
         ({'facing': 'spherical', 'axis': (0, np.nan, 1)}, 'axis'),
         ({'facing': 'cylindrical', 'axis': [[0, 0, 0]]}, 'axis'),
