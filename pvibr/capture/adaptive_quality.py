@@ -11,6 +11,7 @@ from pvibr.capture.clock import Loop, Timer, draw, filming, ticks
 from pvibr.core import _vtk
 from pvibr.core.costs import RunningMean
 from pvibr.core.determinism import is_deterministic
+from pvibr.core.hooks import Hooks
 from pvibr.core.plotters import is_dragged
 
 #: Levels of quality, 3 dB apart.
@@ -123,7 +124,8 @@ class AdaptiveQuality:
         self._is_moving_frame = self._is_full = self._draw_pending = False
         self._window: _vtk.vtkRenderWindow | None = None
         self._observers: list = []
-        self._is_asked = self._wraps_screenshot = False
+        self._is_asked = False
+        self._hooks = Hooks(plotter)
         self._start_time: float | None = None
         self._last_move = -math.inf
         self._wheel_turned = False
@@ -175,9 +177,8 @@ class AdaptiveQuality:
             self._restore_samples(self._window)
         for owner, tag in self._observers:
             owner.RemoveObserver(tag)
-        if self._wraps_screenshot:
-            self._plotter.__dict__.pop('screenshot', None)
-        self._observers, self._window, self._wraps_screenshot = [], None, False
+        self._hooks.take_off()
+        self._observers, self._window = [], None
         self._quality, self._start_time = 1.0, None
         self._is_moving_frame = self.lowered = False
 
@@ -289,7 +290,7 @@ class AdaptiveQuality:
 
     def _watch_screenshots(self):
         take_screenshot = getattr(self._plotter, 'screenshot', None)
-        if take_screenshot is None or self._wraps_screenshot:
+        if take_screenshot is None or self._hooks:
             return
 
         # Screenshots show the last frame; VTK and PyVista have no event for them.
@@ -299,8 +300,7 @@ class AdaptiveQuality:
                 self._draw_full()
             return take_screenshot(*args, **kwargs)
 
-        self._plotter.screenshot = screenshot
-        self._wraps_screenshot = True
+        self._hooks.put({'screenshot': screenshot})
 
 
 def _is_picking(window) -> bool:

@@ -11,6 +11,7 @@ from time import perf_counter
 
 from pvibr.core.arguments import checked_number, checked_positive
 from pvibr.core.determinism import is_deterministic
+from pvibr.core.hooks import Hooks
 from pvibr.core.plotters import frame_callbacks, is_dragged
 
 #: Milliseconds between two ticks.
@@ -32,7 +33,7 @@ class Clock:
         self._plotter, self._set_time = plotter, set_time
         self._ticks: Timer | Loop | None = None
         self._page_observer: tuple | None = None
-        self._wraps_frames = False
+        self._hooks = Hooks(plotter)
         self.running = False
 
     def start(self, start_time, *, speed=1.0, loop=None, fps=None):
@@ -80,9 +81,7 @@ class Clock:
         if watched is not None:
             renderer, tag = watched
             renderer.RemoveObserver(tag)
-        if self._wraps_frames:
-            self._wraps_frames = False
-            self._plotter.__dict__.pop('write_frame', None)
+        self._hooks.take_off()
 
     def write(self, write_frame):
         """Write a frame of a movie, and advance the time by one frame."""
@@ -105,8 +104,7 @@ class Clock:
         def write_frame():
             self.write(write_original)
 
-        self._plotter.write_frame = write_frame
-        self._wraps_frames = True
+        self._hooks.put({'write_frame': write_frame})
 
     def _tick(self):
         """Follow the wall clock from the first tick on, since windows open late."""

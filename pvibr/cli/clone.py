@@ -15,6 +15,6 @@ def benchmarks() -> ModuleType | None:
     """Return the package `benchmarks` beside ``pvibr``, None if this is no clone."""
     if not (ROOT / 'benchmarks' / '__init__.py').is_file():
         return None
-    if str(ROOT) not in sys.path:
-        sys.path.insert(0, str(ROOT))
+    # In front: a package of this name that is installed is another's.
+    sys.path.insert(0, str(ROOT))
     return import_module('benchmarks')

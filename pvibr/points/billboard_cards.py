@@ -45,7 +45,8 @@ class BillboardLayout:
         check_one_of('facing', facing, FACINGS)
         check_one_of('towards', towards, TOWARDS)
         check_one_of('size_unit', size_unit, UNITS)
-        self.facing, self.towards, self.size_unit, self.anchor = facing, towards, size_unit, anchor
+        self.facing, self.towards, self.size_unit = facing, towards, size_unit
+        self.anchor = _as_anchor(anchor)
         self.views = _checked_views(views, facing, len(images))
         self.blend_views = checked_flag('blend_views', blend_views)
         self._images = images[:: self.views]
@@ -335,7 +336,7 @@ def _floats(name, values) -> np.ndarray:
         raise TypeError(f'{name} must be numbers, got {values!r}') from error
 
 
-def as_anchor(anchor) -> np.ndarray:
+def _as_anchor(anchor) -> np.ndarray:
     """Return the position of the point on the card, in shares of its sides."""
     is_name = isinstance(anchor, str)
     values = ANCHORS.get(anchor) if is_name else anchor

@@ -11,12 +11,7 @@ from pvibr.core.signatures import takes
 from pvibr.gl import Texture, nbytes_of, shader_source
 from pvibr.gl.feature import Feature, sections
 from pvibr.maths.blocks import BLOCK
-from pvibr.points.billboard_cards import (
-    BillboardLayout,
-    as_anchor,
-    checked_cutout,
-    checked_opacity,
-)
+from pvibr.points.billboard_cards import BillboardLayout, checked_cutout, checked_opacity
 from pvibr.points.billboard_images import LiveImage, SheetImages
 from pvibr.textures.projected import is_live
 from pvibr.textures.sheet import as_images
@@ -181,7 +176,7 @@ class Billboards(CardSet):
             rotation=rotation,
             index=index,
             size_unit=size_unit,
-            anchor=as_anchor(anchor),
+            anchor=anchor,
             views=views,
             blend_views=blend_views,
             yaw=yaw,

@@ -26,6 +26,10 @@ class Count(Effect):
         self.times.append(frame.time)
 
 
+class Standin(SimpleNamespace):
+    """What a clock asks of a plotter; unlike its base, it may be referred to weakly."""
+
+
 @pytest.fixture
 def wall(monkeypatch):
     """A clock on the wall that goes when it is told to."""
@@ -138,9 +142,22 @@ def test_off_screen_only_frames_of_a_movie_move_it(tmp_path, wall):
     assert 'write_frame' not in vars(pl)
 
 
+def test_a_method_of_the_user_comes_back(tmp_path):
+    pl = pv.Plotter(off_screen=True, window_size=(32, 32))
+    pl.open_gif(tmp_path / 'a.gif', fps=4)
+    frames, write_frame = [], pl.write_frame
+    vars(pl)['write_frame'] = mine = lambda: frames.append(write_frame())
+    pl.ibr.play()
+    pl.write_frame()
+    assert len(frames) == 1
+    assert pl.ibr.time == 0.25
+    pl.ibr.stop()
+    assert pl.write_frame is mine
+
+
 def test_a_movie_decides_in_a_window_as_well(window, wall):
     """Frames are one apart, however long they take."""
-    plotter = SimpleNamespace(
+    plotter = Standin(
         renderer=window.ibr._plotter.renderer, mwriter=SimpleNamespace(write_args={'fps': 10})
     )
     times = []
@@ -157,7 +174,7 @@ def test_a_movie_decides_in_a_window_as_well(window, wall):
 
 def test_wall_and_movie_go_on_where_the_other_ends(window, wall):
     writer = SimpleNamespace(closed=True, write_args={'fps': 10})
-    plotter = SimpleNamespace(
+    plotter = Standin(
         renderer=window.ibr._plotter.renderer,
         mwriter=writer,
         render=lambda: None,
@@ -192,7 +209,7 @@ def test_movies_know_their_frames_a_second(tmp_path):
 
 
 def test_a_movie_that_does_not_say_is_asked_about():
-    plotter = SimpleNamespace(renderer=_vtk.vtkRenderer(), mwriter=object())
+    plotter = Standin(renderer=_vtk.vtkRenderer(), mwriter=object())
     clock = Clock(plotter, print)
     clock.start(0.0)
     with pytest.raises(ValueError, match='fps'):
@@ -207,7 +224,7 @@ def page_of(times):
         shown.append(times[-1])
 
     tell.__module__ = 'trame_pyvista.widgets'
-    plotter = SimpleNamespace(
+    plotter = Standin(
         renderer=_vtk.vtkRenderer(),
         _on_render_callbacks={tell},
         suppress_rendering=False,
@@ -319,7 +336,7 @@ def test_views_hear_of_each_moment():
 
 def test_a_notebook_without_a_loop_only_films():
     writer = SimpleNamespace(write_args={'fps': 2})
-    plotter = SimpleNamespace(notebook=True, mwriter=writer, renderer=_vtk.vtkRenderer())
+    plotter = Standin(notebook=True, mwriter=writer, renderer=_vtk.vtkRenderer())
     clock = Clock(plotter, print)
     clock.start(0.0)
     assert clock.running

@@ -196,6 +196,16 @@ def test_an_installed_package_says_where_benchmarks_are(tmp_path):
         assert 'Traceback' not in done.stderr
 
 
+def test_benchmarks_are_those_of_the_clone(tmp_path):
+    (tmp_path / 'benchmarks').mkdir()
+    (tmp_path / 'benchmarks' / '__init__.py').write_text('')
+    code = 'import sys; from pvibr.cli.app import main; sys.exit(main(["bench", "--help"]))'
+    done = subprocess.run(
+        [sys.executable, '-c', code], cwd=tmp_path, capture_output=True, text=True, check=True
+    )
+    assert 'shadows' in done.stdout
+
+
 @pytest.mark.parametrize(('problems', 'code'), [([], 0), ([('EGL', 'apt-get')], 1)])
 def test_doctor_says_what_it_found(capsys, monkeypatch, problems, code):
     from pvibr.cli import doctor
