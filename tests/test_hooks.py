@@ -9,9 +9,9 @@ import pytest
 import pyvista as pv
 
 import pvibr
+from pvibr.api.mesh_widgets import MESH_WIDGETS
 from pvibr.core.hooks import Hooks, MethodHook
 from pvibr.export.exporters import EXPORTERS
-from pvibr.things.mesh_widgets import MESH_WIDGETS
 from tests.test_every_thing import EVERY
 
 #: Effects that need no argument.

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+from pvibr.api.click_picking import ClickPicking
 from pvibr.api.state_methods import Facade
 from pvibr.core.arguments import check_one_of, checked_number, checked_positive, checked_whole
 from pvibr.core.colors import as_rgb
 from pvibr.core.params import checked_flag
-from pvibr.things.click_picking import ClickPicking
 
 
 class PickFacade(Facade):

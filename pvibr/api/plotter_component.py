@@ -12,6 +12,7 @@ from pvibr.api.add_methods import AddMethod
 from pvibr.api.camera_methods import CameraFacade
 from pvibr.api.capture_methods import CaptureFacade
 from pvibr.api.export_methods import ExportFacade
+from pvibr.api.mesh_widgets import mesh_widgets
 from pvibr.api.picking_methods import PickFacade
 from pvibr.api.pipeline import Pipeline
 from pvibr.api.presets import LooksFacade
@@ -24,7 +25,6 @@ from pvibr.core.report import Report
 from pvibr.core.signatures import accepts
 from pvibr.export.exporters import plain_exporters, release_exporters
 from pvibr.export.web_report import Watch
-from pvibr.things.mesh_widgets import mesh_widgets
 from pvibr.things.scalar_bars import Bar
 from pvibr.things.thing import Thing
 

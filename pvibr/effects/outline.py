@@ -11,6 +11,7 @@ from pvibr.core.arguments import checked_each
 from pvibr.core.colors import Color
 from pvibr.core.effect import Effect
 from pvibr.core.params import Param
+from pvibr.effects.veil import Veil
 from pvibr.gl import Quad, Target, Texture, nbytes_of, release, shader_source
 from pvibr.gl.feature import sections
 from pvibr.gl.target import fitting_target
@@ -18,7 +19,6 @@ from pvibr.gl.tiles import SIDE, Tiles
 from pvibr.things.buffers import Drawn
 from pvibr.things.casters import is_prop
 from pvibr.things.thing import Thing
-from pvibr.things.veil import Veil
 
 
 class Outline(Effect):

@@ -7,11 +7,11 @@ import pyvista as pv
 
 from pvibr.core._vtk import address
 from pvibr.core.files import with_suffix
+from pvibr.export.bounds import bounds_of
 from pvibr.export.drawn_surfaces import albedo_of, surface_of_part
 from pvibr.export.scene import SKY, names_of
 from pvibr.export.strokes import COLORS
 from pvibr.io.glb_writer import CLAMPED, LINEAR, NEAREST, GlbWriter
-from pvibr.maths.bounds import bounds_of
 from pvibr.maths.tones import to_light
 from pvibr.maths.transforms import transform_points
 from pvibr.meshes.parts import as_parts

@@ -21,11 +21,11 @@ from pvibr.instances.limits import SIDE_SHADERS, Limits, by_cost, depth_limits, 
 from pvibr.instances.measure import Reference, measure, mesh_needs, worst
 from pvibr.instances.memory import bytes_of, tiles
 from pvibr.instances.mesh_pool import MeshLevel
+from pvibr.instances.smoothed import interpolated, smoothed
 from pvibr.instances.stored_levels import from_arrays, to_arrays
 from pvibr.meshes.decimate import displacement, is_surface, lighter
 from pvibr.meshes.materials import TEXTURE_MODES
 from pvibr.meshes.parts import as_parts, check_triangles
-from pvibr.meshes.smoothed import interpolated, smoothed
 from pvibr.meshes.texture_maps import emission_of
 from pvibr.things.content_key import textures_of
 

@@ -9,8 +9,8 @@ import numpy as np
 
 from pvibr.photos.photo_choice import FACE_PHOTOS
 from pvibr.photos.photo_sources import THREADS, threads
+from pvibr.photos.picture_sheet import PictureSheet, least_halvings
 from pvibr.photos.slide import bends
-from pvibr.textures.picture_sheet import PictureSheet, least_halvings
 from pvibr.things.placing import scale_of
 
 #: Most triangles sampled to estimate which pictures a view needs, and at which size.

@@ -11,7 +11,7 @@ import numpy as np
 
 from pvibr.maths.lens_camera import LensCamera
 from pvibr.photos.photos import Photo, resampled
-from pvibr.textures.picture_sheet import halved
+from pvibr.photos.picture_sheet import halved
 from pvibr.textures.projected import as_rgba, resized
 
 #: Longest side of the version used to compare colours and sharpness, texels.

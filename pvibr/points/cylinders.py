@@ -7,11 +7,11 @@ import numpy as np
 from pvibr.core.arguments import check_one_of, naming
 from pvibr.core.params import checked_flag
 from pvibr.core.signatures import takes
-from pvibr.meshes.unit_meshes import along, balls, linear, tubes
 from pvibr.points.billboard_cards import as_points
 from pvibr.points.quadric_cards import Shape, residual_texels
 from pvibr.points.quadric_rays import CAPS, meet_cylinders
 from pvibr.points.quadrics import Quadrics, lengths_of, with_scalars
+from pvibr.points.unit_meshes import along, balls, linear, tubes
 from pvibr.things import appearance as look
 from pvibr.things.appearance import read_only
 

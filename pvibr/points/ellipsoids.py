@@ -9,11 +9,11 @@ import numpy as np
 from pvibr.core.arguments import as_array
 from pvibr.core.signatures import takes
 from pvibr.maths.quaternions import to_matrices
-from pvibr.meshes.unit_meshes import balls, linear
 from pvibr.points.billboard_cards import as_points
 from pvibr.points.quadric_cards import Shape, residual_texels
 from pvibr.points.quadric_rays import meet_ellipsoids
 from pvibr.points.quadrics import PointQuadrics, Quadrics, lengths_of, with_scalars
+from pvibr.points.unit_meshes import balls, linear
 from pvibr.things.appearance import read_only
 from pvibr.things.placing import is_similar
 

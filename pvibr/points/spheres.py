@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from pvibr.core.signatures import takes
-from pvibr.meshes.unit_meshes import balls, linear
 from pvibr.points.billboard_cards import as_points
 from pvibr.points.ellipsoids import ELLIPSOIDS, AxesQuadrics, moved_axes
 from pvibr.points.quadric_cards import Shape, residual_texels
 from pvibr.points.quadric_rays import meet_spheres
 from pvibr.points.quadrics import Quadrics, lengths_of, with_scalars
+from pvibr.points.unit_meshes import balls, linear
 from pvibr.things.appearance import read_only
 from pvibr.things.placing import is_similar
 

@@ -19,7 +19,7 @@ from pvibr.export.drawn_surfaces import surface_of_part, tiled
 from pvibr.export.html import reframe
 from pvibr.export.paint import Lamps, cut
 from pvibr.meshes.parts import as_parts
-from pvibr.meshes.unit_meshes import balls
+from pvibr.points.unit_meshes import balls
 from pvibr.things.frame import Frame
 
 SIZE = (160, 120)

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from pvibr.effects.reflections import through_rectangle
+from pvibr.export.bounds import bounds_of
 from pvibr.instances.support import table_of
 from pvibr.maths.blocks import ascending, members
-from pvibr.maths.bounds import bounds_of
 from pvibr.maths.facing import turned_azimuths
 from pvibr.maths.quaternions import unit_matrices
 from pvibr.maths.transforms import inverses, signs_of

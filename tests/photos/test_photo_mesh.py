@@ -15,7 +15,7 @@ from benchmarks.common.rays import Rays, edge_band
 from pvibr.capture.adaptive_quality import AdaptiveQuality
 from pvibr.photos.photo_choice import Surface, Visibility, choose
 from pvibr.photos.photo_sources import load_small, sources_of
-from pvibr.textures.picture_sheet import Squares
+from pvibr.photos.picture_sheet import Squares
 from pvibr.things.frame import Frame
 from pvibr.visibility.embree_rays import Rays as Occlusion
 

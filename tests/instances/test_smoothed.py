@@ -7,9 +7,9 @@ import pytest
 import pyvista as pv
 
 from pvibr.instances.levels import make_model
+from pvibr.instances.smoothed import interpolated, smoothed
 from pvibr.meshes.decimate import lighter
 from pvibr.meshes.parts import as_parts
-from pvibr.meshes.smoothed import interpolated, smoothed
 from tests.makers import soup
 
 
