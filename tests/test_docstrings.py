@@ -17,6 +17,7 @@ import pvibr_widgets
 from pvibr.animation import Clip, Morphs, Rig, Skin, VertexAnimation
 from pvibr.animation.model import Model
 from pvibr.animation.rig import Step
+from pvibr.api.add_methods import add_thing
 from pvibr.api.mesh_accessor import IBRAccessor
 from pvibr.api.plotter_component import IBRComponent
 from pvibr.core.effect import Effect
@@ -51,7 +52,7 @@ INTERNAL = {
 #: Functions of ``pvibr.maths`` to which guides and docstrings send users.
 FORMULAS = cameras.as_camera, facing.azimuths, facing.cards, facing.eye_of
 #: Parts of what ``add_*`` say.
-TEMPLATES = animated, IBRComponent._add_thing
+TEMPLATES = animated, add_thing
 PACKAGES = Path(pvibr.__file__).parent, Path(pvibr_widgets.__file__).parent
 
 

@@ -8,24 +8,31 @@ from typing import TYPE_CHECKING
 
 import pyvista as pv
 
+from pvibr.api import (
+    camera_methods,
+    capture_methods,
+    export_methods,
+    picking_methods,
+    presets,
+    state_methods,
+)
 from pvibr.api.add_methods import AddMethod
-from pvibr.api.camera_methods import CameraFacade
-from pvibr.api.capture_methods import CaptureFacade
-from pvibr.api.export_methods import ExportFacade
+from pvibr.api.click_picking import ClickPicking
 from pvibr.api.mesh_widgets import mesh_widgets
-from pvibr.api.picking_methods import PickFacade
 from pvibr.api.pipeline import Pipeline
-from pvibr.api.presets import LooksFacade
-from pvibr.api.state_methods import StateFacade
+from pvibr.capture.adaptive_quality import AdaptiveQuality
+from pvibr.capture.clock import Clock, checked_time
+from pvibr.capture.tiled_screenshot import TiledScreenshot
+from pvibr.core.errors import ClosedError
 from pvibr.core.hooks import Hooks
 from pvibr.core.observers import weakly
-from pvibr.core.params import checked_flag
-from pvibr.core.plotters import next_theme, renderers_of
+from pvibr.core.params import Param
+from pvibr.core.plotters import is_closed, renderers_of
 from pvibr.core.report import Report
-from pvibr.core.signatures import accepts
+from pvibr.core.spelling import Complete, check_attribute
+from pvibr.core.state_files import named
 from pvibr.export.exporters import plain_exporters, release_exporters
-from pvibr.export.web_report import Watch
-from pvibr.things.scalar_bars import Bar
+from pvibr.export.web_report import HandOver, Watch
 from pvibr.things.thing import Thing
 
 if TYPE_CHECKING:
@@ -42,9 +49,7 @@ if TYPE_CHECKING:
 
 
 @pv.register_plotter_component('ibr')
-class IBRComponent(
-    CameraFacade, CaptureFacade, ExportFacade, LooksFacade, PickFacade, StateFacade
-):
+class IBRComponent(metaclass=Complete):
     """Image-based rendering of a plotter; it acts on the active subplot.
 
     Once the plotter is closed, methods that add, draw or export raise a `ClosedError`.
@@ -64,11 +69,40 @@ class IBRComponent(
     >>> pl.close()
     """
 
+    interactive_frame_ms = Param(
+        100.0,
+        'Frame time that is met while the view moves, by lower quality, which is full again at '
+        'rest; 0 never lowers it.',
+        range='[0, inf)',
+        unit='ms',
+    )
+
     def __init__(self, plotter):
-        super().__init__(plotter)
+        self._plotter = plotter
+        self._pipelines: list[Pipeline] = []
+        self._closed = False
+        self._time = 0.0
+        self._clock = Clock(plotter, self._show_time)
+        self._adaptive_quality = AdaptiveQuality(
+            plotter,
+            lambda: self.interactive_frame_ms,
+            playing=lambda: self._clock.ticking,
+            effects=self._all_effects,
+        )
+        self._screenshots = TiledScreenshot(
+            plotter, self._all_effects, self._every_pipeline, self._adaptive_quality.full
+        )
+        self._hand_over = HandOver(plotter, self.web_report)
+        self._looks: dict[Pipeline, presets.Look] = {}
+        self._clicks: ClickPicking | None = None
+        self._buffer_objects: list = []
         self._at_close: list = []
         self._last_report = Report([])
         self._hooks = Hooks(plotter)
+
+    def __setattr__(self, name, value):
+        check_attribute(self, name)
+        super().__setattr__(name, value)
 
     def __repr__(self) -> str:
         if self._is_closed:
@@ -81,7 +115,95 @@ class IBRComponent(
         playing = ', playing' if self.playing else ''
         return f'<plotter.ibr: {", ".join(parts)}, time {self.time:g} s{playing}>'
 
+    # -- methods by subject: each module says more ----------------------------------------------
+
+    fly_to = camera_methods.fly_to
+    play = capture_methods.play
+    stop = capture_methods.stop
+    screenshot = capture_methods.screenshot
+    movie = capture_methods.movie
+    web_report = export_methods.web_report
+    to_plain_plotter = export_methods.to_plain_plotter
+    export_glb = export_methods.export_glb
+    export_html = export_methods.export_html
+    pick = picking_methods.pick
+    enable_picking = picking_methods.enable_picking
+    disable_picking = picking_methods.disable_picking
+    buffer = picking_methods.buffer
+    look = presets.look
+    state = state_methods.state
+    restore = state_methods.restore
+    save_state = state_methods.save_state
+    load_state = state_methods.load_state
+    load_state_text = state_methods.load_state_text
+
+    # -- time and quality ------------------------------------------------------------------------
+
+    @property
+    def time(self) -> float:
+        """Animation time in seconds."""
+        return self._time
+
+    @time.setter
+    def time(self, seconds):
+        self._show_time(checked_time(seconds))
+        self._clock.set(self._time)
+
+    def _show_time(self, seconds):
+        self._time = seconds
+        for pipeline in self._pipelines:
+            pipeline.time = seconds
+            by_kind: dict[type[Thing], list[Thing]] = {}
+            for item in pipeline.things:
+                by_kind.setdefault(type(item), []).append(item)
+            for kind, items in by_kind.items():
+                kind.follow_all(items)
+
+    @property
+    def playing(self) -> bool:
+        """Whether the animation clock runs."""
+        return self._clock.running
+
+    @property
+    def quality(self) -> float:
+        """Quality of the last frame: below 1 if one exceeded `interactive_frame_ms` in motion."""
+        return self._adaptive_quality.latest
+
     # -- subplots --------------------------------------------------------------------------------
+
+    @property
+    def _is_closed(self) -> bool:
+        return self._closed or is_closed(self._plotter)
+
+    def _check_open(self):
+        if self._is_closed:
+            raise ClosedError('the plotter is closed; create a new one and add to its ibr')
+
+    @property
+    def pipeline(self) -> Pipeline:
+        """The active subplot's pipeline."""
+        self._check_open()
+        return self._pipeline_of(self._plotter.renderer)
+
+    def _every_pipeline(self) -> list:
+        return [self._pipeline_of(renderer) for renderer in renderers_of(self._plotter)]
+
+    def _subplots(self) -> dict:
+        """Return the pipelines by subplot index."""
+        self._check_open()
+        renderers = renderers_of(self._plotter)
+        return {renderers.index(p.renderer): p for p in self._pipelines}
+
+    def _all_effects(self) -> list:
+        return [effect for pipeline in self._pipelines for effect in pipeline.effects]
+
+    def _show(self, reset_camera=None, render=False):
+        """Reset the camera, by default only if it was never set, and optionally render."""
+        renderer = self._plotter.renderer
+        if reset_camera or (reset_camera is None and not getattr(renderer, 'camera_set', True)):
+            self._plotter.reset_camera(render=False)
+        if render:
+            self._plotter.render()
 
     def _pipeline_of(self, renderer) -> Pipeline:
         for pipeline in self._pipelines:
@@ -109,6 +231,20 @@ class IBRComponent(
     def effects(self) -> tuple:
         """Effects and things in the active subplot, in the order in which they run."""
         return self.pipeline.effects
+
+    @property
+    def contents(self) -> dict:
+        """Effects and things by subplot index (as text) and by name, as in the state.
+
+        A second one of the same name is called ``'Name 2'``.
+        """
+        subplots = self._subplots().items()
+        return {str(n): named(p.effects) for n, p in subplots if p.effects}
+
+    @property
+    def buffer_objects(self) -> list:
+        """Actors and things that the ids of the last ``buffer('id')`` refer to."""
+        return list(self._buffer_objects)
 
     def __len__(self) -> int:
         """Return how many effects and things are in the active subplot."""
@@ -167,82 +303,17 @@ class IBRComponent(
             effect.bar.show(effect)
         return effect
 
-    def _add_thing(
-        self,
-        make,
-        args,
-        kwargs,
-        *,
-        show_scalar_bar=None,
-        scalar_bar_args=None,
-        label=None,
-        reset_camera=None,
-        render=False,
-    ):
-        """Add a thing to the active subplot, in place of what has its name.
-
-        Parameters
-        ----------
-        make : callable
-            Class or function that makes the thing.
-        args : tuple
-            Its positional arguments.
-        kwargs : dict
-            Its keyword arguments.
-        show_scalar_bar : bool, optional
-            Whether to add a scalar bar; by default as the theme says.
-        scalar_bar_args : dict, optional
-            Options of :meth:`pyvista.Plotter.add_scalar_bar`.
-        label : str, optional
-            Entry of the legend that :meth:`pyvista.Plotter.add_legend` adds.
-        reset_camera : bool, optional
-            Whether to reset the camera; by default only if it was never set.
-        render : bool
-            Whether to render at once.
-
-        Returns
-        -------
-        pvibr.Effect
-            The thing.
-        """
-        self._check_open()
-        bar = Bar(show_scalar_bar, scalar_bar_args)
-        reset_camera = checked_flag('reset_camera', reset_camera, optional=True)
-        render = checked_flag('render', render)
-        if not isinstance(label, str | None):
-            raise TypeError(f'label must be a str or None, got {label!r}')
-        if accepts(make, 'theme'):
-            if kwargs.get('color') is True:  # PyVista's word for the next one
-                kwargs['color'] = None
-            kwargs.setdefault('theme', next_theme(self._plotter, kwargs.get('color')))
-        thing = make(*args, **kwargs)
-        thing.bar, thing.label = bar, label
-        bar.check(self._plotter, thing)
-        self.add(thing)
-        self._show(reset_camera, render)
-        return thing
-
-    add_instances: AddMethod[Instances] = AddMethod(
-        'pvibr.instances.instances.Instances', _add_thing
-    )
-    add_animated: AddMethod[AnimatedActor | Crowd] = AddMethod(
-        'pvibr.figures.animated.animated', _add_thing
-    )
-    add_billboards: AddMethod[Billboards] = AddMethod(
-        'pvibr.points.billboards.Billboards', _add_thing
-    )
-    add_spheres: AddMethod[Spheres] = AddMethod('pvibr.points.spheres.Spheres', _add_thing)
-    add_cylinders: AddMethod[Cylinders] = AddMethod('pvibr.points.cylinders.Cylinders', _add_thing)
-    add_ellipsoids: AddMethod[Ellipsoids] = AddMethod(
-        'pvibr.points.ellipsoids.Ellipsoids', _add_thing
-    )
-    add_impostor: AddMethod[Impostor] = AddMethod(
-        'pvibr.substitutes.impostor.Impostor', _add_thing
-    )
+    add_instances: AddMethod[Instances] = AddMethod('pvibr.instances.instances.Instances')
+    add_animated: AddMethod[AnimatedActor | Crowd] = AddMethod('pvibr.figures.animated.animated')
+    add_billboards: AddMethod[Billboards] = AddMethod('pvibr.points.billboards.Billboards')
+    add_spheres: AddMethod[Spheres] = AddMethod('pvibr.points.spheres.Spheres')
+    add_cylinders: AddMethod[Cylinders] = AddMethod('pvibr.points.cylinders.Cylinders')
+    add_ellipsoids: AddMethod[Ellipsoids] = AddMethod('pvibr.points.ellipsoids.Ellipsoids')
+    add_impostor: AddMethod[Impostor] = AddMethod('pvibr.substitutes.impostor.Impostor')
     add_image_layers: AddMethod[ImageLayers] = AddMethod(
-        'pvibr.substitutes.image_layers.ImageLayers', _add_thing
+        'pvibr.substitutes.image_layers.ImageLayers'
     )
-    add_photos: AddMethod[PhotoMesh] = AddMethod('pvibr.photos.photo_mesh.PhotoMesh', _add_thing)
+    add_photos: AddMethod[PhotoMesh] = AddMethod('pvibr.photos.photo_mesh.PhotoMesh')
 
     def remove(self, thing):
         """Remove an effect or a thing from its subplot.
@@ -266,7 +337,7 @@ class IBRComponent(
 
     def clear(self):
         """Remove all effects and things from the active subplot, and its look."""
-        self._take_off(self.pipeline)
+        presets.take_off(self, self.pipeline)
         self.pipeline.clear()
 
     # -- reports ---------------------------------------------------------------------------------

@@ -3,20 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pyvista as pv
 
 import pvibr
-from pvibr.api.state_methods import Facade
 from pvibr.core.arguments import checked_direction
 from pvibr.core.params import checked_flag
 from pvibr.core.spelling import nearest
 from pvibr.maths.vectors import unit_vectors
-
-if TYPE_CHECKING:
-    from pvibr.api.pipeline import Pipeline
 
 
 @dataclass(frozen=True)
@@ -143,78 +138,64 @@ class Look:
         self._old_lights, self._replaced = [], []
 
 
-class LooksFacade(Facade):
-    """What subplots wear.
+def take_off(self, pipeline):
+    """Remove the look of a subplot, if it has one."""
+    if pipeline in self._looks:
+        self._looks.pop(pipeline).remove()
 
-    Parameters are those of :class:`pvibr.api.plotter_component.IBRComponent`.
+
+def look(self, name, *, up=None, ground=True):
+    """Apply a look: sky, sun, ground, shadows, ambient occlusion and tone in one call.
+
+    It adapts to what is in the active subplot, also to what is added later, and replaces the
+    current look. Its effects are in :attr:`effects`, where each can be changed. The sun stands
+    to the left of where the camera is now, and stays there.
+
+    Parameters
+    ----------
+    name : {'studio', 'daylight', 'dusk', 'paper'} or None
+        The look; None removes the current one and restores the lights and effects from before
+        it.
+    up : array_like, shape (3,), optional
+        Up direction in world space; by default the axis that points up for the camera.
+    ground : bool, optional
+        Whether a ground is put under the scene.
+
+    Returns
+    -------
+    pvibr.api.presets.Look or None
+        The look: ``effects`` by class name, ``lights``, and ``remove()``.
+
+    Raises
+    ------
+    ValueError
+        If there is no such look, or `up` is no direction.
+    TypeError
+        If `ground` is not a bool.
+
+    Examples
+    --------
+    >>> import pyvista as pv
+    >>> import pvibr
+    >>> pl = pv.Plotter(off_screen=True)
+    >>> _ = pl.add_mesh(pv.Sphere(), color='tomato')
+    >>> look = pl.ibr.look('studio')
+    >>> look.effects['Shadows'].strength = 0.7
+    >>> pl.ibr.look(None)
+    >>> len(pl.ibr)
+    0
+    >>> pl.close()
     """
-
-    def __init__(self, plotter):
-        super().__init__(plotter)
-        self._looks: dict[Pipeline, Look] = {}
-
-    if TYPE_CHECKING:
-
-        @property
-        def pipeline(self) -> Pipeline:
-            """The active subplot's pipeline."""
-
-    def _take_off(self, pipeline):
-        if pipeline in self._looks:
-            self._looks.pop(pipeline).remove()
-
-    def look(self, name, *, up=None, ground=True):
-        """Apply a look: sky, sun, ground, shadows, ambient occlusion and tone in one call.
-
-        It adapts to what is in the active subplot, also to what is added later, and replaces the
-        current look. Its effects are in :attr:`effects`, where each can be changed. The sun stands
-        to the left of where the camera is now, and stays there.
-
-        Parameters
-        ----------
-        name : {'studio', 'daylight', 'dusk', 'paper'} or None
-            The look; None removes the current one and restores the lights and effects from before
-            it.
-        up : array_like, shape (3,), optional
-            Up direction in world space; by default the axis that points up for the camera.
-        ground : bool, optional
-            Whether a ground is put under the scene.
-
-        Returns
-        -------
-        pvibr.api.presets.Look or None
-            The look: ``effects`` by class name, ``lights``, and ``remove()``.
-
-        Raises
-        ------
-        ValueError
-            If there is no such look, or `up` is no direction.
-        TypeError
-            If `ground` is not a bool.
-
-        Examples
-        --------
-        >>> import pyvista as pv
-        >>> import pvibr
-        >>> pl = pv.Plotter(off_screen=True)
-        >>> _ = pl.add_mesh(pv.Sphere(), color='tomato')
-        >>> look = pl.ibr.look('studio')
-        >>> look.effects['Shadows'].strength = 0.7
-        >>> pl.ibr.look(None)
-        >>> len(pl.ibr)
-        0
-        >>> pl.close()
-        """
-        pipeline = self.pipeline
-        if name is not None:
-            name = checked_look(name)
-        up = up_of(pipeline.renderer.GetActiveCamera(), up)
-        ground = checked_flag('ground', ground)
-        self._take_off(pipeline)
-        if name is None:
-            return None
-        self._looks[pipeline] = look = Look(pipeline, name, up, ground)
-        return look
+    pipeline = self.pipeline
+    if name is not None:
+        name = checked_look(name)
+    up = up_of(pipeline.renderer.GetActiveCamera(), up)
+    ground = checked_flag('ground', ground)
+    take_off(self, pipeline)
+    if name is None:
+        return None
+    self._looks[pipeline] = look = Look(pipeline, name, up, ground)
+    return look
 
 
 def checked_look(name):

@@ -10,7 +10,7 @@ import numpy as np
 
 from pvibr.core.params import checked_name, params_of
 from pvibr.core.signatures import arguments_of, docstring_of, signature_of
-from pvibr.core.spelling import Spelled, nearest
+from pvibr.core.spelling import Complete, check_attribute, nearest
 
 
 def _nowhere():
@@ -24,7 +24,7 @@ def put_into(effect, pipeline):
     effect._pipeline = pipeline_ref  # noqa: SLF001
 
 
-class Effect(Spelled):
+class Effect(metaclass=Complete):
     """Settings, and the hooks that a pipeline calls in every frame.
 
     A subclass declares its settings as :class:`pvibr.Param` and overrides the hooks it needs.
@@ -58,6 +58,7 @@ class Effect(Spelled):
         *('enabled', 'before', 'name', 'remove', 'state', 'restore', 'report'),
     )
 
+    #: Whether instances keep their constructor arguments, to be copied and pickled.
     keeps_arguments = True
 
     # -- what a class declares ---------------------------------------------------------------
@@ -238,6 +239,10 @@ class Effect(Spelled):
 
     def __init__(self, **settings):
         self._set(self._checked(settings))
+
+    def __setattr__(self, name, value):
+        check_attribute(self, name)
+        super().__setattr__(name, value)
 
     def __dir__(self) -> list[str]:
         """Return the public names, without hooks."""

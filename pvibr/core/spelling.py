@@ -23,37 +23,31 @@ class _OfInit:
         return signature(cls.__init__.__get__(cls))
 
 
-class _Complete(type(pv.Actor)):  # type: ignore[misc]
-    """Marks instances as complete after construction: public attributes are then fixed."""
+class Complete(type(pv.Actor)):  # type: ignore[misc]
+    """Metaclass of what is complete once constructed: its public attributes are then fixed."""
+
+    # A class calls `check_attribute` from its `__setattr__`; it declares attributes by a default
+    # or an annotation. Users' subclasses are exempt.
 
     # Otherwise inspect would report the signature of the metaclass's ``__call__``.
     __signature__ = _OfInit()
 
     def __call__(cls, *args, **kwargs):
+        """Return a complete instance."""
         instance = type.__call__(cls, *args, **kwargs)
         instance.__dict__['_complete'] = True
-        if cls.keeps_arguments:
+        if getattr(cls, 'keeps_arguments', False):
             instance.__dict__['_made_of'] = args, kwargs
         return instance
 
 
-class Spelled(metaclass=_Complete):
-    """Raises on setting an unknown public attribute, and names the nearest one.
-
-    Classes declare attributes by a default or an annotation; users' subclasses are exempt.
-    """
-
-    _complete = False
-    #: Whether instances keep their constructor arguments, to be copied and pickled.
-    keeps_arguments = False
-
-    def __setattr__(self, name, value):
-        if self._complete and not name.startswith('_') and not _has(self, name):
-            class_name = type(self).__name__
-            hint = nearest(name, [n for n in dir(self) if not n.startswith('_')])
-            hint = hint or f'; see dir() of the {class_name}'
-            raise AttributeError(f'{class_name} has no attribute {name!r}{hint}')
-        super().__setattr__(name, value)
+def check_attribute(owner, name):
+    """Raise an AttributeError that names the nearest one if an attribute is unknown."""
+    if '_complete' in owner.__dict__ and not name.startswith('_') and not _has(owner, name):
+        class_name = type(owner).__name__
+        hint = nearest(name, [n for n in dir(owner) if not n.startswith('_')])
+        hint = hint or f'; see dir() of the {class_name}'
+        raise AttributeError(f'{class_name} has no attribute {name!r}{hint}')
 
 
 def _has(owner, name) -> bool:
