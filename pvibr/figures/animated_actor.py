@@ -23,11 +23,10 @@ from pvibr.figures.posing import Posing, draw_together
 from pvibr.maths.transforms import transform_normals, transform_points
 from pvibr.meshes.parts import as_parts
 from pvibr.things.picking import pixel_ray
-from pvibr.things.placing import Placed
 from pvibr.things.thing import Thing
 
 
-class AnimatedActor(FigurePlayer, Placed):
+class AnimatedActor(FigurePlayer):
     """An animated figure: ordinary actors whose vertices are posed on the GPU.
 
     Parameters
@@ -71,6 +70,7 @@ class AnimatedActor(FigurePlayer, Placed):
     >>> pl.close()
     """
 
+    moved_by = None
     web = 'baked', 'meshes, posed as they are now'
 
     #: Picking passes need the pose too.

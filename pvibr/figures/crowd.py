@@ -16,7 +16,8 @@ from pvibr.maths.transforms import trs
 from pvibr.meshes.parts import as_parts
 from pvibr.meshes.posed import posed
 from pvibr.things.appearance import as_colors, read_only
-from pvibr.things.painted import Painted
+from pvibr.things.item_set import ItemSet
+from pvibr.things.thing import Thing
 
 
 class Crowd(Instances):
@@ -94,7 +95,7 @@ class Crowd(Instances):
         theme=None,
         **mesh_kwargs,
     ):
-        Painted.__init__(self, max_error=max_error)
+        ItemSet.__init__(self, max_error=max_error)
         self.name = name
         poses = posed(poses)
         member_count = len(poses)
@@ -147,7 +148,7 @@ class Crowd(Instances):
         return {0: model}
 
     # Posed meshes are drawn by other actors, without clipping planes or alphas.
-    set_clipping_planes = Painted.set_clipping_planes
+    set_clipping_planes = Thing.set_clipping_planes
 
     def _as_colors(self, colors, count=None):
         return as_colors(colors, len(self) if count is None else count)

@@ -28,9 +28,9 @@ from pvibr.instances.memory import checked_share
 from pvibr.instances.mesh_sources import Sources
 from pvibr.meshes.parts import as_meshes, as_parts, with_own_culling
 from pvibr.things import appearance as look
+from pvibr.things.appearance import TABLE_OPTIONS
 from pvibr.things.draw_order import Stage
 from pvibr.things.keywords import OF_MESH_SCALARS
-from pvibr.things.painted import TABLE_OPTIONS
 from pvibr.things.picking import joined, nearest_hit
 
 

@@ -28,7 +28,7 @@ from pvibr.photos.photos import Photo
 from pvibr.photos.slide import lens_numbers, pixel_from_view, plane_from_world
 from pvibr.photos.texture_bake import checked_file
 from pvibr.things.picking import nearest_actor
-from pvibr.things.placing import Placed
+from pvibr.things.thing import Thing
 from pvibr.visibility.surface_samples import polydata_of, surface_of, surfaces_of
 
 _SHARPNESS = {'view': 1.0, 'feather': 1.0, 'best': 12.0}
@@ -40,7 +40,7 @@ _SHARES_WIDTH = 2048
 _ATTRIBUTES = ('number', 'weight', 'mean', 'point', *(f'change{k}' for k in range(FACE_PHOTOS)))
 
 
-class PhotoMesh(Placed):
+class PhotoMesh(Thing):
     """Texture a mesh with any number of photographs.
 
     Each triangle blends the few photographs that see it whole and in most detail; exposures are
@@ -86,6 +86,7 @@ class PhotoMesh(Placed):
     """
 
     FOR_USERS = ('photos', 'choice', 'found_gains', 'bake')
+    moved_by = None
     web = 'baked', 'a mesh with the colours of its points, or a texture'
 
     opacity = Param(1.0, 'Opacity of the photographs over the colour of the mesh.', range='[0, 1]')

@@ -18,6 +18,8 @@ from pvibr.things.placing import scale_of
 
 ANCHORS = {'center': (0.5, 0.5), 'bottom': (0.5, 0.0), 'top': (0.5, 1.0)}
 UNITS = ('world', 'pixel')
+#: Corners of cards in shares of width and height.
+CORNERS = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
 
 
 class BillboardLayout:
@@ -290,6 +292,12 @@ class BillboardLayout:
             z = self.points[indices] @ frame.view_from_world[2, :3] + frame.view_from_world[2, 3]
             card_sizes = card_sizes * self._pixel(frame) * (1.0 if frame.parallel else -z[:, None])
         return card_axes, card_sizes
+
+    def corners(self, frame, indices) -> np.ndarray:
+        """Return the corners of some cards, shape (k, 4, 3)."""
+        axes, sizes = self.placed(frame, indices)
+        offsets = (CORNERS - self.anchor) * sizes[:, None]
+        return self.points[indices, None] + offsets @ axes[..., :2].swapaxes(1, 2)
 
     def hits(self, frame, start, direction) -> list:
         """Return index, distance and texture coordinates of cards hit by a ray, nearest first."""

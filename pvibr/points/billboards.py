@@ -8,29 +8,29 @@ import pyvista as pv
 from pvibr.core.errors import ShaderError
 from pvibr.core.params import Param
 from pvibr.core.signatures import takes
-from pvibr.gl import Texture, nbytes_of, shader_source
+from pvibr.gl import nbytes_of, shader_source
+from pvibr.gl.binder import Binder
 from pvibr.gl.feature import Feature, sections
 from pvibr.maths.blocks import BLOCK
-from pvibr.points.billboard_cards import BillboardLayout, checked_cutout, checked_opacity
+from pvibr.points.billboard_cards import CORNERS, BillboardLayout, checked_cutout, checked_opacity
 from pvibr.points.billboard_images import LiveImage, SheetImages
 from pvibr.textures.projected import is_live
 from pvibr.textures.sheet import as_images
-from pvibr.things.appearance import read_only
+from pvibr.things.appearance import TABLE_OPTIONS, read_only, scalars_of
 from pvibr.things.clipping import KEPT
-from pvibr.things.draw_order import PARTS
+from pvibr.things.draw_order import PARTS, interleaved
 from pvibr.things.frame import Frame
-from pvibr.things.item_set import CardSet
-from pvibr.things.painted import TABLE_OPTIONS, scalars_of
+from pvibr.things.item_set import ItemSet
+from pvibr.things.item_textures import ItemTextures
 from pvibr.things.picking import Hit, pixel_ray
-from pvibr.things.shader_draws import ROW, ShaderDraws, pack
+from pvibr.things.shader_draws import ROW, ShaderDraws
 
 _CHUNK = 65_536  # billboards per draw
 _WIDE = 3072  # texels, a multiple of 3 and 4
-_CORNERS = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])  # in shares of width and height
 _HIT = 0.05  # least alpha at which a blended billboard can be picked
 
 
-class Billboards(CardSet):
+class Billboards(ItemSet):
     """An image at each of many points, turned toward the eye.
 
     Parameters
@@ -187,9 +187,8 @@ class Billboards(CardSet):
         self._begin(lighting)
 
     def _begin(self, lighting):
-        self._begin_drawing()
+        self._binder, self._textures = Binder(), ItemTextures()
         self._uniforms: dict = {}
-        self._window = None
         self._drawn_count = 0
         opacity = float(self._opacity) if np.ndim(self._opacity) == 0 else 1.0
         look = {'lighting': bool(lighting), 'opacity': opacity, 'interpolation': 'Gouraud'}
@@ -204,14 +203,14 @@ class Billboards(CardSet):
 
     def _new_draws(self, draws, blends) -> ShaderDraws:
         look = {'prop': self.prop, 'feature': _feature(False), 'translucent': blends}
-        return ShaderDraws(draws=draws, chunk=self._chunk, binder=self.binder, **look)
+        return ShaderDraws(draws=draws, chunk=self._chunk, binder=self._binder, **look)
 
     def _materials_of_all(self):
         return [draws.material for draws in self._all_draws()]
 
     def _switch_clipping(self):
         for draws in self._all_draws():
-            draws.set_feature(_feature(bool(self._planes)))
+            draws.set_feature(_feature(bool(self.clipping)))
 
     def _all_draws(self) -> list:
         return [draws for draws in (self._draws, self._shadow_draws) if draws is not None]
@@ -258,14 +257,8 @@ class Billboards(CardSet):
 
     def item_mesh(self, index) -> pv.PolyData:
         """Return the card of an item in world space, for VTK's pickers."""
-        corners = self._corners(Frame.of(self.pipeline.renderer), np.array([index]))
+        corners = self.layout.corners(Frame.of(self.pipeline.renderer), np.array([index]))
         return pv.PolyData(corners[0], faces=[4, 0, 1, 2, 3])
-
-    def _corners(self, frame, indices) -> np.ndarray:
-        """Return the corners of some cards, shape (k, 4, 3)."""
-        axes, sizes = self.layout.placed(frame, indices)
-        offsets = (_CORNERS - self.layout.anchor) * sizes[:, None]
-        return self.layout.points[indices, None] + offsets @ axes[..., :2].swapaxes(1, 2)
 
     @property
     def facing(self) -> str:
@@ -275,7 +268,7 @@ class Billboards(CardSet):
     @property
     def blends(self) -> bool:
         """Whether images are translucent and therefore drawn from far to near."""
-        return self.cutout is None or super().blends
+        return self.cutout is None or self.prop.GetOpacity() < 1
 
     @property
     def points(self) -> np.ndarray:
@@ -371,7 +364,7 @@ class Billboards(CardSet):
         entries, unit, part_cuts = self.layout.entries_in_view(frame, other_depths, sort=sort)
         self._drawn_count = min(len(entries) * unit, len(self))
         self._uniforms |= self.layout.view_uniforms(frame) | {
-            **(self._planes.uniforms(frame) if self._planes else {}),
+            **(self.clipping.uniforms(frame) if self.clipping else {}),
             'ibr_unit': unit,
             'ibr_step': self._step(),
             'ibr_eye_from_world': frame.view_from_world[:3, :3],
@@ -381,37 +374,41 @@ class Billboards(CardSet):
         }
         if idle_draws is not None:
             idle_draws.show_spans(())
-        active_draws.upload(self._window, np.asarray(entries, np.float32).reshape(-1, 1))
+        active_draws.upload(self._textures.window, np.asarray(entries, np.float32).reshape(-1, 1))
         parts = active_draws.show_parts(part_cuts, unit)
         if sort:
-            self._order_parts(frame, other_depths, parts)
+            self.order = interleaved(frame, self, other_depths, parts)
+
+    def finish(self, frame):
+        """Release the texture units."""
+        self._binder.unbind()
 
     # -- the GPU ------------------------------------------------------------------------------
 
     def _upload(self, window):
-        if self._window is None:
-            self._window = window
-            self._stale = {'ibr_points', 'ibr_looks', 'ibr_rects'}
-        stale_names, self._stale = self._stale, set()
-        if 'ibr_rects' in stale_names:
+        if self._textures.window is None:
             self._images.upload(window)
-        arrays = {
+        texels = {
             'ibr_points': (self.layout.texels, _WIDE, 4),
             'ibr_looks': (self._looks, ROW, 4),
             'ibr_rects': (self._images.rects, ROW, 4),
         }
-        for name in stale_names:
-            build, width, channels = arrays[name]
-            self.textures.setdefault(name, Texture(window)).upload(pack(build(), width, channels))
-        if 'ibr_points' in stale_names:
+        if 'ibr_points' in self._textures.upload(window, texels):
             self._uniforms |= self.layout.uniforms()
         self._uniforms |= self._images.uniforms() | {
             'ibr_cutout': float(self.cutout or 0.0),
             'ibr_straight': int(isinstance(self._images, LiveImage)),
         }
         for draws in self._all_draws():
-            draws.textures = {**self.textures, 'ibr_sheet': self._images.texture}
+            draws.textures = {**self._textures.by_name, 'ibr_sheet': self._images.texture}
             draws.uniforms = self._uniforms
+
+    def _repaint(self):
+        self._drop('ibr_looks')
+
+    def _drop(self, *names):
+        self._textures.drop(*names)
+        self._touch()
 
     def _looks(self):
         looks = self._tints(1.0)
@@ -421,15 +418,15 @@ class Billboards(CardSet):
     def release(self):
         """Free GPU memory; the context is current."""
         for draws in self._all_draws():
-            draws.release(self._window)
-        for owner in (*self.textures.values(), self._images):
-            owner.release()
-        self.textures, self._window, self._content_key = {}, None, None
+            draws.release(self._textures.window)
+        self._textures.release()
+        self._images.release()
+        self._content_key = None
 
     def report(self) -> dict:
         """Return GPU memory, counts and the size of the texture."""
         return {
-            'bytes': nbytes_of(*self.textures.values(), *self._all_draws(), self._images),
+            'bytes': nbytes_of(self._textures, *self._all_draws(), self._images),
             'billboards': len(self),
             'drawn': self._drawn_count,
             'images': self.layout.n_images,
@@ -440,10 +437,10 @@ class Billboards(CardSet):
         """Add the cards as quads, turned to the camera, to a scene without pvibr."""
         indices = np.flatnonzero(self.visible)
         frame = scene.frame
-        corners = self._corners(frame, indices)
+        corners = self.layout.corners(frame, indices)
         image, rects = self._images.whole()
         low, high = rects[self._shown_images(frame, indices)].reshape(-1, 2, 1, 2).swapaxes(0, 1)
-        coordinates = (low + _CORNERS * (high - low)) / image.shape[1::-1]
+        coordinates = (low + CORNERS * (high - low)) / image.shape[1::-1]
         cutout, lighting = None if self.blends else self.cutout, bool(self.prop.GetLighting())
         colors = self._tints(self.prop.GetOpacity())[indices]
         look = {'cutout': cutout, 'colors': colors, 'lighting': lighting}
@@ -474,7 +471,7 @@ class Billboards(CardSet):
         is_visible, frame = self.visible, Frame.of(renderer)
         for i, distance, uv in self.layout.hits(frame, start, direction):
             point = start + distance * direction
-            if not (is_visible[i] and self._planes.kept(point)):
+            if not (is_visible[i] and self.clipping.kept(point)):
                 continue
             (number,) = self._shown_images(frame, [i])
             if self._images.alpha(number, uv) >= (self.cutout or _HIT):

@@ -8,12 +8,12 @@ from pvibr.core.arguments import check_one_of, naming
 from pvibr.core.params import checked_flag
 from pvibr.core.signatures import takes
 from pvibr.points.billboard_cards import as_points
-from pvibr.points.quadric_cards import Shape, residual_texels
-from pvibr.points.quadric_rays import CAPS, meet_cylinders
-from pvibr.points.quadrics import Quadrics, lengths_of, with_scalars
-from pvibr.points.unit_meshes import along, balls, linear, tubes
+from pvibr.points.quadric_geometry import CylinderGeometry
+from pvibr.points.quadric_rays import CAPS
+from pvibr.points.quadrics import Quadrics, lengths_of, radius_property, with_scalars
 from pvibr.things import appearance as look
 from pvibr.things.appearance import read_only
+from pvibr.things.placing import lengths_in, points_in
 
 
 class Cylinders(Quadrics):
@@ -55,6 +55,7 @@ class Cylinders(Quadrics):
     >>> pl.close()
     """
 
+    radius = radius_property()
     caps: str | None
     blend: bool
 
@@ -67,18 +68,8 @@ class Cylinders(Quadrics):
             )
         check_one_of('caps', caps, CAPS)
         self._own_radii = lengths_of('radius', radius, (len(self),))
-        self._place()
         self.caps, self.blend = caps, bool(checked_flag('blend', blend))
-        cap = {None: 0, 'flat': 1, 'round': 2}[caps]
-        self.shape = Shape(
-            'cylinders',
-            texels=2,
-            looks=2,
-            largest_point=12.0,
-            fill=0.4,
-            open=caps is None,
-            defines=(('CAPS', cap), ('BLEND', int(self.blend))),
-        )
+        self._shape = CylinderGeometry.shape_of(self.caps, self.blend)
         super().__init__(**with_scalars(points_a, looks))
 
     def __len__(self):
@@ -104,86 +95,16 @@ class Cylinders(Quadrics):
         self._own_ends = self._own_ends[0], self._checked_points('points_b', points)
         self._moved()
 
-    @property
-    def radius(self) -> np.ndarray:
-        """Radius of each, shape (n,), in its own space."""
-        return read_only(self._own_radii)
-
-    @radius.setter
-    def radius(self, radius):
-        self._own_radii = lengths_of('radius', radius, (len(self),))
-        self._moved()
-
     def _check_linear(self, linear):
         super()._check_linear(linear)
         self._check_similar(
             linear, 'cylinders stay round: use add_instances of a cylinder mesh for others'
         )
 
-    def _place(self):
-        first_ends, second_ends = self._own_ends
-        self._ends = self._in_world(first_ends), self._in_world(second_ends)
-        self._radii = self._scaled(self._own_radii)
-
-    def _halves(self):
-        """Return vectors from the centres to the second ends, half lengths, and directions."""
-        halves = (self._ends[1] - self._ends[0]) / 2
-        half_lengths = np.linalg.norm(halves, axis=1)
-        unit_axes = np.where(half_lengths[:, None] > 0, halves, [0, 0, 1.0])
-        return (
-            halves,
-            half_lengths,
-            unit_axes / np.where(half_lengths > 0, half_lengths, 1)[:, None],
-        )
-
-    def _spheres(self):
-        _, lengths, _ = self._halves()
-        is_drawn = (self._radii > 0) & ((lengths > 0) | (self.caps == 'round'))
-        reach = lengths + self._radii if self.caps == 'round' else np.hypot(lengths, self._radii)
-        return (self._ends[0] + self._ends[1]) / 2, reach * is_drawn
-
-    def _extents(self):
-        halves, _, units = self._halves()
-        disc_extents = 1.0 if self.caps == 'round' else np.sqrt(np.maximum(1 - units**2, 0))
-        return np.abs(halves) + self._radii[:, None] * disc_extents
-
-    def _rows(self, middles):
-        _, lengths, units = self._halves()
-        texels = [np.column_stack([middles, self._radii]), np.column_stack([units, lengths])]
-        return np.stack(texels, 1)
-
-    def _bodies(self, indices=slice(None)):
-        halves, radii = self._halves()[0][indices], self._radii[indices]
-        middles = self._spheres()[0][indices]
-        first_colors = second_colors = item_colors = self._colored(indices)
-        levels = tubes(self.prop, self.caps == 'flat')
-        with np.errstate(invalid='ignore'):  # without length there is no tube
-            if item_colors is None or item_colors.ndim == 2:
-                bodies = [(*levels, along(middles, halves, radii), item_colors)]
-            else:
-                first_colors, second_colors = np.moveaxis(item_colors, 1, 0)
-                bodies = [
-                    (*levels, along(middles + side * halves / 2, halves / 2, radii), colors)
-                    for side, colors in ((-1, first_colors), (1, second_colors))
-                ]
-        if self.caps == 'round':
-            ball_axes = radii[:, None, None] * np.eye(3)
-            for ends, colors in zip(self._ends, (first_colors, second_colors), strict=True):
-                bodies.append((*balls(self.prop), linear(ends[indices], ball_axes), colors))
-        return bodies
-
-    def _residuals(self, eye, index):
-        middles, (_, lengths, units) = self._spheres()[0], self._halves()
-        offsets, radii = middles[index] - eye, self._radii[index]
-        height = np.einsum('ni,ni->n', offsets, units[index])
-        axis_distance = np.linalg.norm(offsets - height[:, None] * units[index], axis=1)
-        end_heights = height[:, None] + lengths[index, None] * [-1, 1]
-        residuals = (axis_distance - radii) * (axis_distance + radii)
-        return residual_texels(residuals, radii**2, end_heights)
-
-    def _meet(self, start, direction, index):
-        middles, halves = self._spheres()[0][index], self._halves()[0][index]
-        return meet_cylinders(start, direction, middles, halves, self._radii[index], self.caps)
+    def _geometry_in(self, world):
+        first_ends, second_ends = (points_in(world, ends) for ends in self._own_ends)
+        radii, shape = lengths_in(world, self._own_radii), self._shape
+        return CylinderGeometry((first_ends, second_ends), radii, self.caps, shape)
 
     # -- looks of both ends -------------------------------------------------------------------
 

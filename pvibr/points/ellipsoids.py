@@ -2,62 +2,19 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from pvibr.core.arguments import as_array
 from pvibr.core.signatures import takes
 from pvibr.maths.quaternions import to_matrices
 from pvibr.points.billboard_cards import as_points
-from pvibr.points.quadric_cards import Shape, residual_texels
-from pvibr.points.quadric_rays import meet_ellipsoids
-from pvibr.points.quadrics import PointQuadrics, Quadrics, lengths_of, with_scalars
-from pvibr.points.unit_meshes import balls, linear
+from pvibr.points.quadric_geometry import EllipsoidGeometry
+from pvibr.points.quadrics import Quadrics, lengths_of, points_property, with_scalars
 from pvibr.things.appearance import read_only
-from pvibr.things.placing import is_similar
-
-_FLATTEST = 1e-4  # least semi-axis over the largest, for float precision
-ELLIPSOIDS = Shape('ellipsoids', texels=3, largest_point=12.0, fill=0.4)
+from pvibr.things.placing import points_in
 
 
-class AxesQuadrics(PointQuadrics):
-    """Ellipsoids by their semi-axes in world space.
-
-    Parameters are those of :class:`pvibr.Ellipsoids`.
-    """
-
-    #: Semi-axes in columns, shape (n, 3, 3), and the largest of their lengths.
-    _axes: Any
-    _reach: np.ndarray
-
-    def _spheres(self):
-        return self._points, self._reach
-
-    @np.errstate(over='ignore')
-    def _extents(self):
-        return np.linalg.norm(self._axes, axis=2)
-
-    def _rows(self, middles):
-        return np.concatenate([self._axes.swapaxes(1, 2), middles[:, :, None]], 2)
-
-    def _bodies(self, indices=slice(None)):
-        matrices = linear(self._points[indices], self._axes[indices])
-        return [(*balls(self.prop), matrices, self._colored(indices))]
-
-    def _residuals(self, eye, index):
-        axes = self._axes[index]
-        with np.errstate(divide='ignore', invalid='ignore'):  # length 0 is not drawn
-            scaled_axes = axes / (axes**2).sum(1, keepdims=True)
-        scaled = np.einsum('nji,nj->ni', scaled_axes, self._points[index] - eye)
-        scaled_distance = np.linalg.norm(scaled, axis=1)
-        return residual_texels((scaled_distance - 1) * (scaled_distance + 1), 1.0)
-
-    def _meet(self, start, direction, index):
-        return meet_ellipsoids(start, direction, self._points[index], self._axes[index])
-
-
-class Ellipsoids(AxesQuadrics):
+class Ellipsoids(Quadrics):
     """Ellipsoids by the million, ray-cast per pixel, without triangles.
 
     Parameters
@@ -95,15 +52,18 @@ class Ellipsoids(AxesQuadrics):
     >>> pl.close()
     """
 
-    shape = ELLIPSOIDS
+    points = points_property()
+    geometry: EllipsoidGeometry
 
     @takes(looks=Quadrics)
     def __init__(self, points, radii=0.5, orientation=None, **looks):
         self._own_points = as_points(points)
         self._radii = lengths_of('radii', radii, (len(self), 3))
         self._turns = _checked_turns(orientation, len(self))
-        self._place()
         super().__init__(**with_scalars(points, looks))
+
+    def __len__(self):
+        return len(self._own_points)
 
     @property
     def radii(self) -> np.ndarray:
@@ -135,26 +95,13 @@ class Ellipsoids(AxesQuadrics):
             World units; of length 0 if nothing is drawn.
         """
         self.follow()
-        return self._axes
+        return self.geometry.axes
 
-    def _place(self):
-        super()._place()
-        largest = self._radii.max(1, initial=0.0)
-        axes = self._turns * np.maximum(self._radii, _FLATTEST * largest[:, None])[:, None]
-        if self._world is not None:
-            axes = moved_axes(self._world[:3, :3], axes)
-            largest = np.linalg.norm(axes, axis=1).max(1, initial=0.0)
-        self._axes, self._reach = axes, largest
-
-
-def moved_axes(linear, axes):
-    """Return semi-axes, (n, 3, 3) in columns, of ellipsoids transformed by a matrix."""
-    sheared_axes = linear @ axes
-    if is_similar(linear):
-        return sheared_axes
-    directions, lengths, _ = np.linalg.svd(sheared_axes)
-    largest = lengths.max(1, keepdims=True, initial=0.0)
-    return directions * np.maximum(lengths, _FLATTEST * largest)[:, None]
+    def _geometry_in(self, world):
+        centers, linear_map = points_in(world, self._own_points), None
+        if world is not None:
+            linear_map = world[:3, :3]
+        return EllipsoidGeometry.of_turned(centers, self._radii, self._turns, linear_map)
 
 
 def _checked_turns(orientation, count):

@@ -154,14 +154,14 @@ class Layer(ShaderDraws):
         texels = entries
         if residuals is not None:
             texels = np.concatenate([entries, residuals], 1).reshape(-1, 4)
-        self.upload(self._owner.window, texels.astype(np.float32))
+        self.upload(self._owner.item_textures.window, texels.astype(np.float32))
         return self.show_parts((0, *cuts, len(entries)), unit)
 
     def _inputs(self):
         owner = self._owner
-        pixel_uniforms = _pixel_uniforms(owner.window.GetState(), owner.uniforms)
+        pixel_uniforms = _pixel_uniforms(owner.item_textures.window.GetState(), owner.uniforms)
         entry_uniforms = {'ibr_unit': self._unit, 'ibr_stride': self._stride}
-        return owner.textures, owner.uniforms | pixel_uniforms | entry_uniforms
+        return owner.item_textures.by_name, owner.uniforms | pixel_uniforms | entry_uniforms
 
 
 @dataclass

@@ -11,7 +11,8 @@ from pvibr.core.arguments import as_array, checked_lengths
 from pvibr.core.colors import as_rgb
 from pvibr.core.params import checked_flag
 from pvibr.core.signatures import takes
-from pvibr.gl import Texture, nbytes_of, release
+from pvibr.gl import nbytes_of
+from pvibr.gl.binder import Binder
 from pvibr.maths.blocks import BLOCK, Blocks, morton_order
 from pvibr.points.billboard_cards import as_points, checked_opacity
 from pvibr.points.quadric_cards import (
@@ -26,29 +27,30 @@ from pvibr.points.quadric_cards import (
     visible_blocks,
     with_eye_at_origin,
 )
+from pvibr.points.quadric_geometry import Geometry
 from pvibr.points.quadric_occlusion import Occlusion
-from pvibr.points.quadric_rays import Meeting
-from pvibr.things.appearance import as_rgba, read_only
-from pvibr.things.draw_order import depths_of
-from pvibr.things.item_set import CardSet
-from pvibr.things.painted import TABLE_OPTIONS, scalars_of
+from pvibr.things.appearance import TABLE_OPTIONS, as_rgba, read_only, scalars_of
+from pvibr.things.draw_order import depths_of, interleaved
+from pvibr.things.item_set import ItemSet
+from pvibr.things.item_textures import ItemTextures
 from pvibr.things.picking import Hit, joined, pixel_ray
-from pvibr.things.shader_draws import PBR, ROW, pack
+from pvibr.things.shader_draws import PBR, ROW
 
 # Alpha of looks: 0 hidden; 1 to 127 opacity, in the material's colour; from 128 opacity plus 128,
 # in the item's own colour.
 _OPAQUE = 127
 
 
-class Quadrics(CardSet):
+class Quadrics(ItemSet):
     """Quadrics of one shape by the million, ray-cast per pixel, without triangles.
 
-    Parameters are those of :class:`pvibr.Spheres`. A subclass sets ``shape`` and its positions,
-    then calls ``super().__init__``; it has ``_spheres``, ``_extents``, ``_rows`` and ``_meet``.
+    Parameters are those of :class:`pvibr.Spheres`. A subclass sets its positions, then calls
+    ``super().__init__``; it has ``_geometry_in``.
     """
 
     web = 'baked', 'meshes'
-    shape: Shape
+    #: Of the items in world space.
+    geometry: Geometry
 
     @takes(table=TABLE_OPTIONS)
     def __init__(
@@ -90,11 +92,11 @@ class Quadrics(CardSet):
             roughness=roughness,
             interpolation='Physically based rendering' if physical else 'Phong',
         )  # not flat: VTK never lights flat points
+        self.geometry = self._geometry_in(None)
         self._noun = self.shape.name
-        self._begin_drawing('ibr_items', 'ibr_looks')
+        self.binder, self.item_textures = Binder(), ItemTextures()
         self.uniforms: dict = {}
-        self.window = None
-        self._set_bounds(self._world_bounds())
+        self._set_bounds(_bounds_of(self.geometry))
         self._hidden = 0
         self._make_layers()
         self._share_opacity()
@@ -107,31 +109,19 @@ class Quadrics(CardSet):
     def _materials_of_all(self):
         return [layer.material for layer in self._layers]
 
-    # -- the interface of shapes --------------------------------------------------------------
+    # -- geometry ---------------------------------------------------------------------------------
 
-    def _spheres(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return centres, shape (n, 3), and radii of bounding spheres; radius 0 is not drawn."""
+    def _geometry_in(self, world) -> Geometry:
+        """Return the geometry of the items, transformed by a matrix unless it is None."""
         raise NotImplementedError
 
-    def _extents(self) -> np.ndarray:
-        """Return the half sizes of the bounding boxes, shape (n, 3)."""
-        raise NotImplementedError
-
-    def _rows(self, middles) -> np.ndarray:
-        """Return the shader's texels, shape (n, t, 4); `middles` are relative to their blocks."""
-        raise NotImplementedError
-
-    def _residuals(self, eye, index) -> np.ndarray:
-        """Return residuals at the eye, see :func:`residual_texels`."""
-        raise NotImplementedError
-
-    def _meet(self, start, direction, index) -> Meeting:
-        """Return the intersections of a ray with some items."""
-        raise NotImplementedError
+    @property
+    def shape(self) -> Shape:
+        """The shader's type of quadric."""
+        return self.geometry.shape
 
     def _bodies(self, indices=slice(None)) -> list:
-        """Return meshes of some items: levels, sizes, matrices, and colours or None."""
-        raise NotImplementedError
+        return self.geometry.bodies(self.prop, indices, self._colored(indices))
 
     def _colored(self, indices):
         return None if self._colors is None else self._colors[indices, ..., :3]
@@ -149,7 +139,7 @@ class Quadrics(CardSet):
 
     def item_spheres(self) -> tuple[np.ndarray, np.ndarray]:
         """Return centres, shape (n, 3), and radii of the items' bounding spheres."""
-        return self._spheres()
+        return self.geometry.spheres()
 
     def item_mesh(self, index) -> pv.PolyData:
         """Return the mesh of an item in world units, for VTK's pickers."""
@@ -157,16 +147,9 @@ class Quadrics(CardSet):
         return joined([(levels[0], matrices[0]) for levels, _, matrices, _ in bodies])
 
     def _places(self) -> np.ndarray:
-        return self._spheres()[0]
+        return self.geometry.spheres()[0]
 
     # -- looks and positions ------------------------------------------------------------------
-
-    def _world_bounds(self) -> tuple[float, ...]:
-        if not len(self):
-            return (1.0, -1.0) * 3
-        middles, extents = self._spheres()[0], self._extents()
-        low, high = (middles - extents).min(0), (middles + extents).max(0)
-        return tuple(np.stack([low, high], 1).ravel().tolist())
 
     @property
     def opacity(self):
@@ -187,53 +170,47 @@ class Quadrics(CardSet):
         """Whether items are translucent and therefore drawn from far to near."""
         has_alpha = self._colors is not None and self._colors.shape[-1] == 4
         varies = self._opacity.ndim and len(self) and self._opacity.min() < 1
-        return bool(has_alpha or varies) or super().blends
+        return bool(has_alpha or varies) or self.prop.GetOpacity() < 1
 
     @property
     def clips(self) -> bool:
         """Whether clipping planes apply."""
-        return bool(self._planes)
+        return bool(self.clipping)
 
     def _switch_clipping(self):
         for layer in (*self._layers, *self._occlusion.layers):
             layer.clip()
 
-    def _place(self):
-        """Compute world positions and sizes from local ones."""
-        raise NotImplementedError
-
-    def _become(self, shape):
-        """Switch to another shape."""
-        if shape is self.shape:
-            return
+    def _become(self, geometry):
+        """Switch to the geometry of another shape."""
         if self.pipeline is not None:
             self.pipeline.make_current()
             super()._take_out(self.pipeline.renderer)
         self.release()
-        self.shape = shape
+        self.geometry = geometry
         self._make_layers()
         if self.pipeline is not None:
             super()._put_in(self.pipeline.renderer)
 
     def _moved(self):
         """Apply changed local positions or sizes."""
-        world, self._world = self._world, None
-        self._place()
-        self._set_bounds(self._world_bounds())
-        self._world = world
-        if world is not None:
-            self._place()
+        self._set_bounds(_bounds_of(self._geometry_in(None)))
+        self.geometry = self._geometry_in(self._world)
         self._invalidate()
 
     def _put(self):
-        self._place()
+        geometry = self._geometry_in(self._world)
+        if geometry.shape == self.shape:
+            self.geometry = geometry
+        else:
+            self._become(geometry)
         self._invalidate()
 
     def _invalidate(self):
         """Upload positions for the next frame."""
         for name in ('_order', '_blocks'):
             self.__dict__.pop(name, None)
-        bounds = self._world_bounds()
+        bounds = _bounds_of(self.geometry)
         for layer in (*self._layers, *self._occlusion.layers):
             layer.bound(bounds)
         self._drop('ibr_items', 'ibr_looks')
@@ -270,7 +247,7 @@ class Quadrics(CardSet):
         eye = frame.view_from_world[:3, 3] - eye_frame.view_from_world[:3, 3]
         self.uniforms['ibr_eye'] = tuple(eye.tolist())
         if self.clips:
-            self.uniforms |= self._planes.uniforms(frame)
+            self.uniforms |= self.clipping.uniforms(frame)
         (self._show_blended if self.blends else self._show_opaque)(eye_frame, other_depths)
 
     def _show_opaque(self, frame, _others):
@@ -279,7 +256,7 @@ class Quadrics(CardSet):
         self._hidden = min(int(is_hidden.sum()) * BLOCK, len(self))
         is_giant = visible.modes == DRAW_MODES.index(GIANTS)
         slots = self._slots(visible.entries[is_giant, 3].astype(int))
-        residuals = self._residuals(eye_of(frame), self._order[slots])
+        residuals = self.geometry.residuals(eye_of(frame), self._order[slots])
         entries = self._entries_of(frame, slots, own_middles=True)
         self._layers[0].show(entries, 1, residuals=residuals)
         for k, layer in enumerate(self._layers[1:], 1):
@@ -293,15 +270,21 @@ class Quadrics(CardSet):
         block_ids, origins = self._blocks.seen(frame)[:2]
         giant_ids = block_ids[giant_blocks(self._blocks, frame, origins, block_ids)]
         slots = self._slots(block_ids)
-        depths = depths_of(frame, self._spheres()[0][self._order[slots]])
+        depths = depths_of(frame, self.geometry.spheres()[0][self._order[slots]])
         far_to_near = np.argsort(-depths, kind='stable')
         slots, depths = slots[far_to_near], depths[far_to_near]
         entries, residuals = self._entries_of(frame, slots, own_middles=len(giant_ids) > 0), None
         if len(giant_ids):
             residuals, in_giant = np.zeros((len(slots), 4)), np.isin(slots // BLOCK, giant_ids)
-            residuals[in_giant] = self._residuals(eye_of(frame), self._order[slots[in_giant]])
+            items_in_giant = self._order[slots[in_giant]]
+            residuals[in_giant] = self.geometry.residuals(eye_of(frame), items_in_giant)
         cuts = np.searchsorted(-depths, [-d for d in other_depths], side='right').tolist()
-        self._order_parts(frame, other_depths, self._layers[-1].show(entries, 1, cuts, residuals))
+        parts = self._layers[-1].show(entries, 1, cuts, residuals)
+        self.order = interleaved(frame, self, other_depths, parts)
+
+    def finish(self, frame):
+        """Release the texture units."""
+        self.binder.unbind()
 
     def _slots(self, blocks):
         """Return the slots of the items in blocks."""
@@ -311,37 +294,40 @@ class Quadrics(CardSet):
     def _entries_of(self, frame, slots, own_middles):
         """Return entries of one item each, with the middle of the item or of its block."""
         view = frame.view_from_world
-        middles = self._spheres()[0][self._order[slots]] if own_middles else self._blocks.centers
+        middles = (
+            self.geometry.spheres()[0][self._order[slots]] if own_middles else self._blocks.centers
+        )
         origins = middles @ view[:3, :3].T + view[:3, 3]
         return np.column_stack([origins if own_middles else origins[slots // BLOCK], slots])
 
     # -- the GPU ------------------------------------------------------------------------------
 
     def _upload(self, window):
-        if self.window is None:
-            self.window = window
-            self._stale = {'ibr_items', 'ibr_looks'}
-        stale_names, self._stale = self._stale, set()
-        texel_builders = {'ibr_items': self._items, 'ibr_looks': self._looks}
-        for name in stale_names:
-            texture = self.textures.setdefault(name, Texture(window))
-            texture.upload(pack(texel_builders[name](), ROW, 4))
+        texels = {'ibr_items': (self._items, ROW, 4), 'ibr_looks': (self._looks, ROW, 4)}
+        self.item_textures.upload(window, texels)
+
+    def _repaint(self):
+        self._drop('ibr_looks')
+
+    def _drop(self, *names):
+        self.item_textures.drop(*names)
+        self._touch()
 
     @cached_property
     def _order(self):
         """Morton order of the items, shape (n,)."""
-        return morton_order(self._spheres()[0])
+        return morton_order(self.geometry.spheres()[0])
 
     @cached_property
     def _blocks(self):
         """Blocks of neighbours that are culled together."""
-        middles, reach = self._spheres()
+        middles, reach = self.geometry.spheres()
         return Blocks.of(middles[self._order], reach[self._order], BLOCK)
 
     def _items(self):
-        middles = self._spheres()[0].copy()
+        middles = self.geometry.spheres()[0].copy()
         middles[self._order] -= np.repeat(self._blocks.centers, BLOCK, 0)[: len(self)]
-        return self._rows(middles)[self._order].astype(np.float32).reshape(-1, 4)
+        return self.geometry.rows(middles)[self._order].astype(np.float32).reshape(-1, 4)
 
     def _looks(self):
         looks = np.zeros((len(self), self.shape.looks, 4), np.uint8)
@@ -357,15 +343,15 @@ class Quadrics(CardSet):
         """Free GPU memory; the context is current."""
         self.binder.unbind()
         for layer in self._layers:
-            layer.release(self.window)
-        self._occlusion.release(self.window)
-        release(*self.textures.values())
-        self.textures, self.window, self._content_key = {}, None, None
+            layer.release(self.item_textures.window)
+        self._occlusion.release(self.item_textures.window)
+        self.item_textures.release()
+        self._content_key = None
 
     def report(self) -> dict:
         """Return GPU memory and counts by draw mode."""
         return {
-            'bytes': nbytes_of(*self.textures.values(), *self._layers, self._occlusion),
+            'bytes': nbytes_of(self.item_textures, *self._layers, self._occlusion),
             self._noun: len(self),
             **{layer.mode.name: layer.drawn for layer in self._layers},
             'hidden': self._hidden,
@@ -373,7 +359,7 @@ class Quadrics(CardSet):
 
     def bake_into(self, scene):
         """Add the items as meshes to a scene without pvibr."""
-        indices = np.flatnonzero(self.visible & (self._spheres()[1] > 0))
+        indices = np.flatnonzero(self.visible & (self.geometry.spheres()[1] > 0))
         alphas = self._alphas()
         for levels, largest, matrices, colors in self._bodies(indices):
             is_finite = np.isfinite(matrices).all((1, 2))
@@ -395,17 +381,17 @@ class Quadrics(CardSet):
         if not self._can_pick():
             return None
         start, direction = pixel_ray(self.pipeline.renderer, x, y)
-        middles, radii = self._spheres()
+        middles, radii = self.geometry.spheres()
         offsets = middles - start
         across = offsets - (offsets @ direction)[:, None] * direction
         ray_distances = np.linalg.norm(across, axis=1)
         index = np.flatnonzero(self.visible & (ray_distances <= radii) & (radii > 0))
         if not len(index):
             return None
-        meeting = self._meet(start, direction, index)
+        meeting = self.geometry.meet(start, direction, index)
         if self.clips:
             points = start + np.nan_to_num(meeting.distances)[..., None] * direction
-            meeting = meeting._replace(hits=meeting.hits & self._planes.kept(points))
+            meeting = meeting._replace(hits=meeting.hits & self.clipping.kept(points))
         distances, _, _ = meeting.first()
         k = int(distances.argmin())
         if not np.isfinite(distances[k]):
@@ -414,31 +400,34 @@ class Quadrics(CardSet):
         return Hit(int(index[k]), tuple((start + distance * direction).tolist()), distance)
 
 
-class PointQuadrics(Quadrics):
-    """Quadrics with one point each, their centre.
+def radius_property():
+    """Return the radii of items as a property."""
 
-    Parameters are those of :class:`pvibr.Spheres`.
-    """
+    def set_radius(items, radius):
+        items._own_radii = lengths_of('radius', radius, (len(items),))  # noqa: SLF001
+        items._moved()  # noqa: SLF001
 
-    #: Centres in its own space, and in the world.
-    _own_points: np.ndarray
-    _points: np.ndarray
+    doc = 'Radius of each, shape (n,), in its own space.'
+    return property(lambda items: read_only(items._own_radii), set_radius, doc=doc)  # noqa: SLF001
 
-    def __len__(self):
-        return len(self._own_points)
 
-    @property
-    def points(self) -> np.ndarray:
-        """Centres, shape (n, 3), in its own space."""
-        return read_only(self._own_points)
+def points_property():
+    """Return the centres of items with one point each as a property."""
 
-    @points.setter
-    def points(self, points):
-        self._own_points = self._checked_points('points', points)
-        self._moved()
+    def set_points(items, points):
+        items._own_points = items._checked_points('points', points)  # noqa: SLF001
+        items._moved()  # noqa: SLF001
 
-    def _place(self):
-        self._points = self._in_world(self._own_points)
+    doc = 'Centres, shape (n, 3), in its own space.'
+    return property(lambda items: read_only(items._own_points), set_points, doc=doc)  # noqa: SLF001
+
+
+def _bounds_of(geometry) -> tuple[float, ...]:
+    middles, extents = geometry.spheres()[0], geometry.extents()
+    if not len(middles):
+        return (1.0, -1.0) * 3
+    low, high = (middles - extents).min(0), (middles + extents).max(0)
+    return tuple(np.stack([low, high], 1).ravel().tolist())
 
 
 def with_scalars(points, looks) -> dict:

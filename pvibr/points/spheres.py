@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from pvibr.core.signatures import takes
 from pvibr.points.billboard_cards import as_points
-from pvibr.points.ellipsoids import ELLIPSOIDS, AxesQuadrics, moved_axes
-from pvibr.points.quadric_cards import Shape, residual_texels
-from pvibr.points.quadric_rays import meet_spheres
-from pvibr.points.quadrics import Quadrics, lengths_of, with_scalars
-from pvibr.points.unit_meshes import balls, linear
-from pvibr.things.appearance import read_only
-from pvibr.things.placing import is_similar
+from pvibr.points.quadric_geometry import EllipsoidGeometry, SphereGeometry
+from pvibr.points.quadrics import (
+    Quadrics,
+    lengths_of,
+    points_property,
+    radius_property,
+    with_scalars,
+)
+from pvibr.things.placing import is_similar, lengths_in, points_in
 
 
-class Spheres(AxesQuadrics):
+class Spheres(Quadrics):
     """Spheres by the million, ray-cast per pixel, without triangles.
 
     Parameters
@@ -55,71 +55,19 @@ class Spheres(AxesQuadrics):
     >>> pl.close()
     """
 
-    shape = Shape('spheres', texels=1)
+    points, radius = points_property(), radius_property()
 
     @takes(looks=Quadrics)
     def __init__(self, points, radius=0.5, **looks):
         self._own_points = as_points(points)
         self._own_radii = lengths_of('radius', radius, (len(self),))
-        self._place()
         super().__init__(**with_scalars(points, looks))
 
-    @property
-    def radius(self) -> np.ndarray:
-        """Radius of each, shape (n,), in its own space."""
-        return read_only(self._own_radii)
+    def __len__(self):
+        return len(self._own_points)
 
-    @radius.setter
-    def radius(self, radius):
-        self._own_radii = lengths_of('radius', radius, (len(self),))
-        self._moved()
-
-    def _place(self):
-        super()._place()
-        self._radii, self._axes = self._scaled(self._own_radii), None
-        if self._world is not None and self._is_stretched:
-            (axes,) = moved_axes(self._world[:3, :3], np.eye(3)[None])
-            self._axes = axes * self._own_radii[:, None, None]
-            self._reach = self._own_radii * np.linalg.norm(axes, axis=0).max()
-
-    @property
-    def _is_stretched(self) -> bool:
-        return self._world is not None and not is_similar(self._world[:3, :3])
-
-    def _put(self):
-        self._become(ELLIPSOIDS if self._is_stretched else Spheres.shape)
-        super()._put()
-
-    # -- drawn as ellipsoids while the set is stretched ---------------------------------------
-
-    def _spheres(self):
-        if self._axes is not None:
-            return super()._spheres()
-        return self._points, self._radii
-
-    def _extents(self):
-        if self._axes is not None:
-            return super()._extents()
-        return self._radii[:, None]
-
-    def _rows(self, middles):
-        if self._axes is not None:
-            return super()._rows(middles)
-        return np.column_stack([middles, self._radii])[:, None]
-
-    def _bodies(self, indices=slice(None)):
-        if self._axes is not None:
-            return super()._bodies(indices)
-        matrices = linear(self._points[indices], self._radii[indices, None, None] * np.eye(3))
-        return [(*balls(self.prop), matrices, self._colored(indices))]
-
-    def _residuals(self, eye, index):
-        if self._axes is not None:
-            return super()._residuals(eye, index)
-        eye_distance, radii = np.linalg.norm(self._points[index] - eye, axis=1), self._radii[index]
-        return residual_texels((eye_distance - radii) * (eye_distance + radii), radii**2)
-
-    def _meet(self, start, direction, index):
-        if self._axes is not None:
-            return super()._meet(start, direction, index)
-        return meet_spheres(start, direction, self._points[index], self._radii[index])
+    def _geometry_in(self, world):
+        centers = points_in(world, self._own_points)
+        if world is None or is_similar(world[:3, :3]):
+            return SphereGeometry(centers, lengths_in(world, self._own_radii))
+        return EllipsoidGeometry.of_stretched(centers, self._own_radii, world[:3, :3])

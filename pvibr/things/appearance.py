@@ -11,7 +11,13 @@ from pvibr.core import _vtk
 from pvibr.core.arguments import as_array
 from pvibr.core.colors import as_rgb, color_rows
 from pvibr.core.params import checked_flag
+from pvibr.meshes.posed import source_of
 
+#: Arguments of ``add_mesh`` that configure the lookup table.
+TABLE_OPTIONS = (
+    *('cmap', 'clim', 'n_colors', 'nan_color', 'below_color', 'above_color'),
+    *('log_scale', 'flip_scalars', 'categories', 'annotations'),
+)
 HIDDEN, PLAIN, COLORED = 0, 128, 255
 #: Looks encode the alpha of a colour from here (transparent) to COLORED (opaque).
 _CLEAR = PLAIN + 1
@@ -191,3 +197,10 @@ def merge(n, colors, visible):
     if visible is not None:
         looks[~visible, 3] = HIDDEN
     return looks
+
+
+def scalars_of(points, scalars):
+    """Return scalars; a string is the name of an array of the dataset or table `points`."""
+    if not isinstance(scalars, str):
+        return scalars
+    return source_of(points, scalars, argument='points', oriented=False).scalars(scalars)

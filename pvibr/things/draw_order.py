@@ -129,6 +129,16 @@ def translucent(depth, own_depth=0.0, *, after=False) -> tuple:
     return Stage.TRANSLUCENT, -depth, after, -own_depth
 
 
+def interleaved(frame, thing, other_depths, parts) -> tuple:
+    """Return the order of a blending thing's parts, back to front between other props' depths."""
+    own_depth = float(depths_of(frame, np.array([thing.center]))[0])
+    return tuple(
+        ((*translucent(depth, own_depth), k), actor)
+        for depth, part in zip((*other_depths, -np.inf), parts, strict=True)
+        for k, actor in enumerate(part)
+    )
+
+
 def _key(prop) -> tuple:
     """Return the key of a prop that belongs to no thing."""
     if is_end(prop):

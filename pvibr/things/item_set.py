@@ -3,37 +3,253 @@
 from __future__ import annotations
 
 from contextlib import suppress
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pyvista as pv
 
+from pvibr.core.arguments import naming
 from pvibr.core.observers import weakly
-from pvibr.gl import Texture
-from pvibr.gl.binder import Binder
+from pvibr.things import appearance as look
+from pvibr.things.appearance import TABLE_OPTIONS
 from pvibr.things.clipping import ClippingPlanes
-from pvibr.things.draw_order import depths_of, translucent
-from pvibr.things.painted import Painted
-from pvibr.things.placing import PlacedItems
+from pvibr.things.keywords import check_keywords
+from pvibr.things.placing import is_similar
+from pvibr.things.scalar_bars import name_of
 from pvibr.things.stand_ins import StandIns
+from pvibr.things.thing import Thing
+
+if TYPE_CHECKING:
+    from pyvista.plotting.themes import Theme
 
 
-class ItemSet(PlacedItems, Painted):
-    """Items with individual looks.
+class ItemSet(Thing):
+    """Items with positions and looks of their own, and a transform of the whole.
 
-    Parameters are those of :class:`pvibr.Effect`.
+    A subclass has a length, calls :meth:`_begin_looks`, and defines ``_repaint()`` and ``_put()``,
+    which are called after each change of looks, or of the transform.
     """
 
     FOR_USERS: tuple[str, ...] = ('instance_of',)
-    _stand_ins: Any = None
+    moved_by = None
     #: Also drawn in picking frames.
     picks = True
+    #: Lookup table of the scalars, or None.
+    table: pv.LookupTable | None = None
+    #: Category names, if the scalars are strings or booleans.
+    _names: tuple[str, ...] = ()
+    #: Defaults of the lookup table.
+    _theme: Theme | None = None
+    #: World from item space, None for the identity.
+    _world: np.ndarray | None = None
+    _matrix_data: tuple = tuple(np.eye(4).ravel().tolist())
+    _stand_ins: Any = None
     _noun = 'items'
     _changes = _watcher = 0
     _content_key: tuple | None = None
+    #: Clipping planes that the shaders of its items apply.
+    clipping = ClippingPlanes()
+
+    def __len__(self) -> int:
+        raise NotImplementedError
 
     def _contents(self) -> str:
         return f'{len(self):,} {self._noun}'
+
+    # -- looks, as in add_mesh ----------------------------------------------------------------
+
+    def _repaint(self):
+        """Draw the current looks."""
+        raise NotImplementedError
+
+    def _begin_looks(self, options, scalars=None, colors=None, visible=None, theme=None):
+        """Adopt the constructor's arguments; nothing is drawn yet."""
+        check_keywords(type(self), [name for name in options if name not in TABLE_OPTIONS])
+        self._theme = theme
+        self._table_options = {k: v for k, v in options.items() if v is not None}
+        self._scalars = self._colors = self._visible = self.table = None
+        if scalars is not None:
+            self._map(scalars)
+        elif colors is not None:
+            self._colors = self._as_colors(colors)
+        if visible is not None:
+            self._visible = look.as_mask(visible, len(self))
+
+    def _map(self, scalars):
+        values = self._as_scalars(scalars)
+        categories = look.numbered(values)[1]
+        reusable_table = self.table if categories == self._names else None
+        table = reusable_table or self._table_for(values, self._table_options)
+        self._scalars, self.table, self._names = values, table, categories
+        self._scalar_name = name_of(scalars)
+        self._colors = look.map_scalars(table, values)
+
+    def _table_for(self, scalars, options):
+        return look.color_table(scalars, theme=self._theme, **options)
+
+    def _as_scalars(self, scalars):
+        """Return validated scalars; override it for several per item."""
+        return look.as_scalars(scalars, len(self))
+
+    def _as_colors(self, colors):
+        """Return validated colours; override it for several per item."""
+        return look.as_colors(colors, len(self))
+
+    @property
+    def scalars(self):
+        """Numbers, booleans or strings of the items, shape (n,), read-only, or None.
+
+        Setting them bakes nothing. Booleans and strings are categories, as in ``add_mesh``.
+        """
+        return None if self._scalars is None else look.read_only(self._scalars)
+
+    @scalars.setter
+    def scalars(self, scalars):
+        self._set_scalars(scalars, name_of(scalars))
+
+    def _set_scalars(self, scalars, name):
+        """Show scalars under a scalar-bar title."""
+        if scalars is None:
+            self._scalars = self._colors = self.table = None
+        else:
+            self._map(scalars)
+        self._scalar_name = name
+        self._repaint()
+        self._show_bar()
+
+    def map(self, cmap=None, clim=None, **options):
+        """Recolour the scalars by another map or range; nothing is baked.
+
+        Parameters
+        ----------
+        cmap, clim : optional
+            As in ``add_mesh``; None keeps the current one.
+        **options
+            ``n_colors``, ``nan_color``, ``below_color``, ``above_color``, ``log_scale``,
+            ``flip_scalars``, ``categories``, ``annotations``.
+
+        Raises
+        ------
+        ValueError
+            If there are no scalars.
+        """
+        new_options = {k: v for k, v in {'cmap': cmap, 'clim': clim}.items() if v is not None}
+        if self._scalars is None:
+            option_names = ', '.join([*new_options, *options]) or 'map'
+            raise ValueError(f'{option_names} requires scalars; set scalars first')
+        check_keywords(type(self), options, TABLE_OPTIONS)
+        all_options = self._table_options | new_options | options
+        self.table = self._table_for(self._scalars, all_options)
+        self._table_options = all_options
+        self._colors = look.map_scalars(self.table, self._scalars)
+        self._repaint()
+        self._show_bar()
+
+    @property
+    def clim(self) -> tuple[float, float] | None:
+        """Range of the scalars in their colour map, or None without scalars."""
+        return None if self.table is None else self.table.scalar_range
+
+    @clim.setter
+    def clim(self, clim):
+        self.map(clim=clim)
+
+    def set_scalar_range(self, clim):
+        """Change the scalar range, keeping the lookup table."""
+        if self.table is None or tuple(self.table.scalar_range) == clim:
+            return
+        self.table.scalar_range = self._table_options['clim'] = clim
+        if self._scalars is not None:
+            self._colors = look.map_scalars(self.table, self._scalars)
+            self._repaint()
+
+    @property
+    def colors(self):
+        """Colours of the items, uint8, read-only, or None; shape (n, 4) if any is translucent."""
+        return None if self._colors is None else look.read_only(self._colors)
+
+    @colors.setter
+    def colors(self, colors):
+        new_colors = None if colors is None else self._as_colors(colors)
+        self._scalars = self.table = None
+        self._colors = new_colors
+        self._repaint()
+        self._show_bar()
+
+    @property
+    def visible(self) -> np.ndarray:
+        """Which items are drawn, shape (n,) bool, read-only."""
+        mask = self._visible
+        return look.read_only(np.ones(len(self), bool) if mask is None else mask)
+
+    @visible.setter
+    def visible(self, visible):
+        self._visible = look.as_mask(visible, len(self))
+        self._repaint()
+
+    def scalar_mapper(self):
+        """Return the actor's mapper with the lookup table of the scalars, or None."""
+        if self.table is None or self._scalars is None:
+            return None
+        self.has_names = bool(self._names)
+        return self._with_table(self.table, self.table.scalar_range)
+
+    def scalar_title(self) -> str:
+        """Return the title of the scalar bar."""
+        return self._scalar_name or ('' if self.table is None else self._name or 'scalars')
+
+    # -- the transform of the whole -----------------------------------------------------------
+
+    def _put(self):
+        """Move the items after `_world` changed."""
+        raise NotImplementedError
+
+    @np.errstate(over='ignore', invalid='ignore')
+    def _check_linear(self, linear):
+        """Raise a ValueError unless a linear map, (3, 3), has an inverse."""
+        axis_lengths = np.linalg.norm(linear, axis=0)
+        if not np.abs(np.linalg.det(linear)) > 1e-12 * axis_lengths.prod():
+            raise ValueError(f'scale or user_matrix of {self.name} must be invertible')
+
+    def _check_similar(self, linear, why):
+        """Raise a ValueError unless a linear map, (3, 3), scales uniformly."""
+        if not is_similar(linear):
+            raise ValueError(f'scale or user_matrix of {self.name} must be uniform: {why}')
+
+    def follow(self):
+        """Adopt a transform set in the meantime."""
+        matrix_data = self.GetMatrix().GetData()
+        if matrix_data != self._matrix_data:
+            matrix = np.reshape(matrix_data, (4, 4))
+            self._check_linear(matrix[:3, :3])
+            self._matrix_data = matrix_data
+            self._world = None if (matrix == np.eye(4)).all() else matrix
+            self._put()
+
+    def _set_checked(self, name, args):
+        old_transform = self.GetScale(), self.GetUserMatrix()
+        with naming('scale' if name == 'SetScale' else 'user_matrix', args):
+            getattr(pv.Actor, name)(self, *args)
+        try:
+            self._check_linear(np.reshape(self.GetMatrix().GetData(), (4, 4))[:3, :3])
+        except ValueError:
+            pv.Actor.SetScale(self, old_transform[0])
+            pv.Actor.SetUserMatrix(self, old_transform[1])
+            raise
+
+    def SetScale(self, *scale):
+        """Set scale factors along x, y and z, or one for all."""
+        self._set_checked('SetScale', scale)
+
+    def SetUserMatrix(self, *matrix):
+        """Set the vtkMatrix4x4 that is applied last, or None."""
+        self._set_checked('SetUserMatrix', matrix)
+
+    def SetUserTransform(self, *transform):
+        """Set the vtkLinearTransform that is applied last, or None."""
+        self._set_checked('SetUserTransform', transform)
+
+    # -- single items -------------------------------------------------------------------------
 
     def item_spheres(self) -> tuple[np.ndarray, np.ndarray]:
         """Return centres, shape (n, 3), and radii of the items' bounding spheres, world units."""
@@ -83,10 +299,13 @@ class ItemSet(PlacedItems, Painted):
     def _can_pick(self) -> bool:
         return self.pickable and self.pipeline is not None and self.needed(None) is True
 
+    # -- the life of an effect ----------------------------------------------------------------
+
     def content_key(self) -> tuple:
         """Return a value that changes with the content, but not with the camera."""
         self.follow()
-        return self._changes, self.revision, self.visibility
+        state = self._changes, self.revision, self.visibility
+        return *state, self.blends, self.clipping.key()
 
     def needed(self, frame) -> bool | str:
         """Return True if there is anything to draw, else the reason."""
@@ -94,6 +313,47 @@ class ItemSet(PlacedItems, Painted):
         if not self.visibility:
             return super().needed(frame)
         return bool(len(self)) or f'no {self._noun}'
+
+    def prepare(self, frame):
+        """Choose which items are drawn, and how, if the view or anything else has changed."""
+        if self._is_drawn_for_picker(frame):
+            return
+        self._upload(frame.window)
+        other_depths: list[float] = []
+        if self.blends and frame.own and not frame.casting:
+            other_depths = self.pipeline.order.others(frame, self, self.pipeline.things)
+        camera_key = frame.view_from_world.tobytes(), frame.clip_from_view.tobytes(), frame.size
+        choice_key = *camera_key, frame.casting, other_depths, *self._choice_key()
+        if choice_key != self._content_key:
+            self._choose(frame, other_depths)
+            self._content_key = choice_key
+
+    def _upload(self, window):
+        """Upload what has changed; the context is current."""
+        raise NotImplementedError
+
+    def _choice_key(self) -> tuple:
+        """Return what determines the choice of items, besides the camera."""
+        return self.blends, self._changes, self.revision, self.clipping.key()
+
+    def _choose(self, frame, other_depths):
+        """Show the items in view; blending ones between the depths of other translucent props."""
+        raise NotImplementedError
+
+    def set_clipping_planes(self, planes):
+        """Clip it by a vtkPlaneCollection."""
+        clipping = ClippingPlanes(planes)
+        is_toggled = bool(clipping) != bool(self.clipping)
+        self.clipping = clipping
+        if is_toggled:
+            self._switch_clipping()
+        if self._stand_ins is not None:
+            self._stand_ins.clip(planes)
+        self._touch()
+
+    def _switch_clipping(self):
+        """Use shaders with, or without, clipping."""
+        raise NotImplementedError
 
     def deactivate(self):
         """Hide all actors."""
@@ -128,93 +388,3 @@ class ItemSet(PlacedItems, Painted):
         """Choose the items again in the next frame."""
         self._content_key = None
         self._changes += 1
-
-
-class CardSet(ItemSet):
-    """Items on cards, depth-sorted with other translucent props where they blend.
-
-    Parameters are those of :class:`pvibr.Effect`.
-    """
-
-    FOR_USERS: tuple[str, ...] = ('blends',)
-    _planes = ClippingPlanes()
-
-    def _begin_drawing(self, *stale):
-        """Start with nothing on the GPU; name the textures to upload."""
-        self.binder = Binder()
-        self.textures: dict[str, Texture] = {}
-        self._stale = set(stale)
-
-    @property
-    def blends(self) -> bool:
-        """Whether items are translucent, and so drawn back to front."""
-        return self.prop.GetOpacity() < 1
-
-    # -- the life of an effect ----------------------------------------------------------------
-
-    def content_key(self) -> tuple:
-        """Return a value that changes with the content, but not with the camera."""
-        return *super().content_key(), self.blends, self._planes.key()
-
-    def set_clipping_planes(self, planes):
-        """Clip it by a vtkPlaneCollection."""
-        clip_planes = ClippingPlanes(planes)
-        toggles_clipping = bool(clip_planes) != bool(self._planes)
-        self._planes = clip_planes
-        if toggles_clipping:
-            self._switch_clipping()
-        if self._stand_ins is not None:
-            self._stand_ins.clip(planes)
-        self._touch()
-
-    def _switch_clipping(self):
-        """Use shaders with, or without, clipping."""
-        raise NotImplementedError
-
-    def prepare(self, frame):
-        """Choose which items are drawn, and in which order."""
-        if self._is_drawn_for_picker(frame):
-            return
-        self._upload(frame.window)
-        other_depths: list[float] = []
-        if self.blends and frame.own and not frame.casting:
-            other_depths = self.pipeline.order.others(frame, self, self.pipeline.things)
-        camera_key = frame.view_from_world.tobytes(), frame.clip_from_view.tobytes(), frame.size
-        choice_key = (*camera_key, frame.casting, other_depths, *self._choice_key())
-        if choice_key != self._content_key:
-            self._choose(frame, other_depths)
-            self._content_key = choice_key
-
-    def _choice_key(self) -> tuple:
-        """Return what determines the choice of items, besides the camera."""
-        return self.blends, self._changes, self.revision, self._planes.key()
-
-    def _choose(self, frame, others):
-        raise NotImplementedError
-
-    def _order_parts(self, frame, other_depths, parts):
-        """Interleave parts of the blending actors with other props, back to front."""
-        own_depth = float(depths_of(frame, np.array([self.center]))[0])
-        depths = *other_depths, -np.inf
-        self.order = tuple(
-            ((*translucent(depth, own_depth), k), actor)
-            for depth, part in zip(depths, parts, strict=True)
-            for k, actor in enumerate(part)
-        )
-
-    def finish(self, frame):
-        """Release the texture units."""
-        self.binder.unbind()
-
-    # -- the GPU ------------------------------------------------------------------------------
-
-    def _upload(self, window):
-        raise NotImplementedError
-
-    def _repaint(self):
-        self._drop('ibr_looks')
-
-    def _drop(self, *names):
-        """Upload textures again in the next frame."""
-        self._stale |= set(names)
-        self._touch()

@@ -17,17 +17,19 @@ from pvibr.core.params import Param, checked_flag, checked_name
 from pvibr.core.plotters import adding_by_component, put_inner, set_legend_label
 from pvibr.meshes.materials import copy_property
 from pvibr.things.appearance import read_only
+from pvibr.things.placing import (
+    MOVES,
+    is_within_clipping_range,
+    move_method,
+    user_matrix_property,
+    vector_property,
+)
 from pvibr.things.scalar_bars import Bar, ThingMapper, share_range
 from pvibr.things.shared_material import SharedMaterial
 
 _DIRECT = 2  # VTK_COLOR_MODE_DIRECT_SCALARS
 #: Suffixes of the arrays that PyVista derives, component numbers aside.
 _DERIVED = 'normed', 'digitized', 'real'
-#: Methods of actors that change their transform.
-MOVES = (
-    *('SetPosition', 'AddPosition', 'SetOrigin', 'SetOrientation', 'AddOrientation', 'SetScale'),
-    *('RotateX', 'RotateY', 'RotateZ', 'RotateWXYZ', 'SetUserMatrix', 'SetUserTransform'),
-)
 
 
 def _box_mesh():
@@ -49,30 +51,6 @@ class _Visibility(Param):
 
     def __set__(self, owner, value):
         owner.SetVisibility(self.check(value, type(owner).__name__))
-
-
-def _unplaced(name):
-    """Return a read-only property of an actor's transform."""
-
-    def refuse(thing, _value):
-        raise AttributeError(f'{thing.name}.{name} cannot be set: {thing.moved_by}')
-
-    def value(thing):
-        actor_value = getattr(pv.Actor, name).fget(thing)
-        return read_only(actor_value) if isinstance(actor_value, np.ndarray) else actor_value
-
-    return property(value, refuse, doc=getattr(pv.Actor, name).__doc__)
-
-
-def _unmoved(name):
-    """Return an actor's method that raises, since the thing has no transform of its own."""
-
-    def refuse(thing, *_args):
-        if name != 'SetScale':  # plotters scale everything they list
-            raise AttributeError(f'{thing.name}.{name} has no effect: {thing.moved_by}')
-
-    refuse.__doc__ = 'Raise an error: the transform cannot be set.'
-    return refuse
 
 
 def joined_bounds(boxes) -> tuple[float, ...]:
@@ -98,14 +76,14 @@ class Thing(Effect, pv.Actor):
 
     FOR_USERS: tuple[str, ...] = (
         *('actors', 'pick', 'pickable', 'visibility', 'prop', 'bounds', 'center', 'position'),
-        *('orientation', 'scale', 'origin', 'user_matrix', 'mapper', 'label'),
+        *('orientation', 'scale', 'origin', 'user_matrix', 'matrix', 'mapper', 'label'),
     )
 
     visibility = _Visibility(True, 'Whether it is drawn.')
     #: Remedy in errors about clipping planes.
     clipped_by = 'hide items by its visible mask'
-    #: Remedy in errors about setting its transform.
-    moved_by = 'its items have their own positions, set those'
+    #: Remedy in errors about setting its transform; None if it has one.
+    moved_by: str | None = 'its items have their own positions, set those'
 
     # -- hooks: drawing ----------------------------------------------------------------------
 
@@ -227,8 +205,16 @@ class Thing(Effect, pv.Actor):
     #: Propagates changes of its material to those of several meshes.
     _material: Any = None
 
-    position, orientation, scale = map(_unplaced, ('position', 'orientation', 'scale'))
-    origin, user_matrix = map(_unplaced, ('origin', 'user_matrix'))
+    #: Count of changes, and bounds, of the last frame or when it was added.
+    _framed: tuple = (-1, (1.0, -1.0) * 3)
+
+    position = vector_property('position', 'Translation, world units.')
+    orientation = vector_property(
+        'orientation', 'Degrees about x, y and z, applied in the order z, x, y.'
+    )
+    scale = vector_property('scale', 'Scale factors along x, y and z, or one for all.')
+    origin = vector_property('origin', 'Centre of rotation and scale, in model space.')
+    user_matrix = user_matrix_property()
 
     def __init__(self, **settings):
         mapper = ThingMapper()
@@ -241,6 +227,11 @@ class Thing(Effect, pv.Actor):
         self.SetUseBounds(self.counts_bounds)
         super().__init__(**settings)
         _ADD_ACTOR.need(self)
+
+    @property
+    def matrix(self) -> np.ndarray:
+        """World from model, the whole transform, shape (4, 4)."""
+        return read_only(pv.array_from_vtkmatrix(self.GetMatrix()))
 
     def _set_bounds(self, bounds):
         """Set the bounds, in the actor's space."""
@@ -398,6 +389,18 @@ class Thing(Effect, pv.Actor):
         self._listed = None
         super().detach()
 
+    def _stay_whole(self, changes):
+        """Reset the clipping range if changed content left it, unless it cut the bounds before."""
+        last_changes, last_bounds = self._framed
+        if last_changes == changes:
+            return
+        renderer, bounds = self.pipeline.renderer, self.GetBounds()
+        self._framed = changes, bounds
+        if is_within_clipping_range(renderer, bounds):
+            return
+        if is_within_clipping_range(renderer, last_bounds):
+            renderer.ResetCameraClippingRange()
+
     def _put_in(self, renderer):
         for actor in self._inner():
             put_inner(renderer, actor)
@@ -444,7 +447,7 @@ class Thing(Effect, pv.Actor):
 
 
 for _name in MOVES:
-    setattr(Thing, _name, _unmoved(_name))
+    setattr(Thing, _name, move_method(_name))
 _ADD_ACTOR = MethodHook(pv.Renderer, 'add_actor', adding_by_component(Thing))
 
 

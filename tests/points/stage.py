@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pyvista as pv
 
+from pvibr.points.quadrics import Quadrics
 from pvibr.things.frame import Frame
 
 SIZE = (150, 90)
@@ -49,3 +52,12 @@ def pixels(pl, points):
     frame = Frame.of(pl.renderer)
     clip = np.c_[points, np.ones(len(points))] @ (frame.clip_from_view @ frame.view_from_world).T
     return ((clip[:, :2] / clip[:, 3:] * [1, -1] + 1) / 2 * SIZE).T.astype(int)
+
+
+def points_up_to(largest, monkeypatch):
+    """Have point sprites drawn up to a size in pixels, below 0 never."""
+
+    def shape(items):
+        return dataclasses.replace(items.geometry.shape, largest_point=largest)
+
+    monkeypatch.setattr(Quadrics, 'shape', property(shape))

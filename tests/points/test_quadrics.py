@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import dataclasses
-from functools import partial, wraps
+from functools import partial
 
 import numpy as np
 import pytest
@@ -14,9 +13,8 @@ from pvibr.maths import quaternions
 from pvibr.points.cylinders import Cylinders
 from pvibr.points.ellipsoids import Ellipsoids
 from pvibr.points.quadric_rays import CAPS, cast, inner, meet_cylinders, meet_ellipsoids
-from pvibr.points.quadrics import Quadrics
 from pvibr.things.frame import Frame
-from tests.points.stage import PASSES, SIZE, aim, floor_and_lamp, pixels, plotter
+from tests.points.stage import PASSES, SIZE, aim, floor_and_lamp, pixels, plotter, points_up_to
 
 pytestmark = pytest.mark.sampled
 
@@ -76,28 +74,12 @@ def add(pl, kind, offset=0.0, scale=1.0, **kwargs):
 KINDS = ['ellipsoids', 'flat', 'round', 'open']
 
 
-def only(monkeypatch, way):
-    """Have point sprites drawn as far as they may, or never."""
-    largest = 60.0 if way == 'points' else -1.0
-    monkeypatch.setattr(
-        Ellipsoids, 'shape', dataclasses.replace(Ellipsoids.shape, largest_point=largest)
-    )
-    init = Quadrics.__init__
-
-    @wraps(init)  # with what it takes
-    def patched(self, **kwargs):
-        self.shape = dataclasses.replace(self.shape, largest_point=largest)
-        init(self, **kwargs)
-
-    monkeypatch.setattr(Quadrics, '__init__', patched)
-
-
 @pytest.mark.parametrize('offset', [0.0, 1e6])
 @pytest.mark.parametrize('parallel', [None, 2.5], ids=['perspective', 'parallel'])
 @pytest.mark.parametrize('way', ['points', 'quads'])
 @pytest.mark.parametrize('kind', KINDS)
 def test_pixels_are_those_of_rays(kind, way, parallel, offset, see, monkeypatch):
-    only(monkeypatch, way)
+    points_up_to(60.0 if way == 'points' else -1.0, monkeypatch)
     pl = plotter()
     things = add(pl, kind, offset)
     for eye in [(0, -6, 1), (3, 3, 4), (0.1, 0.2, -9)]:

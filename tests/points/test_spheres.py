@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import dataclasses
-
 import numpy as np
 import pytest
 import pyvista as pv
 
 import pvibr
 from pvibr.points import quadric_rays
-from pvibr.points.spheres import Spheres
 from pvibr.things.frame import Frame
-from tests.points.stage import PASSES, SIZE, aim, floor_and_lamp, pixels, plotter
+from tests.points.stage import PASSES, SIZE, aim, floor_and_lamp, pixels, plotter, points_up_to
 
 
 def cast(pl, centers, radii):
@@ -47,8 +44,7 @@ def compare(pl, things, see, atol=1.01 / 255):
 @pytest.mark.parametrize('parallel', [None, 1.3], ids=['perspective', 'parallel'])
 @pytest.mark.parametrize('largest', [60.0, -1.0], ids=['points', 'quads'])
 def test_pixels_are_those_of_rays(largest, parallel, offset, see, monkeypatch):
-    shape = dataclasses.replace(Spheres.shape, largest_point=largest)
-    monkeypatch.setattr(Spheres, 'shape', shape)
+    points_up_to(largest, monkeypatch)
     centers, radii = cloud()
     colors = np.random.default_rng(1).integers(0, 256, (len(centers), 3)).astype(np.uint8)
     pl = plotter()
@@ -118,8 +114,7 @@ def test_they_meet_meshes_where_spheres_do(see):
 @pytest.mark.parametrize('extra', ['ssaa', 'peeling', 'edl', 'ssao', 'glass'])
 def test_other_passes_see_large_ones_as_meshes(extra, see, monkeypatch):
     """As quads, which those are that are too large for points."""
-    shape = dataclasses.replace(Spheres.shape, largest_point=-1.0)
-    monkeypatch.setattr(Spheres, 'shape', shape)
+    points_up_to(-1.0, monkeypatch)
     centers, radii = cloud(12, seed=5, largest=0.4)
     pictures = []
     for exact in (True, False):
