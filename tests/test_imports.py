@@ -6,6 +6,7 @@ import ast
 import re
 import subprocess
 import sys
+from importlib import import_module
 from pathlib import Path
 from types import ModuleType
 
@@ -82,6 +83,19 @@ def test_few_files_lie_flat():
 def test_low_layers_know_no_pyvista(name):
     for path in (ROOT / name).glob('*.py'):
         assert not any(n.split('.')[0] == 'pyvista' for n in imported(path))
+
+
+def test_few_classes_of_ours_above_any():
+    """One finds the method of a class in few files."""
+    for path in MODULES:
+        if path.stem != '__main__':
+            module = import_module(
+                '.'.join(('pvibr', *path.relative_to(ROOT).with_suffix('').parts))
+            )
+            for cls in vars(module).values():
+                if isinstance(cls, type) and cls.__module__ == module.__name__:
+                    ours = [c.__name__ for c in cls.__mro__ if c.__module__.startswith('pvibr.')]
+                    assert len(ours) <= 5, ours
 
 
 def run(code):

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 
 from pvibr.core.arguments import check_one_of
-from pvibr.core.progress import baking
 from pvibr.core.signatures import takes
-from pvibr.figures.crowd_group import CrowdGroup, CrowdState, Playback
+from pvibr.figures.crowd_group import ClipModels, CrowdGroup, CrowdState, Playback
 from pvibr.figures.mesh_actors import as_mesh_actors, drawn_figure, moved_figure
-from pvibr.figures.pose_atlas import bake_pose_atlas
 from pvibr.gl import nbytes_of
 from pvibr.instances.instances import Instances
+from pvibr.instances.mesh_groups import MeshGroups
+from pvibr.instances.posed_items import PosedItems
 from pvibr.maths.transforms import trs
 from pvibr.meshes.parts import as_parts
 from pvibr.meshes.posed import posed
@@ -71,6 +73,9 @@ class Crowd(Instances):
     >>> pl.close()
     """
 
+    _can_grow = False
+    _models: ClipModels
+
     @takes(mesh_kwargs=as_parts)
     def __init__(
         self,
@@ -101,23 +106,24 @@ class Crowd(Instances):
         member_count = len(poses)
         mesh_kwargs |= {'cmap': cmap, 'clim': clim}
         self._theme = theme
-        mesh_options = self._ask(member_count, scalars, colors, blend, mesh_kwargs)
+        mesh_options = self._begin_looks_of(member_count, scalars, colors, blend, mesh_kwargs)
         check_one_of('skinning', skinning, ('linear', 'dual'))
         self.figure = figure = drawn_figure(figure, mesh_options, theme)
         playback = Playback(member_count)
-        playback.clip, self._clips = self._clip_indices(clips, member_count, [])
+        playback.clip, all_clips = self._clip_indices(clips, member_count, [])
         playback.offset = _each('times', times, member_count)
         playback.speed = _each('speeds', speeds, member_count)
         playback.loop = _each('loop', loop, member_count, bool)
-        self._crowd_state = CrowdState(
+        state = self._crowd_state = CrowdState(
             figure, as_mesh_actors(figure, mesh_options, theme), skinning, playback, self._now
         )
-        self._clip_baking = {'max_error': float(max_error), 'cache': cache, 'progress': progress}
-        clip_models = self._baked(self._clips) if member_count else {}
-        self._begin(poses, np.zeros(member_count, int), clip_models, pickable)
-        self._share_material()
-        self._shown_material = 0
-        self._paint(scalars, colors)
+        baking = {'max_error': float(max_error), 'cache': cache, 'progress': progress}
+        models = ClipModels(state, all_clips, **baking)
+        if member_count:
+            models.remake()
+        items = PosedItems(poses, poses, np.zeros(member_count, int))
+        self.pickable, self._shown_material = pickable, 0
+        self._begin(items, models, MeshGroups(partial(CrowdGroup, state)), scalars, colors)
 
     def _clip_indices(self, clips, member_count, known_clips) -> tuple[np.ndarray, list]:
         """Return the index of each figure's clip, and all clips, new ones last."""
@@ -132,21 +138,6 @@ class Crowd(Instances):
             clip_indices, (member_count,)
         ).copy() if is_single else clip_indices, all_clips
 
-    def _baked(self, clips) -> dict:
-        """Bake the clips and store their motions."""
-        state, baking_options = self._crowd_state, dict(self._clip_baking)
-        with baking(baking_options.pop('progress')) as advance:
-            model, motions = bake_pose_atlas(
-                self.figure,
-                state.mesh_actors,
-                clips,
-                skinning=state.skinning,
-                advance=advance,
-                **baking_options,
-            )
-        state.motions, state.box = motions, model.atlas.box.T.ravel()
-        return {0: model}
-
     # Posed meshes are drawn by other actors, without clipping planes or alphas.
     set_clipping_planes = Thing.set_clipping_planes
 
@@ -156,17 +147,8 @@ class Crowd(Instances):
     def _materials_of_all(self) -> list:
         return [a.part.actor.GetProperty() for a in self._crowd_state.mesh_actors]
 
-    def _remake(self):
-        self._models = self._baked(self._clips)
-        self._rebuild()
-
-    def _group(self, *args):
-        return CrowdGroup(self._crowd_state, *args)
-
-    def _replace(self, poses, index):
-        if len(poses) != len(self):
-            raise ValueError(f'poses must have {len(self)} rows, got {len(poses)}')
-        super()._replace(poses, index)
+    def _adopt_material(self):
+        self._share_material()
 
     # -- playback -----------------------------------------------------------------------------
 
@@ -193,7 +175,7 @@ class Crowd(Instances):
     @property
     def clips(self) -> list:
         """The clip of each figure; None is the rest pose."""
-        return [self._clips[i] for i in self._crowd_state.playback.clip]
+        return [self._models.clips[i] for i in self._crowd_state.playback.clip]
 
     def play(self, clip=None, ids=None, *, speed=1.0, loop=True, start=None):
         """Play a clip.
@@ -223,15 +205,15 @@ class Crowd(Instances):
         speed = _each('speed', speed, len(ids))
         start = _each('start', self._now() if start is None else start, len(ids))
         loop = _each('loop', loop, len(ids), bool)
-        clip_indices, all_clips = self._clip_indices(clip, len(ids), self._clips)
-        is_new = len(all_clips) > len(self._clips)
-        models = self._baked(all_clips) if is_new else self._models  # it may be interrupted
+        clip_indices, all_clips = self._clip_indices(clip, len(ids), self._models.clips)
+        is_new = len(all_clips) > len(self._models.clips)
+        if is_new:
+            self._models.show_clips(all_clips)  # it may be interrupted
         playback = self._crowd_state.playback
-        playback.clip[ids], self._clips = clip_indices, all_clips
+        playback.clip[ids] = clip_indices
         playback.speed[ids], playback.loop[ids] = speed, loop
         playback.offset[ids] = -speed * start
         if is_new:
-            self._models = models
             self._rebuild()
         self._moved()
 
@@ -250,14 +232,15 @@ class Crowd(Instances):
         """
         self.follow()
         mesh = self._crowd_state.shown(index, self._now())
-        return moved_figure(mesh, _matrix(self._poses[index]))
+        return moved_figure(mesh, _matrix(self._items.poses[index]))
 
     def bake_into(self, scene):
         """Hand each figure as it is now to a scene without pvibr."""
         for i in np.flatnonzero(self.visible):
             member_color = None if self._colors is None else self._colors[i]
-            for part in self._crowd_state.parts(int(i), self._now(), _matrix(self._poses[i])):
-                scene.part(self, part, color=member_color, multiply=self._blend == 'multiply')
+            matrix = _matrix(self._items.poses[i])
+            for part in self._crowd_state.parts(int(i), self._now(), matrix):
+                scene.part(self, part, color=member_color, multiply=self.multiplies)
 
     # -- the life of an effect ---------------------------------------------------------------
 

@@ -1,14 +1,17 @@
-"""Members of a crowd: level of detail, clip and clip time of each."""
+"""Members of a crowd: level of detail, clip and clip time of each; the images of clips."""
 
 from __future__ import annotations
 
 import numpy as np
 
+from pvibr.core.progress import baking
 from pvibr.figures.mesh_actors import posed_part
 from pvibr.figures.player import Moment
+from pvibr.figures.pose_atlas import bake_pose_atlas
 from pvibr.figures.posed_meshes import PosedPool
 from pvibr.gl import nbytes_of
 from pvibr.instances.group import InstanceGroup
+from pvibr.instances.mesh_models import MeshModels
 from pvibr.instances.near_meshes import NearMeshes
 from pvibr.instances.placement import spheres
 from pvibr.maths.transforms import signs_of
@@ -63,11 +66,11 @@ class _PosedMeshes(NearMeshes):
 class CrowdGroup(InstanceGroup):
     """The members of a crowd, as a group of instances."""
 
-    def __init__(self, state, *args):
+    def __init__(self, state, *args, **options):
         self.state = state
         self._era: float | None = None
         self._posed: dict = {}
-        super().__init__(*args)
+        super().__init__(*args, **options)
 
     def _near_meshes(self, _translucent):
         return _PosedMeshes(self.levels, self.state)
@@ -181,3 +184,30 @@ class CrowdState:
     def _pose_of(self, member, time):
         clip_indices, clip_seconds = self.seconds(time, np.array([member]))
         return self.pose(int(clip_indices[0]), float(clip_seconds[0]))
+
+
+class ClipModels(MeshModels):
+    """The model of a crowd: images of its figure in poses of all clips."""
+
+    def __init__(self, state, clips, **baking):
+        super().__init__(**baking)
+        self._state, self.clips = state, clips
+
+    def show_clips(self, clips):
+        """Bake clips and store their motions; if that fails, everything is as before."""
+        state, options = self._state, dict(self._baking)
+        with baking(options.pop('progress')) as advance:
+            model, motions = bake_pose_atlas(
+                state.figure,
+                state.mesh_actors,
+                clips,
+                skinning=state.skinning,
+                advance=advance,
+                **options,
+            )
+        state.motions, state.box = motions, model.atlas.box.T.ravel()
+        self.by_mesh, self.clips = {0: model}, clips
+
+    def remake(self):
+        """Bake all clips again, in the changed colours."""
+        self.show_clips(self.clips)

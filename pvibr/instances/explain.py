@@ -1,4 +1,4 @@
-"""Why an instance is drawn at its level of detail."""
+"""Why instances are drawn at their levels of detail, and what that costs: methods of a set."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from dataclasses import asdict, dataclass
 import numpy as np
 
 from pvibr.instances.card_layers import PATCH_SIDE
+from pvibr.instances.instance_arguments import checked_ids
 from pvibr.instances.limits import card_ends, mesh_ends, side_ends
 from pvibr.maths import octahedral
 from pvibr.maths.blocks import frustum_planes
@@ -75,18 +76,65 @@ class Explanation:
         return '\n'.join(lines)
 
 
-def explanation(index, group, slot, frame, limits, *, max_error, hidden, always) -> Explanation:
+def explain(self, index) -> Explanation:
+    """Return why an instance is drawn at its level of detail.
+
+    Parameters
+    ----------
+    index : int
+        The instance.
+
+    Returns
+    -------
+    Explanation
+        Its size on the screen, the patch of its view direction, and for each level the sizes
+        at which that direction uses it and the rule that ends them, for the current camera.
+        `print` shows it as a table.
+
+    Raises
+    ------
+    IndexError
+        If the instance does not exist.
+    TypeError
+        If `index` is not one number.
+    RuntimeError
+        If the set is in no plotter.
+
+    Examples
+    --------
+    >>> import pyvista as pv
+    >>> import pvibr
+    >>> pl = pv.Plotter(off_screen=True)
+    >>> cones = pl.ibr.add_instances(pv.Cone(), [[0, 0, 0], [2, 0, 0]], cache=False)
+    >>> cones.explain(1).level
+    'mesh'
+    >>> pl.close()
+    """
+    if np.ndim(index) != 0:
+        raise TypeError(f'index must be an int, the index of one instance, got {index!r:.80}')
+    (index,) = checked_ids(index, len(self)).tolist()
+    if self.pipeline is None:
+        raise RuntimeError(
+            'instances must be in a plotter, whose camera decides the level; add them first'
+        )
+    hidden = not (self.visible[index] and self.GetVisibility())
+    group, slot = self.groups.slot_of(index)
+    frame, choice = self.pipeline.view(), self._level_choice()
+    return _explanation(index, group, slot, frame, choice, hidden=hidden)
+
+
+def _explanation(index, group, slot, frame, choice, *, hidden) -> Explanation:
     """Return why a slot of a group is drawn at its level in a frame."""
-    # `always` is the rule that overrides errors and costs, empty if they decide.
     slots = np.array([slot])
     toward, elevations, distances = group.toward_eye(slots, frame)
     size = float(2 * group.radii[slot] * frame.pixel_scale / distances[0])
     patch = int(octahedral.cells(toward, PATCH_SIDE, group.atlas.half)[0][0])
     from_side = group.atlas.turntable is not None and elevations[0] < SIDE_ELEVATION
-    model = group.model
+    model, always = group.model, choice.rule
+    limits = choice.limits(model)
     if model.why_unbaked and always in ('', 'forced'):  # there is no other level to force
         always = _unbaked_rule(model)
-    rules = {} if always else _rules(model, limits, max_error, patch, from_side=from_side)
+    rules = {} if always else _rules(model, limits, choice.max_error, patch, from_side=from_side)
     drawn_limits = limits.coarser(frame.quality)
     levels = tuple(_spans(model, drawn_limits, patch, rules, always, from_side=from_side))
     note = model.why_unbaked
@@ -98,6 +146,39 @@ def explanation(index, group, slot, frame, limits, *, max_error, hidden, always)
         note = NOT_FORCED
     level = '' if note in (HIDDEN, OUT_OF_VIEW, NOT_FORCED) else drawn_level
     return Explanation(index, size, patch, level, note, levels)
+
+
+def report(self) -> dict:
+    """Return bytes, counts of what was drawn, and the levels and errors of each mesh."""
+    choice, errors = self._level_choice(), {}
+    if self.pipeline is not None and not choice.rule:
+        errors = _described_errors(self.groups, self.pipeline.view(), choice)
+    details = {
+        'bytes': sum(k.cards.nbytes for k in self.groups),
+        'instances': len(self),
+        'an instance': self.groups.memory_per_item(),
+        **self.groups.counts(),
+        'triangles of meshes': self.groups.triangles_drawn(),
+    }
+    for k, model in self._models.by_mesh.items():
+        details[f'atlas {k}'] = model.describe(choice.limits(model))
+        if k in errors:
+            details[f'error {k}'] = errors[k]
+    return details
+
+
+def _described_errors(groups, frame, choice) -> dict[int, str]:
+    """Return the measured error of what groups draw in a frame in words, by mesh."""
+    group_limits = choice.limits_in(frame, [group.model for group in groups])
+    messages = {}
+    for k, group, limits in zip(groups.meshes, groups, group_limits, strict=True):
+        if group.atlas.errors and len(group.visible_slots()):
+            flip, displaced, blur = measured_error(group, frame, limits)
+            messages[k] = (
+                f'FLIP {flip:.2f} of that of the mesh at one sample, outlines within '
+                f'{displaced:.1f} px, up to {blur:.0%} softer'
+            )
+    return messages
 
 
 def measured_error(group, frame, limits) -> tuple[float, float, float]:

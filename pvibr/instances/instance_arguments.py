@@ -16,10 +16,19 @@ from pvibr.meshes.mesh_files import scene_instances
 from pvibr.meshes.parts import are_parts
 from pvibr.meshes.posed import Source, names_in, posed_source, source_of
 from pvibr.meshes.poses import as_poses
+from pvibr.things.appearance import TABLE_OPTIONS
+from pvibr.things.keywords import OF_MESH_SCALARS
 
 
-def placed(mesh, poses, index, scalars, pbr=False, plain=False, **placing) -> tuple:
+def placed(mesh, poses, index, phase, scalars, **options) -> tuple:
     """Return meshes, checked poses, index and scalars; `plain` ignores the scalars of glyphs."""
+    meshes, poses, index, scalars = _placed(mesh, poses, index, scalars, **options)
+    if phase is not None:
+        index = index_of_phase(repeated('phase', phase, len(poses)), len(meshes))
+    return meshes, poses, checked_index(index, len(poses), len(meshes)), scalars
+
+
+def _placed(mesh, poses, index, scalars, pbr=False, plain=False, **placing) -> tuple:
     if isinstance(mesh, Glyphs) and poses is None:
         shown_scalars = mesh.scalars if scalars is None and not plain else scalars
         source = Source(as_poses(mesh.poses), mesh.arrays)
@@ -131,3 +140,16 @@ def checked_cache(cache):
     if isinstance(cache, str | os.PathLike) and cache != '':
         return cache
     return checked_flag('cache', cache)
+
+
+def mesh_looks(scalars, mesh_options) -> dict:
+    """Return the ``add_mesh`` keywords of the mesh beside the scalars of instances, or a name."""
+    if scalars is None or isinstance(scalars, str):
+        return {'scalars': scalars, **mesh_options}
+    for name in OF_MESH_SCALARS.keys() & mesh_options.keys():
+        reason = OF_MESH_SCALARS[name]
+        raise ValueError(
+            f'{name} must be left out with scalars per instance; it is for scalars of a '
+            f'mesh: {reason}'
+        )
+    return {k: v for k, v in mesh_options.items() if k not in TABLE_OPTIONS}

@@ -2,39 +2,30 @@
 
 from __future__ import annotations
 
-from functools import partial
+from typing import Any
 
 import numpy as np
 import pyvista as pv
 
-from pvibr.core.arguments import check_one_of
+from pvibr.core.arguments import check_one_of, naming
+from pvibr.core.determinism import is_deterministic
 from pvibr.core.errors import warn
 from pvibr.core.params import Param
-from pvibr.core.plotters import put_inner
 from pvibr.core.signatures import takes
-from pvibr.instances.baked_set import BakedSet
-from pvibr.instances.cards import slabs
-from pvibr.instances.explain import measured_error
-from pvibr.instances.group import SORTED_SEEN
-from pvibr.instances.instance_arguments import (
-    checked_cache,
-    checked_index,
-    index_of_phase,
-    placed,
-    repeated,
-)
-from pvibr.instances.limits import checked_force, needs_images
-from pvibr.instances.memory import checked_share
-from pvibr.instances.mesh_sources import Sources
-from pvibr.meshes.parts import as_meshes, as_parts, with_own_culling
+from pvibr.instances import explain, plain_copies, updates
+from pvibr.instances.instance_arguments import mesh_looks, placed
+from pvibr.instances.limits import LevelChoice, Limits, checked_force, needs_images
+from pvibr.instances.mesh_groups import MeshGroups
+from pvibr.instances.mesh_models import MeshModels
+from pvibr.instances.posed_items import PosedItems
+from pvibr.meshes.parts import as_parts
 from pvibr.things import appearance as look
 from pvibr.things.appearance import TABLE_OPTIONS
-from pvibr.things.draw_order import Stage
-from pvibr.things.keywords import OF_MESH_SCALARS
+from pvibr.things.item_set import ItemSet
 from pvibr.things.picking import joined, nearest_hit
 
 
-class Instances(BakedSet):
+class Instances(ItemSet):
     """One or more meshes drawn at many poses: near ones as meshes, far ones as image cards.
 
     Parameters
@@ -116,20 +107,26 @@ class Instances(BakedSet):
     """
 
     FOR_USERS: tuple[str, ...] = (
-        'bounds',
-        'atlases',
-        'force_level',
-        'bake',
-        'pick',
-        'explain',
-        'actors',
-        'report',
+        *('n_instances', 'poses', 'index', 'phase', 'update', 'bounds', 'atlases', 'limits'),
+        *('force_level', 'bake', 'pick', 'explain', 'actors', 'report'),
     )
     web = 'baked', 'meshes, far ones billboard clouds'
     presets = {'fine': {'max_error': 0.5}, 'fast': {'max_error': 3.0}}
+    #: Indices of instances that another thing draws for the scene's own camera.
+    covered: np.ndarray | None = None
+    _items: PosedItems
+    _models: MeshModels
+    #: Whether the number of instances may change.
+    _can_grow = True
+    _applied_cover: np.ndarray | None = None
+    #: Whether instance colours multiply those of the mesh.
+    multiplies = False
     _force_level: str | dict | None = None
-    #: Whether each near mesh has an actor, because the shaders of batches failed.
-    _singly = False
+    _forced: dict[str, tuple] = {}
+    #: Clipping planes, a vtkPlaneCollection.
+    _planes: Any = None
+    #: Error of a card shader.
+    _failure: str | None = None
 
     max_error = Param(
         1.0,
@@ -171,79 +168,151 @@ class Instances(BakedSet):
     ):
         super().__init__(max_error=max_error)
         self.name = name
-        self.force_level = force_level
-        self._placing = {'orient': orient, 'scale': scale, 'factor': factor}
+        self._forced, self._force_level = checked_force(force_level), force_level
+        placing = {'orient': orient, 'scale': scale, 'factor': factor}
         meshes, poses, index, scalars = placed(
             mesh,
             poses,
             index,
+            phase,
             scalars,
             pbr=mesh_kwargs.get('pbr'),
             plain=colors is not None or mesh_kwargs.get('color') is not None,
-            **self._placing,
+            **placing,
         )
-        if phase is not None:
-            index = index_of_phase(repeated('phase', phase, len(poses)), len(meshes))
-            self._required_meshes = frozenset(range(len(meshes)))
-        index = checked_index(index, len(poses), len(meshes))
-        mesh_kwargs |= {'opacity': opacity, 'cmap': cmap, 'clim': clim}
         self._theme = theme
-        mesh_options = self._ask(len(poses), scalars, colors, blend, mesh_kwargs)
-        parts = as_meshes(meshes, theme=theme, **mesh_options)
-        parts = [with_own_culling(mesh_parts) for mesh_parts in parts]
-        self._sources = Sources(meshes, partial(as_parts, theme=theme, **mesh_options), parts)
+        mesh_kwargs |= {'opacity': opacity, 'cmap': cmap, 'clim': clim}
+        mesh_options = self._begin_looks_of(len(poses), scalars, colors, blend, mesh_kwargs)
         check_one_of('views', views, ('full', 'half'))
-        baking = {'half': views == 'half', 'cache': checked_cache(cache), 'progress': progress}
-        self._bake, self._materials = bake, {}
-        self._max_image_bytes = checked_share(gpu_memory, len(meshes))
-        self._poses, self._meshes = poses, parts
-        self._cull()
-        self._begin(poses, index, {}, pickable, parts, baking)
-        self._adopt_material()
-        self._paint(scalars, colors)
+        baking = {'half': views == 'half', 'cache': cache, 'progress': progress}
+        looks = {'theme': theme, **mesh_options}
+        models = MeshModels.of(meshes, looks, bakes=bake, gpu_memory=gpu_memory, **baking)
+        models.forces_images = needs_images(self._forced)
+        if phase is not None:
+            models.require_all()
+        self.pickable = pickable
+        items = PosedItems(poses, poses, index, max(len(meshes), 1), placing)
+        self._begin(items, models, MeshGroups(), scalars, colors)
 
-    def _ask(self, count, scalars, colors, blend, mesh_options) -> dict:
+    def _begin_looks_of(self, count, scalars, colors, blend, mesh_options) -> dict:
         """Check the looks of instances; return the ``add_mesh`` keywords of the mesh."""
         check_one_of('blend', blend, ('replace', 'multiply'))
-        self._blend = blend
+        self.multiplies = blend == 'multiply'
         self._table_options = {k: mesh_options[k] for k in TABLE_OPTIONS if k in mesh_options}
         if colors is not None:
             self._as_colors(colors, count)
+        mesh_options = mesh_looks(scalars, mesh_options)
         if scalars is not None and not isinstance(scalars, str):
-            for name in OF_MESH_SCALARS.keys() & mesh_options.keys():
-                reason = OF_MESH_SCALARS[name]
-                raise ValueError(
-                    f'{name} must be left out with scalars per instance; it is for scalars of a '
-                    f'mesh: {reason}'
-                )
             self._table_for(look.as_scalars(scalars, count), self._table_options)
-            mesh_options = {k: v for k, v in mesh_options.items() if k not in TABLE_OPTIONS}
-        else:
-            mesh_options = {'scalars': scalars, **mesh_options}
         return {k: v for k, v in mesh_options.items() if v is not None}
 
-    def _as_colors(self, colors, count=None):
-        return look.as_rgba(colors, len(self) if count is None else count)
-
-    def _group(self, *args):
-        group = super()._group(*args)
-        if self._singly or self._planes is not None:
-            group.near.draw_singly()
-        group.near.clip(self._planes)
-        return group
-
-    def set_clipping_planes(self, planes):
-        """Clip the set by a vtkPlaneCollection; each instance is then an actor."""
-        self._planes = planes if planes is not None and planes.GetNumberOfItems() else None
-        if self._stand_ins is not None:
-            self._stand_ins.clip(self._planes)
+    def _begin(self, items, models, groups, scalars, colors):
+        """Draw items in their looks; bake the models that are missing."""
+        self._scalars = self._colors = self._visible = self.table = None
+        self._items, self._models = items, models
+        #: What draws the instances of each mesh, as cards or meshes.
+        self.groups: MeshGroups = groups
+        models.follow_poses(items.poses, items.index)
         self._rebuild()
-
-    def _paint(self, scalars, colors):
+        self._adopt_material()
         if scalars is not None and not isinstance(scalars, str):
             self.scalars = scalars
         elif colors is not None:
             self.colors = colors
+
+    # -- methods by subject: each module says more ---------------------------------------------
+
+    update = updates.update
+    bake_into = plain_copies.bake_into
+    report = explain.report
+    explain = explain.explain
+
+    # -- poses and meshes ----------------------------------------------------------------------
+
+    def __len__(self):
+        return len(self._items)
+
+    @property
+    def n_instances(self) -> int:
+        """Number of instances."""
+        return len(self._items)
+
+    @property
+    def poses(self) -> np.ndarray:
+        """Points (n, 3) or matrices (n, 4, 4) in set space, read-only; see :meth:`update`."""
+        return look.read_only(self._items.local_poses)
+
+    @poses.setter
+    def poses(self, poses):
+        self.update(poses=poses)
+
+    @property
+    def index(self) -> np.ndarray:
+        """Mesh of each instance, shape (n,), read-only; see :meth:`update`."""
+        return look.read_only(self._items.index)
+
+    @index.setter
+    def index(self, index):
+        self.update(index=index)
+
+    @property
+    def phase(self) -> np.ndarray:
+        """Mesh of each instance as a fraction of all meshes, 0 to 1; set modulo 1."""
+        return look.read_only(self._items.index / self._items.mesh_count)
+
+    @phase.setter
+    def phase(self, phase):
+        with naming('phase', phase):
+            self.update(phase=phase)
+
+    def _places(self) -> np.ndarray:
+        poses = self._items.poses
+        return poses[:, :3, 3] if poses.ndim == 3 else poses
+
+    def _put(self):
+        updates.show_items(self, self._items.placed(self._world), keeps_bounds=True)
+
+    def _bound(self):
+        self._set_bounds(self.groups.bounds(None if self._world is None else self.poses))
+
+    def _rebuild(self, *, keeps_bounds=False):
+        """Replace the groups."""
+        pipeline = self.pipeline
+        if pipeline is not None:
+            pipeline.make_current()
+        self.groups.release()
+        if pipeline is not None:
+            self._take_out(pipeline.renderer)
+        items, options = self._items, {'translucent': self.is_translucent, 'planes': self._planes}
+        self.groups.build(self._models.by_mesh, items.poses, items.index, **options)
+        if not keeps_bounds:
+            self._bound()
+        self._repaint()
+        if pipeline is not None:
+            self._put_in(pipeline.renderer)
+
+    # -- levels of detail ----------------------------------------------------------------------
+
+    @property
+    def atlases(self) -> list:
+        """The atlas of each mesh in use."""
+        return [model.atlas for model in self._models.by_mesh.values()]
+
+    @property
+    def limits(self) -> list[Limits]:
+        """On-screen sizes at which levels change, of each of `groups`."""
+        choice = self._level_choice()
+        return [choice.limits(group.model) for group in self.groups]
+
+    def _level_choice(self) -> LevelChoice:
+        rules = {
+            'shaders failed': self._failure,
+            'translucent': self.is_translucent,
+            'clipped': self._planes is not None,
+            'forced': self._forced,
+        }
+        rule = next((rule for rule, applies in rules.items() if applies), '')
+        return LevelChoice(self.max_error, self._forced, rule)
 
     @property
     def force_level(self) -> str | dict | None:
@@ -253,92 +322,122 @@ class Instances(BakedSet):
     @force_level.setter
     def force_level(self, level):
         forced = checked_force(level)
-        if self._models and needs_images(forced):
+        if self._models.by_mesh and needs_images(forced):
             self.bake()
+        self._models.forces_images = needs_images(forced)
         self._forced, self._force_level = forced, level
         self._touch()
+
+    def bake(self):
+        """Bake images of the meshes that have none and that images can show."""
+        if self._models.bake(self._items.index):
+            self._rebuild()
+
+    def _remake(self):
+        """Adopt changed colours of all meshes."""
+        self._models.remake()
+        self._rebuild()
+
+    def _follow_meshes(self):
+        """Follow changes of meshes and materials."""
+        relit_meshes, has_new_models = self._models.follow_meshes()
+        if relit_meshes:
+            self.groups.follow_materials(relit_meshes)
+            self._touch()
+        if has_new_models:
+            self._adopt_material()
+            self._rebuild()
+            self._show_bar()
+
+    def _adopt_material(self):
+        """Share the material of the only part, or pass changes of the first on to all."""
+        parts = self._models.parts()
+        self._dressed = (parts[0].actor,) if len(parts) == 1 else ()
+        for actor in self._dressed:
+            self.SetProperty(actor.GetProperty())
+        if len(parts) > 1:
+            self._share_material()
+
+    def _materials_of_all(self) -> list:
+        return [part.actor.GetProperty() for part in self._models.parts()]
+
+    def set_clipping_planes(self, planes):
+        """Clip the set by a vtkPlaneCollection; each instance is then an actor."""
+        self._planes = planes if planes is not None and planes.GetNumberOfItems() else None
+        if self._stand_ins is not None:
+            self._stand_ins.clip(self._planes)
+        self._rebuild()
+
+    # -- looks ---------------------------------------------------------------------------------
+
+    @property
+    def is_translucent(self) -> bool:
+        """Whether instance colours have alpha."""
+        return self._colors is not None and self._colors.shape[1] == 4
+
+    def _as_colors(self, colors, count=None):
+        return look.as_rgba(colors, len(self) if count is None else count)
+
+    def _repaint(self):
+        if any(group.near.translucent != self.is_translucent for group in self.groups):
+            self._rebuild()
+            return
+        self._apply_looks(self._applied_cover)
+        self._touch()
+
+    def _apply_looks(self, covered):
+        """Apply the looks, hiding instances that another thing draws."""
+        self._applied_cover = covered
+        visible = self._visible
+        if covered is not None:
+            visible = self.visible.copy()
+            visible[covered] = False
+        self.groups.set_looks(look.merge(len(self), self._colors, visible), self.multiplies)
 
     def scalar_mapper(self):
         """Return a mapper with the lookup table of the scalars, None without scalars."""
         if self.table is not None:
             return super().scalar_mapper()
-        return self._with_table_of(self._parts())
+        return self._with_table_of(self._models.shown_parts())
 
     def set_scalar_range(self, clim):
         """Set the range of the scalars; images of a mesh do not follow it."""
         super().set_scalar_range(clim)
-        if self.table is None and self._set_range_of(self._parts(), clim):
-            if self._sources and not any(part.of_actor for part in self._parts()):
-                self._sources.set_look(clim=clim)
+        if self.table is None and self._set_range_of(self._models.shown_parts(), clim):
+            self._models.set_clim(clim)
             self._remake()
 
     def has_bar(self) -> bool:
         """Return False if its scalars are those of an actor, which has its own bar."""
-        return self.table is not None or not all(part.of_actor for part in self._parts())
+        parts = self._models.shown_parts()
+        return self.table is not None or not all(part.of_actor for part in parts)
 
-    def bake_into(self, scene):
-        """Add the instances to a scene exported without pvibr."""
-        for k, model in self._models.items():
-            ids = np.flatnonzero((self._index == k) & self.visible)
-            colors = None if self._colors is None else self._colors[ids]
-            limits = model.limits(self.max_error) if model.atlas.errors else None
-            scene.copies(
-                self,
-                [level.parts for level in model.levels],
-                self._poses[ids],
-                largest=limits and tuple(limits.mesh_to.min(1).tolist()),
-                colors=colors,
-                multiply=self.multiplies,
-            )
-            scene.strokes(model.levels[0].parts, self._poses[ids], colors=colors)
-
-    def _parts(self):
-        return [p for model in self._models.values() for p in model.levels[0].parts]
-
-    # -- the life of an effect ---------------------------------------------------------------
+    # -- the life of an effect -----------------------------------------------------------------
 
     def _put_in(self, renderer):
-        self._put_in_order()
+        self.order = self.groups.draw_order()
         super()._put_in(renderer)
-
-    def _put_in_order(self):
-        """Fix the order of meshes, which may have equal depths, whichever was needed first."""
-        meshes = (((Stage.OPAQUE,), actor) for actor in self._mesh_actors())
-        self.order = (*meshes, *self._card_order())
 
     def item_spheres(self) -> tuple[np.ndarray, np.ndarray]:
         """Return centres, shape (n, 3), and radii of the instances' bounding spheres."""
-        centers, radii = np.zeros((len(self), 3)), np.zeros(len(self))
-        for group in self.groups:
-            centers[group.ids], radii[group.ids] = group.centers(slice(None)), group.radii
-        return centers, radii
+        return self.groups.spheres()
 
     def item_mesh(self, index) -> pv.PolyData:
         """Return the mesh of an instance in world space, for VTK's pickers."""
-        group, slot = self._group_and_slot(index)
+        group, slot = self.groups.slot_of(index)
         return joined([(group.parts(slot), group.matrix(slot))])
 
     def actors(self) -> list:
         """Return the actors that draw the instances, invisible ones included."""
-        return self._mesh_actors() + [actor for _, actor in self._card_order()]
-
-    def _mesh_actors(self) -> list:
-        return [actor for group in self.groups for actor in group.mesh_actors()]
-
-    def _card_order(self) -> list:
-        """Return pairs of sort key and card actor, in drawing order."""
-        pairs = (pair for group in self.groups for pair in group.cards.order())
-        return sorted(pairs, key=lambda pair: pair[0])
+        return [actor for _, actor in self.groups.draw_order()]
 
     def depths(self) -> list:
         """Return the actors that draw its depth for lights."""
-        cards = [a for group in self.groups for a in group.cards.actors() if a.GetVisibility()]
-        return cards + [a for group in self.groups for a in group.near.depths()]
+        return self.groups.depths()
 
     def deactivate(self):
         """Hide all actors."""
-        for group in self.groups:
-            group.hide()
+        self.groups.hide()
         self._content_key = None
 
     def prepare(self, frame):
@@ -346,138 +445,50 @@ class Instances(BakedSet):
         self._follow_meshes()
         if self._is_drawn_for_picker(frame):
             return
-        self._check_meshes()
+        self._check_shaders()
         covered = self.covered if frame.own else None
         if covered is not self._applied_cover:
             self._apply_looks(covered)
             self._content_key = None
-        self._upload(frame.window)
+        if is_deterministic() and not self.groups.is_sorted:
+            self.groups.sort()
+            self._bound()
+            self._repaint()
+        self.groups.upload(frame.window)
         camera_key = (frame.view_from_world.tobytes(), frame.clip_from_view.tobytes())
         depth = self._depth_is_read(frame)
         drawing = frame.casting, frame.depth_map, frame.quality, depth
         content_key = (*camera_key, frame.size, self.revision, *drawing)
-        self._check_cards()
         if content_key == self._content_key:
             return
         self._content_key = content_key
-        group_limits = self._limits_in(frame)
-        choices = [
-            k.select(frame, limits, depth=depth)
-            for k, limits in zip(self.groups, group_limits, strict=True)
-        ]
-        for shader in self.groups[0].cards.shaders():
-            self._show_cards(frame, shader, [c[shader.name] for c in choices])
-        needs_sorting = False
-        for group, limits in zip(self.groups, group_limits, strict=True):
-            new_actors = group.select_meshes(frame, limits)
-            needs_sorting |= bool(new_actors) or any(group.near.has_own_actors)
-            for actor in new_actors:
-                put_inner(frame.renderer, actor)
-        if needs_sorting:
-            self._put_in_order()
+        if self.groups.draw(frame, self._level_choice(), depth=depth):
+            self.order = self.groups.draw_order()
 
-    def _show_cards(self, frame, shader, choices):
-        unit = self.groups[0].unit
-        if unit > 1 and sum(len(choice.table) for choice in choices) * unit <= SORTED_SEEN:
-            pairs = zip(self.groups, choices, strict=True)
-            unit, choices = 1, [group.refine(frame, choice) for group, choice in pairs]
-        capacity = self.groups[0].cards.chunk // unit
-        cuts = slabs([choice.depths for choice in choices], shader.turns, capacity)
-        for group, choice, group_cuts in zip(self.groups, choices, cuts, strict=True):
-            options = {
-                'ranges': choice.ranges,
-                'side_ranges': choice.side_ranges,
-                'unit': unit,
-                'cored': choice.cored,
-            }
-            group.cards.show(shader.name, choice.table, group_cuts, **options)
-
-    def _check_cards(self):
-        """On failure of a card shader, warn and draw meshes from then on."""
-        failure = next((k.cards.failure for k in self.groups if k.cards.failure), None)
+    def _check_shaders(self):
+        """On failure of a shader, warn and draw without it from then on."""
+        if failure := self.groups.mesh_failure():
+            self._rebuild()
+            self._warn(failure, 'each instance is drawn by an actor')
+        failure = self.groups.card_failure
         if failure and not self._failure:
             self._failure, self._content_key = failure, None
             self._warn(failure, 'instances are drawn as meshes')
-
-    def _check_meshes(self):
-        """On failure of a mesh shader, warn and draw plain actors from then on."""
-        failure = next((k.near.failure for k in self.groups if k.near.failure), None)
-        if failure:
-            self._singly = True
-            self._rebuild()
-            self._warn(failure, 'each instance is drawn by an actor')
 
     def _warn(self, failure, instead):
         warn(f'{self.name}: {failure}: {instead} instead. Run `pvibr doctor`.')
 
     def finish(self, frame):
         """Release the texture units, and check that the shaders were drawn."""
-        self._binder.unbind()
-        if frame.own and not frame.picking:
-            for group in self.groups:
-                group.near.check()
-                group.cards.check()
+        self.groups.finish(check=frame.own and not frame.picking)
 
     def release(self):
         """Free GPU memory; the context is current."""
-        for group in self.groups:
-            group.release()
-        self._uploaded, self._content_key = False, None
-
-    def report(self) -> dict:
-        """Return bytes, counts of what was drawn, and the levels and errors of each mesh."""
-        draw_counts: dict = {}
-        for group in self.groups:
-            for key, value in group.counts.items():
-                draw_counts[key] = draw_counts.get(key, 0) + value
-        details = {
-            'bytes': sum(k.cards.nbytes for k in self.groups),
-            'instances': len(self),
-            'an instance': self._memory(),
-            **draw_counts,
-            'triangles of meshes': self._triangles_drawn(),
-        }
-        errors = self._measured_errors()
-        for k, model in self._models.items():
-            details[f'atlas {k}'] = model.describe(self._limits(model))
-            if k in errors:
-                details[f'error {k}'] = errors[k]
-        return details
-
-    def _triangles_drawn(self) -> int:
-        """Return the triangles drawn as meshes in the last frame."""
-        level_counts = ((k.levels, np.bincount(k.near.level_of + 1)[1:]) for k in self.groups)
-        return sum(
-            level.triangles * int(instance_count)
-            for levels, counts in level_counts
-            for level, instance_count in zip(levels, counts, strict=False)
-        )
-
-    def _measured_errors(self) -> dict[int, str]:
-        """Return the measured error of the last frame in words, by mesh."""
-        if self.pipeline is None or self._forced or self._needs_meshes:
-            return {}
-        frame = self.pipeline.view()
-        messages = {}
-        pairs = zip(self._models, self.groups, self._limits_in(frame), strict=True)
-        for k, group, limits in pairs:
-            if group.atlas.errors and len(group.visible_slots()):
-                flip, displaced, blur = measured_error(group, frame, limits)
-                messages[k] = (
-                    f'FLIP {flip:.2f} of that of the mesh at one sample, outlines within '
-                    f'{displaced:.1f} px, up to {blur:.0%} softer'
-                )
-        return messages
-
-    def _memory(self) -> str:
-        count = max(len(self), 1)
-        gpu = sum(group.cards.item_nbytes for group in self.groups) / count
-        main_memory = sum(group.placement.nbytes for group in self.groups) / count
-        return f'{gpu:.0f} B of GPU memory, {main_memory:.0f} B of main memory beside its pose'
+        self.groups.release()
+        self._content_key = None
 
     def pick(self, x, y):
         """Return the nearest instance under a pixel."""
         if not self._can_pick():
             return None
-        renderer = self.pipeline.renderer
-        return nearest_hit(self.groups, renderer, x, y, self.visible, self._planes)
+        return nearest_hit(self.groups, self.pipeline.renderer, x, y, self.visible, self._planes)

@@ -263,3 +263,30 @@ def _met_up_to(sizes, need, max_error):
     low, need_below = np.where(k > 0, (sizes[k - 1], need[k - 1, patch]), 0.0)
     fraction = (max_error - need_below) / np.maximum(need[k, patch] - need_below, 1e-9)
     return np.where(exceeds.any(0), low + fraction * (sizes[k] - low), sizes[-1])
+
+
+@dataclass(frozen=True)
+class LevelChoice:
+    """What decides between the levels of a set: errors and costs, unless a rule overrides them."""
+
+    max_error: float
+    #: Sizes of forced levels, empty if none is forced.
+    forced: dict
+    #: ``forced``, or why all are meshes at every size; empty if errors and costs decide.
+    rule: str
+
+    def limits(self, model) -> Limits:
+        """Return the limits of a mesh's model."""
+        level_count = len(model.levels)
+        if self.rule not in ('', 'forced') or not model.atlas.errors:
+            return limits_of({}, level_count, 1)
+        if self.rule:
+            return forced_limits(self.forced, level_count)
+        return model.limits(self.max_error)
+
+    def limits_in(self, frame, models) -> list[Limits]:
+        """Return the limits of models in a frame, which may be a depth map or of low quality."""
+        if frame.depth_map and not self.rule:
+            low, high = sorted(frame.pixel_scales)
+            return [model.depth_limits(self.max_error, high / low) for model in models]
+        return [self.limits(model).coarser(frame.quality) for model in models]

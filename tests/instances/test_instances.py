@@ -370,7 +370,7 @@ def test_mirrored_poses_are_not_culled_inside_out(scenes, see, level, monkeypatc
     things.poses = np.eye(4)
     before = things.poses
     with monkeypatch.context() as patch:
-        patch.setattr('pvibr.instances.baked_set.make_model', interrupted)
+        patch.setattr('pvibr.instances.mesh_models.make_model', interrupted)
         with pytest.raises(KeyboardInterrupt):
             things.update([0], poses=poses)
     np.testing.assert_array_equal(things.poses, before)

@@ -152,7 +152,7 @@ def test_one_pose_uploads_one_row_of_them(scenes, see, shapes, monkeypatch):
     frame(see, pl)
     sizes, upload = [], Texture.upload
     monkeypatch.setattr(Texture, 'upload', lambda t, a: (sizes.append(a.size), upload(t, a))[1])
-    monkeypatch.setattr(type(things), '_show_cards', lambda *_: None)
+    monkeypatch.setattr(type(things.groups), '_show_cards', lambda *_: None)
     things.update(2, poses=places[3])
     see.grab(pl)
     assert sizes == [3072 * 4]
@@ -255,7 +255,7 @@ def test_bad_updates_change_nothing(scenes, shapes, given, kind, words):
     np.testing.assert_array_equal(things.poses, places)
     assert things.index.tolist() == [1, 1, 0]
     assert things.scalars is None
-    assert things._required_meshes == frozenset()
+    assert things._models.required_meshes == frozenset()
     pl.close()
 
 

@@ -1,0 +1,208 @@
+"""The levels of each mesh of a set: baked where that pays, fits, and matches the mesh."""
+
+from __future__ import annotations
+
+from functools import partial
+
+import numpy as np
+
+from pvibr.instances.baked_materials import MATERIAL_CHANGED, BakedMaterial
+from pvibr.instances.instance_arguments import checked_cache
+from pvibr.instances.levels import LodModel, make_model, no_images, unbaked
+from pvibr.instances.memory import available_bytes, checked_share, hold
+from pvibr.instances.mesh_sources import MESH_CHANGED, Sources
+from pvibr.meshes.materials import culled_faces
+from pvibr.meshes.parts import as_meshes, as_parts, with_own_culling
+from pvibr.meshes.poses import mirror
+
+
+class MeshModels:
+    """Meshes of a set, and the model of each that is in use."""
+
+    def __init__(self, *, bakes=None, max_image_bytes=None, **baking):
+        #: Parts of each mesh.
+        self.meshes: list = []
+        #: The models, {mesh: model} in ascending order.
+        self.by_mesh: dict[int, LodModel] = {}
+        #: Whether images are baked; None if that pays.
+        self.bakes: bool | None = bakes
+        #: Whether a level that needs images is forced.
+        self.forces_images = False
+        #: Meshes that are baked even if no instance shows them.
+        self.required_meshes: frozenset = frozenset()
+        self._max_image_bytes, self._baking = max_image_bytes, baking
+        #: Material of each mesh at the time of its bake.
+        self._materials: dict[int, BakedMaterial] = {}
+        self._sources: Sources | None = None
+        #: What `_culled` returned when mirroring poses switched its culling off.
+        self._unculled: list = []
+
+    @classmethod
+    def of(cls, meshes, mesh_options, *, gpu_memory, cache, **options) -> MeshModels:
+        """Return the models of meshes as passed by the user, none made yet."""
+        parts = [with_own_culling(mesh_parts) for mesh_parts in as_meshes(meshes, **mesh_options)]
+        sources = Sources(meshes, partial(as_parts, **mesh_options), parts)
+        options |= {'cache': checked_cache(cache)}
+        models = cls(max_image_bytes=checked_share(gpu_memory, len(meshes)), **options)
+        models.meshes, models._sources = parts, sources
+        return models
+
+    def parts(self) -> list:
+        """Return the parts of all meshes."""
+        return [part for mesh_parts in self.meshes for part in mesh_parts]
+
+    def shown_parts(self) -> list:
+        """Return the parts of the meshes in use."""
+        return [part for model in self.by_mesh.values() for part in model.levels[0].parts]
+
+    def state(self) -> tuple:
+        """Return what `restore` needs."""
+        return self.by_mesh, self.required_meshes, bool(self._unculled)
+
+    def restore(self, state):
+        """Restore the state before an update that failed."""
+        models, self.required_meshes, mirrors = state
+        self._cull(self._unculled or self._culled(), mirrors=mirrors)
+        self.by_mesh = models
+
+    # -- models ------------------------------------------------------------------------------
+
+    def follow_poses(self, poses, index) -> bool:
+        """Make the levels that instances need and that are missing; return True if any were."""
+        culled = self._unculled or self._culled()
+        self._cull(culled, mirrors=bool(culled) and mirror(poses))
+        missing_meshes = self._missing(index)
+        new_models = {k: self._made(k, index) for k in missing_meshes}
+        self.by_mesh = dict(sorted({**self.by_mesh, **new_models}.items()))
+        self._take_materials(new_models)
+        return bool(missing_meshes)
+
+    def require_all(self):
+        """Bake all meshes, even if no instance shows them."""
+        self.required_meshes = frozenset(range(len(self.meshes)))
+
+    def _missing(self, index) -> set:
+        """Return the meshes in use without levels, or that can now have images."""
+        used_meshes = {*self.required_meshes, *np.flatnonzero(np.bincount(index)).tolist()}
+        missing = used_meshes - self.by_mesh.keys()
+        if self.bakes is False:
+            return missing
+        return missing | {k for k in used_meshes - missing if self._may_have_images(k, index)}
+
+    def _may_have_images(self, k, index) -> bool:
+        model = self.by_mesh[k]
+        if not model.why_unbaked or _is_changed(model):
+            return False
+        fits = available_bytes(self._max_image_bytes) >= model.required_bytes
+        return fits and not no_images(self.meshes[k], self._count_of(k, index))
+
+    def _made(self, k, index) -> LodModel:
+        """Return the levels of a mesh, baked on request or if that pays."""
+        if self.bakes is False:
+            return unbaked(self.meshes[k], 'bake is False')
+        max_bytes, count = available_bytes(self._max_image_bytes), self._count_of(k, index)
+        model = make_model(self.meshes[k], count=count, max_bytes=max_bytes, **self._baking)
+        hold(model.atlas)
+        return model
+
+    def _count_of(self, k, index) -> int | None:
+        """Return the number of instances of a mesh, None if it is baked for any number."""
+        is_baked_anyway = self.bakes or self.forces_images
+        return None if is_baked_anyway else int(np.count_nonzero(index == k))
+
+    def bake(self, index) -> bool:
+        """Bake images of meshes without; return True if any now has images."""
+        previous, self.bakes = self.bakes, True
+        models = self.by_mesh.items()
+        try:
+            baked = {k: self._made(k, index) for k, model in models if model.why_unbaked}
+        except BaseException:  # it may be interrupted
+            self.bakes = previous
+            raise
+        baked = {
+            k: m for k, m in baked.items() if not (m.why_unbaked and _is_changed(self.by_mesh[k]))
+        }
+        self.by_mesh |= baked
+        self._take_materials(baked)
+        return any(not model.why_unbaked for model in baked.values())
+
+    def remake(self):
+        """Drop the images of all meshes, whose colours were changed."""
+        models = self.by_mesh.items()
+        reasons = {k: model.why_unbaked or MESH_CHANGED for k, model in models}
+        self.by_mesh = {k: unbaked(self.meshes[k], reason) for k, reason in reasons.items()}
+        self._take_materials(self.by_mesh)
+
+    def set_clim(self, clim):
+        """Use a range of scalars for meshes that change, unless these are actors."""
+        if self._sources and not any(part.of_actor for part in self.shown_parts()):
+            self._sources.set_look(clim=clim)
+
+    def _take_materials(self, meshes):
+        self._materials |= {k: BakedMaterial(self.meshes[k]) for k in meshes}
+
+    # -- changes of meshes and materials -----------------------------------------------------
+
+    def follow_meshes(self) -> tuple[list[int], bool]:
+        """Follow changes of meshes and materials; outdated images give way to meshes.
+
+        Returns the meshes whose materials have changed, and whether models were replaced.
+        """
+        replaced, relit_meshes = {}, []
+        for k, parts in self._sources.changed().items() if self._sources else ():
+            for part, old_part in zip(parts, self.meshes[k], strict=False):
+                part.actor.SetProperty(old_part.actor.GetProperty())
+            self.meshes[k] = parts
+            if k in self.by_mesh:
+                replaced[k] = unbaked(parts, MESH_CHANGED)
+                self._materials[k] = BakedMaterial(parts)
+        for k, model in self.by_mesh.items():
+            material = self._materials.get(k)
+            if material is not None and k not in replaced and material.changed():
+                shown_model = _shown_model(material, model)
+                relit_meshes.append(k)
+                if shown_model is not model or material.reshaped():
+                    replaced[k] = shown_model
+        self.by_mesh |= replaced
+        return relit_meshes, bool(replaced)
+
+    # -- culling of faces --------------------------------------------------------------------
+
+    def can_move(self, poses) -> bool:
+        """Return True if the models remain as they are when some instances move to poses."""
+        return bool(self._unculled) or not self._culled() or not mirror(poses)
+
+    def _culled(self) -> list:
+        """Return the mesh index, property and (back, front) of each part that culls faces."""
+        pairs = ((k, part) for k, parts in enumerate(self.meshes) for part in parts)
+        properties = ((k, part.actor.GetProperty()) for k, part in pairs)
+        return [(k, prop, sides) for k, prop in properties if any(sides := culled_faces(prop))]
+
+    def _cull(self, culled, *, mirrors):
+        """Cull faces unless a pose mirrors: VTK culls by the winding on the screen."""
+        if mirrors == bool(self._unculled):
+            return
+        for _, prop, (back, front) in culled:
+            prop.SetBackfaceCulling(back and not mirrors)
+            prop.SetFrontfaceCulling(front and not mirrors)
+        self._unculled = culled if mirrors else []
+        stale_meshes = {k for k, *_ in culled}
+        self.by_mesh = {k: m for k, m in self.by_mesh.items() if k not in stale_meshes}
+
+
+def _shown_model(material, model) -> LodModel:
+    """Return a model with images if they match its material, else one without."""
+    baked = material.stale_model or model
+    is_shown, color = material.compared()
+    baked.paint = (*color, 1.0) if color else (0.0,) * 4
+    if is_shown:
+        material.stale_model = None
+        return baked
+    if material.stale_model is None and not model.why_unbaked:
+        material.stale_model = model
+        return unbaked(material.parts, MATERIAL_CHANGED)
+    return model
+
+
+def _is_changed(model) -> bool:
+    return model.why_unbaked in (MESH_CHANGED, MATERIAL_CHANGED)
