@@ -30,7 +30,9 @@ class ItemSet(Thing):
     which are called after each change of looks, or of the transform.
     """
 
-    FOR_USERS: tuple[str, ...] = ('instance_of',)
+    FOR_USERS: tuple[str, ...] = (
+        *('scalars', 'colors', 'visible', 'clim', 'map', 'table', 'blends', 'instance_of'),
+    )
     moved_by = None
     #: Also drawn in picking frames.
     picks = True

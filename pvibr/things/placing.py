@@ -42,12 +42,11 @@ def user_matrix_property():
         matrix = checked_numbers('user_matrix', matrix, (4, 4))
         thing.SetUserMatrix(pv.vtkmatrix_from_array(matrix))
 
-    doc = 'Matrix applied after position, orientation and scale, shape (4, 4).'
-    return property(_user_matrix, set_matrix, doc=doc)
+    def user_matrix(thing):
+        """Matrix applied after position, orientation and scale, shape (4, 4)."""
+        return read_only(np.array(super(pv.Actor, thing).user_matrix))
 
-
-def _user_matrix(thing):
-    return read_only(np.array(super(pv.Actor, thing).user_matrix))
+    return property(user_matrix, set_matrix)
 
 
 def move_method(name):
