@@ -94,11 +94,12 @@ class ExportFacade(Facade):
         >>> pl.close()
         """
         from pvibr.export.plain_plotter import to_plain_plotter
+        from pvibr.substitutes.billboard_cloud import billboard_cloud
 
         self._check_open()
         self._show()
         options = {'triangles': triangles, 'texture': texture, 'detail': detail}
-        return to_plain_plotter(self._plotter, self._pipelines, **options)
+        return to_plain_plotter(self._plotter, self._pipelines, billboard_cloud, **options)
 
     @explicit
     @takes(options=to_plain_plotter)

@@ -9,8 +9,8 @@ import pyvista as pv
 
 from pvibr.core import _vtk
 from pvibr.maths.vectors import unit_vectors
-from pvibr.meshes.materials import copy_property
 from pvibr.meshes.surfaces import clipped
+from pvibr.textures.material_textures import copy_property
 from pvibr.visibility.surface_samples import sides_of
 
 _FLAT, _PHONG, _PBR = 0, 2, 3  # VTK_FLAT, VTK_PHONG, VTK_PBR

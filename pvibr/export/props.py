@@ -6,7 +6,7 @@ import numpy as np
 import pyvista as pv
 
 from pvibr.core import _vtk
-from pvibr.meshes.materials import copy_property
+from pvibr.textures.material_textures import copy_property
 
 
 def copied(prop, plotter):

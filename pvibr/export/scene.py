@@ -32,9 +32,10 @@ _UNLIT = {'lighting': False, 'reset_camera': False, 'render': False, 'copy_mesh'
 class BakedScene:
     """Plain meshes, lines and a sky in place of a subplot's effects and things."""
 
-    def __init__(self, frame, *, triangles, detail, texels):
+    def __init__(self, frame, *, triangles, detail, texels, make_cloud):
         self.frame = frame
         self.triangles, self.detail, self.texels = triangles, detail, texels
+        self._make_cloud = make_cloud
         self.dropped: dict[str, int] = {}
         #: Whether lights must not follow the camera, since shadows are baked.
         self.lights_stand = False
@@ -149,7 +150,9 @@ class BakedScene:
         light_pieces = _within(self._pieces, max_triangles)
         thing_surfaces = [_colored(*piece) for piece in light_pieces]
         max_triangles -= sum(len(s.faces) for s in thing_surfaces)
-        levels = chosen_levels(self._copy_groups, self.frame, max(max_triangles, 0))
+        levels = chosen_levels(
+            self._copy_groups, self.frame, max(max_triangles, 0), self._make_cloud
+        )
         for group, level in zip(self._copy_groups, levels, strict=True):
             left_out = int((level < 0).sum())
             if left_out:

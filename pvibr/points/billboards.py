@@ -11,6 +11,7 @@ from pvibr.core.signatures import takes
 from pvibr.gl import Texture, nbytes_of, shader_source
 from pvibr.gl.feature import Feature, sections
 from pvibr.maths.blocks import BLOCK
+from pvibr.meshes.posed import scalars_of
 from pvibr.points.billboard_cards import BillboardLayout, checked_cutout, checked_opacity
 from pvibr.points.billboard_images import LiveImage, SheetImages
 from pvibr.textures.projected import is_live
@@ -20,7 +21,7 @@ from pvibr.things.clipping import KEPT
 from pvibr.things.draw_order import PARTS
 from pvibr.things.frame import Frame
 from pvibr.things.item_set import CardSet
-from pvibr.things.painted import TABLE_OPTIONS, scalars_of
+from pvibr.things.painted import TABLE_OPTIONS
 from pvibr.things.picking import Hit, pixel_ray
 from pvibr.things.shader_draws import ROW, ShaderDraws, pack
 

@@ -13,6 +13,7 @@ from pvibr.core.params import checked_flag
 from pvibr.core.signatures import takes
 from pvibr.gl import Texture, nbytes_of, release
 from pvibr.maths.blocks import BLOCK, Blocks, morton_order
+from pvibr.meshes.posed import scalars_of
 from pvibr.points.billboard_cards import as_points, checked_opacity
 from pvibr.points.quadric_cards import (
     BLENDED,
@@ -31,7 +32,7 @@ from pvibr.points.quadric_rays import Meeting
 from pvibr.things.appearance import as_rgba, read_only
 from pvibr.things.draw_order import depths_of
 from pvibr.things.item_set import CardSet
-from pvibr.things.painted import TABLE_OPTIONS, scalars_of
+from pvibr.things.painted import TABLE_OPTIONS
 from pvibr.things.picking import Hit, joined, pixel_ray
 from pvibr.things.shader_draws import PBR, ROW, pack
 

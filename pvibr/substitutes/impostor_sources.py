@@ -8,8 +8,8 @@ import numpy as np
 import pyvista as pv
 
 from pvibr.core import _vtk
-from pvibr.meshes.materials import copy_property
 from pvibr.substitutes.impostor_maths import dop_corners
+from pvibr.textures.material_textures import copy_property
 from pvibr.things.actor_watch import NOT_FINITE, ineligibility, updated_data
 from pvibr.things.stray_cells import without_strays
 

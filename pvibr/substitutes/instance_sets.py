@@ -6,9 +6,9 @@ import numpy as np
 
 from pvibr.core import _vtk
 from pvibr.instances.mesh_pool import MeshPool, lendable
-from pvibr.meshes.materials import copy_property
 from pvibr.substitutes.impostor_maths import box_corners, dop_corners
 from pvibr.substitutes.impostor_sources import copied, unlit
+from pvibr.textures.material_textures import copy_property
 from pvibr.things import appearance as look
 from pvibr.things.actor_watch import ineligibility
 

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pyvista as pv
 
-from pvibr.meshes.posed import source_of
 from pvibr.things import appearance as look
 from pvibr.things.keywords import check_keywords
 from pvibr.things.scalar_bars import name_of
@@ -179,10 +178,3 @@ class Painted(Thing):
     def scalar_title(self) -> str:
         """Return the title of the scalar bar."""
         return self._scalar_name or ('' if self.table is None else self._name or 'scalars')
-
-
-def scalars_of(points, scalars):
-    """Return scalars; a string is the name of an array of the dataset or table `points`."""
-    if not isinstance(scalars, str):
-        return scalars
-    return source_of(points, scalars, argument='points', oriented=False).scalars(scalars)
