@@ -163,8 +163,7 @@ class _Pool(MeshPool):
 
 def _block_bounds(group, items_per_block):
     """Return centres, half edges, corners and radii of the blocks of a group."""
-    parts = group.levels[0].parts
-    points = np.concatenate([part.mesh.points for part in parts]).astype(float)
+    points = np.concatenate([part.mesh.points for part in group.levels[0].parts]).astype(float)
     low, high = points.min(0), points.max(0)
     mesh_center = (low + high) / 2
     mesh_radius = np.linalg.norm(points - mesh_center, axis=1).max()
