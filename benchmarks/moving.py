@@ -12,7 +12,7 @@ from benchmarks.common.harness import Bench, Row
 from benchmarks.common.timing import seconds
 from pvibr.maths.flip import flip
 from pvibr.scenes.landscape import landscape
-from pvibr.scenes.scenery import scenery
+from pvibr.scenes.stage import scenery
 
 #: Pixels that the mouse goes from one frame to the next.
 _STEP = 3

@@ -18,11 +18,9 @@ ROOT = Path(pvibr.__file__).parent
 # The floors of the house, highest first: an import goes down, or stays in its room.
 FLOORS = (
     ('api', 'cli'),
-    ('export', 'inspection'),
-    ('capture', 'figures', 'photos', 'scenes', 'substitutes'),
+    ('capture', 'export', 'figures', 'inspection', 'photos', 'scenes', 'substitutes'),
     ('effects', 'instances', 'points', 'shadows', 'visibility'),
-    ('things',),
-    ('meshes',),
+    ('meshes', 'things'),
     ('animation', 'textures'),
     ('gl', 'io', 'maths'),
     ('core',),

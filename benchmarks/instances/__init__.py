@@ -9,8 +9,7 @@ from benchmarks.common.harness import Bench
 from benchmarks.common.whole_frames import turning
 from benchmarks.instances import costs, crowd, knots, near, order, single, walk
 from pvibr.scenes.landscape import landscape
-from pvibr.scenes.scenery import scenery
-from pvibr.scenes.stage import MULTI_SAMPLES, mesh_actors
+from pvibr.scenes.stage import MULTI_SAMPLES, mesh_actors, scenery
 
 _landscape = cache(landscape)  # drawn in several plotters
 

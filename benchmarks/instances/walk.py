@@ -12,8 +12,7 @@ from pvibr.cli.peers import beside_peers, tree_glyphs
 from pvibr.cli.timing import CLOCKS, medians_ms
 from pvibr.maths.flip import flip
 from pvibr.scenes.landscape import landscape
-from pvibr.scenes.scenery import plant, stage
-from pvibr.scenes.stage import MULTI_SAMPLES, SAMPLES, in_view, mesh_actors, spheres
+from pvibr.scenes.stage import MULTI_SAMPLES, SAMPLES, in_view, mesh_actors, plant, spheres, stage
 
 #: Frames of the whole walk that are timed: at max_error 1, at others, and of VTK's own ways.
 FRAMES, FEW_FRAMES, PEER_FRAMES = 24, 8, 3

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from importlib import import_module
-
 import numpy as np
 import pyvista as pv
 
@@ -14,9 +12,6 @@ from pvibr.animation.model import Model
 from pvibr.animation.normals import with_flipped_winding
 from pvibr.animation.vertex_animation import VertexAnimation
 from pvibr.core.arguments import checked_positive
-
-# Imported on save: file formats are above figure data in the import order.
-_WRITER = 'pvibr.animation.write_gltf'
 
 
 class Figure(Model):
@@ -305,8 +300,7 @@ class Figure(Model):
             If there is no such clip or the pose does not fit.
         """
         pose = self.sample(time, clip, loop) if pose is None else pose
-        skinning_options = skinning, bulge
-        meshes = [self._posed_mesh(i, pose, skinning_options) for i in range(len(self.meshes))]
+        meshes = [self._posed_mesh(i, pose, (skinning, bulge)) for i in range(len(self.meshes))]
         if len(meshes) == 1:
             return meshes[0]
         names = [mesh.name or f'mesh{i}' for i, mesh in enumerate(self.meshes)]
@@ -451,4 +445,6 @@ class Figure(Model):
         pvibr.PvibrWarning
             Names what is left out.
         """
-        import_module(_WRITER).write_glb(self, path)
+        from pvibr.animation.write_gltf import write_glb
+
+        write_glb(self, path)

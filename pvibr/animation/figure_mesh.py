@@ -4,17 +4,18 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from weakref import WeakValueDictionary
 
 import numpy as np
 import pyvista as pv
 
 from pvibr.animation import skinning
-from pvibr.animation.figure_textures import storable
 from pvibr.animation.morphs import Morphs
 from pvibr.animation.normals import normals_at, point_normals
 from pvibr.animation.pose import as_matrices
 from pvibr.animation.skeleton import whole_numbers
 from pvibr.animation.vertex_animation import VertexAnimation
+from pvibr.core._vtk import address
 from pvibr.core.arguments import check_one_of
 from pvibr.maths.transforms import signs_of
 
@@ -188,3 +189,40 @@ def _with_normals(frames, mesh):
     for frame_normals, points in zip(normals, frames.positions, strict=True):
         frame_normals[:] = normals_at(mesh, points)
     return replace(frames, normals=normals)
+
+
+# By the address of the texture; what pickles keeps them alive meanwhile.
+_stored: WeakValueDictionary[str, StoredTexture] = WeakValueDictionary()
+
+
+class StoredTexture:
+    """Stands for a texture in the state of its owner; becomes one when that is restored."""
+
+    def __init__(self, texture):
+        image = pv.wrap(texture.GetInput())
+        sampling = texture.interpolate, texture.mipmap, texture.wrap.name
+        self._parts = image, *sampling, texture.GetUseSRGBColorSpace()
+
+    def __reduce__(self):
+        return _restored, self._parts
+
+
+def storable(look):
+    """Return the look of a mesh as it is pickled; textures that are shared stay so."""
+    return {name: _storable(value) for name, value in look.items()}
+
+
+def _storable(value):
+    if isinstance(value, dict):
+        return storable(value)
+    if not isinstance(value, pv.Texture):
+        return value
+    return _stored.setdefault(address(value), StoredTexture(value))
+
+
+def _restored(image, interpolate, mipmap, wrap, srgb):
+    texture = pv.Texture(image)
+    texture.interpolate, texture.mipmap = interpolate, mipmap
+    texture.wrap = pv.Texture.WrapType[wrap]
+    texture.SetUseSRGBColorSpace(srgb)
+    return texture

@@ -104,8 +104,7 @@ class Pose:
         Shape (..., n, 4, 4), float64.
         """
         matrices = np.zeros((*self.translation.shape[:-1], 4, 4))
-        rotation = quaternions.unit_matrices(self.rotation)
-        matrices[..., :3, :3] = rotation * self.scale[..., None, :]
+        matrices[..., :3, :3] = quaternions.unit_matrices(self.rotation) * self.scale[..., None, :]
         matrices[..., :3, 3] = self.translation
         matrices[..., 3, 3] = 1.0
         return matrices

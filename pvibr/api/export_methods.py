@@ -85,11 +85,12 @@ def to_plain_plotter(self, *, triangles=1_000_000, texture=1024, detail=1 / 1024
     >>> pl.close()
     """
     from pvibr.export.plain_plotter import to_plain_plotter
+    from pvibr.substitutes.billboard_cloud import billboard_cloud
 
     self._check_open()
     self._show()
     options = {'triangles': triangles, 'texture': texture, 'detail': detail}
-    return to_plain_plotter(self._plotter, self._pipelines, **options)
+    return to_plain_plotter(self._plotter, self._pipelines, billboard_cloud, **options)
 
 
 @explicit

@@ -120,7 +120,8 @@ class AdaptiveQuality:
         self.budget = Budget()
         self.lowered = False
         self.why = ''
-        self._quality = 1.0
+        #: Quality of the current or last frame.
+        self.latest = 1.0
         self._is_moving_frame = self._is_full = self._draw_pending = False
         self._window: _vtk.vtkRenderWindow | None = None
         self._observers: list = []
@@ -132,16 +133,11 @@ class AdaptiveQuality:
         self._multi_samples = 0
         self._ticks: Timer | Loop | None = None
 
-    @property
-    def latest(self) -> float:
-        """Quality of the current or last frame."""
-        return self._quality
-
     def quality(self, renderer) -> float:
         """Return the quality of the frame about to be drawn."""
         self._is_asked = True
         self._watch(renderer.GetRenderWindow())
-        return self._quality
+        return self.latest
 
     @contextmanager
     def full(self):
@@ -179,7 +175,7 @@ class AdaptiveQuality:
             owner.RemoveObserver(tag)
         self._hooks.take_off()
         self._observers, self._window = [], None
-        self._quality, self._start_time = 1.0, None
+        self.latest, self._start_time = 1.0, None
         self._is_moving_frame = self.lowered = False
 
     def _on_start(self, window, _event):
@@ -189,8 +185,8 @@ class AdaptiveQuality:
         self._is_asked = False
         self.budget.ms = self._budget_ms()
         self._is_moving_frame = self._is_moving(window)
-        self._quality = self.budget.quality if self._is_moving_frame else 1.0
-        if self._quality < 1:
+        self.latest = self.budget.quality if self._is_moving_frame else 1.0
+        if self.latest < 1:
             # Multisamples are expensive on CPUs, and least visible in motion.
             self._multi_samples = window.GetMultiSamples()
             window.SetMultiSamples(0)
@@ -204,7 +200,7 @@ class AdaptiveQuality:
         window.WaitForCompletion()
         end_time = perf_counter()
         self._record(1e3 * (end_time - start_time))
-        self.lowered = self._quality < 1
+        self.lowered = self.latest < 1
         self._draw_pending = False
         if self._is_moving_frame or not all(effect.rests for effect in self._effects()):
             self._last_move = end_time
@@ -219,7 +215,7 @@ class AdaptiveQuality:
             self._multi_samples = 0
 
     def _record(self, frame_ms):
-        quality = self._quality
+        quality = self.latest
         if not self._is_moving_frame:
             self.budget.rested(frame_ms)
             return

@@ -8,13 +8,13 @@ from contextlib import contextmanager
 import numpy as np
 
 from pvibr.capture.montage import save
-from pvibr.capture.sampled_frames import sampled
 from pvibr.core.arguments import naming
 from pvibr.core.errors import ClosedError
 from pvibr.core.files import in_a_folder
 from pvibr.core.params import checked_flag
 from pvibr.core.passes import passes_of
 from pvibr.core.plotters import is_closed, is_never_shown
+from pvibr.effects.accumulation import Accumulation
 from pvibr.gl.hidden_window import read_pixels
 from pvibr.things.frame import Frame
 
@@ -162,8 +162,7 @@ class TiledScreenshot:
             if scale > 1:
                 window.Render()  # light that spreads over the whole image needs a whole frame
             with sampled(self._pipelines(), samples, moments) as draw:
-                effects = self._effects()
-                image = picture(window, scale, effects, draw, transparent=transparent)
+                image = picture(window, scale, self._effects(), draw, transparent=transparent)
         if scale > 1 or samples > 1 or transparent or tuple(window.GetActualSize()) != tile:
             self.draw()
         image = np.ascontiguousarray(image[: size[1], : size[0]])
@@ -271,3 +270,39 @@ def _transparent(window, is_wanted):
         yield
     finally:
         window.SetAlphaBitPlanes(old_planes)
+
+
+@contextmanager
+def sampled(pipelines, sample_count, set_moment=None):
+    """Yield a function that draws a window as the mean of many samples in all subplots.
+
+    `set_moment` is called before each sample with its time in the exposure, 0 to 1.
+    """
+    if sample_count == 1:
+        yield lambda window: window.Render()
+        return
+    drawing = [pipeline for pipeline in pipelines if pipeline.renderer.GetDraw()]
+    old_effects = [
+        next((e for e in p.effects if isinstance(e, Accumulation)), None) for p in drawing
+    ]
+    was_enabled = [old is not None and old.enabled for old in old_effects]
+    effects = [old or p.add(Accumulation()) for p, old in zip(drawing, old_effects, strict=True)]
+
+    def draw(window):
+        for k in range(sample_count):
+            if set_moment is not None:
+                set_moment((k + 0.5) / sample_count)
+            for effect in effects:
+                effect.enabled = True
+                effect.take(k, sample_count)
+            window.Render()
+
+    try:
+        yield draw
+    finally:
+        for k, pipeline in enumerate(drawing):
+            if old_effects[k] is None:
+                pipeline.remove(effects[k])
+            else:
+                effects[k].enabled = was_enabled[k]
+                effects[k].take(None)

@@ -6,14 +6,15 @@ import math
 import os
 import sys
 from collections.abc import Sequence
+from importlib import import_module
 from pathlib import Path
+from types import ModuleType
 from typing import Annotated, Literal
 
 from cyclopts import App, CycloptsError, Parameter
 from cyclopts.types import ExistingFile
 
 import pvibr
-from pvibr.cli.clone import benchmarks
 from pvibr.core.errors import PvibrError
 
 OK, WANTING, FAILED, INTERRUPTED = 0, 1, 2, 130
@@ -59,6 +60,19 @@ app = App(
     version=lambda: pvibr.__version__,
     suppress_keyboard_interrupt=False,
 )
+#: The folder that contains the package: the root of a clone.
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def benchmarks() -> ModuleType | None:
+    """Return the package `benchmarks` beside ``pvibr``, None if this is no clone."""
+    if not (ROOT / 'benchmarks' / '__init__.py').is_file():
+        return None
+    # In front: a package of this name that is installed is another's.
+    sys.path.insert(0, str(ROOT))
+    return import_module('benchmarks')
+
+
 _benchmarks = benchmarks()
 _BENCH = 'Measure run time against error on this machine.'
 _NO_BENCH = (

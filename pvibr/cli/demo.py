@@ -20,14 +20,16 @@ from pvibr.core.errors import require
 from pvibr.maths.flip import flip
 from pvibr.maths.image_error import psnr, silhouette_iou
 from pvibr.scenes.landscape import landscape
-from pvibr.scenes.scenery import plant, scenery, stage
 from pvibr.scenes.stage import (
     MULTI_SAMPLES,
     SAMPLES,
     covered,
     in_view,
     mesh_actors,
+    plant,
+    scenery,
     spheres,
+    stage,
 )
 
 #: Timed frames of the walk, frames of a movie, and frames per second.
@@ -83,8 +85,7 @@ def main(
     if movie is not None:
         _film(tree_landscape, max_error, frames or MOVIE_FRAMES, size, Path(movie))
     if not window and movie is None:
-        numbers = _measure(tree_landscape, max_error, frames or FRAMES, size, Path(out))
-        _tell(numbers, Path(out))
+        _tell(_measure(tree_landscape, max_error, frames or FRAMES, size, Path(out)), Path(out))
 
 
 # -- measuring ---------------------------------------------------------------------------------
@@ -106,7 +107,8 @@ def _measure(scene, max_error, frames, size, out):
             numbers.first_frame['images in the cache'] = _first_frame(scene, max_error, size)
         status.update("pvibr and VTK's own methods, alternating")
         _time(own_stage, scene, frames, numbers)
-        numbers.gpu_bytes = _gpu_bytes(own_stage.plotter)
+        report = own_stage.plotter.ibr.report().as_dict()
+        numbers.gpu_bytes = sum(row['bytes'] for row in report['rows'])
         status.update('full meshes, many samples per pixel')
         _compare(own_stage, tree_instances, scene, numbers, out)
     numbers.seconds = time.perf_counter() - start_time
@@ -122,10 +124,6 @@ def _first_frame(scene, max_error, size) -> float:
         plant(empty_stage.plotter, scene, max_error)
         empty_stage.draw()
         return time.perf_counter() - start_time
-
-
-def _gpu_bytes(plotter):
-    return sum(row['bytes'] for row in plotter.ibr.report().as_dict()['rows'])
 
 
 def _time(own_stage, scene, frames, numbers):

@@ -14,7 +14,6 @@ import signal
 import subprocess
 import sys
 from dataclasses import dataclass, field
-from pathlib import Path
 
 TIMEOUT_SECONDS = 120
 
@@ -22,7 +21,6 @@ TIMEOUT_SECONDS = 120
 _EXTRAS = {
     'bench': 'psutil',
     'city': 'cjio',
-    'cluster': 'distributed',
     'docs': 'sphinx_gallery',
     'jupyter': 'trame',
     'las': 'laspy',
@@ -213,13 +211,10 @@ def _cache(diagnosis: Diagnosis) -> None:
     cache = AtlasCache()
     used_mib, cap_mib = (size / 2**20 for size in (cache.nbytes(), cache.cap_bytes))
     diagnosis.facts['cache'] = f'{cache.path} ({used_mib:.1f} of {cap_mib:.0f} MiB)'
-    if not os.access(_nearest_folder(cache.path), os.W_OK):
+    folders = cache.path, *cache.path.absolute().parents
+    if not os.access(next(folder for folder in folders if folder.exists()), os.W_OK):
         remedy = 'set the environment variable PVIBR_CACHE to a writable folder'
         diagnosis.problems.append((f'write access to the cache folder {cache.path}', remedy))
-
-
-def _nearest_folder(path: Path) -> Path:
-    return next(folder for folder in (path, *path.absolute().parents) if folder.exists())
 
 
 def _extras(diagnosis: Diagnosis) -> None:

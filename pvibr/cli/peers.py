@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from pvibr.cli.timing import frame_at
 from pvibr.core import _vtk
-from pvibr.scenes.scenery import stage
+from pvibr.scenes.stage import stage
 
 #: Instances with which peers are measured; times are extrapolated to all.
 PART = 300
@@ -24,8 +24,7 @@ def glyph_actors(meshes, poses, index, *, lod=False) -> list:
     actors = []
     for k, parts in enumerate(meshes):
         if (index == k).any():
-            points = _points(poses[index == k])
-            actors += [_glyphs(part, points, lod) for part in parts]
+            actors += [_glyphs(part, _points(poses[index == k]), lod) for part in parts]
     return actors
 
 

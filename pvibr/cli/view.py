@@ -59,8 +59,7 @@ def main(
     with Stage(size) as stage:
         instances = fill(stage.plotter)
         stage.bounds = instances.bounds
-        seconds = _orbit(stage)
-        _tell(stage, instances, seconds)
+        _tell(stage, instances, _orbit(stage))
         out = out or Path(mkdtemp(prefix='pvibr-')) / f'{Path(mesh).stem}.png'
         save(out, stage.picture())
         Console().print(f'wrote {out}', soft_wrap=True)

@@ -54,15 +54,11 @@ class Copies:
         is_accurate[:, 0] = True
         return len(self.levels) - 1 - is_accurate[:, ::-1].argmax(1)
 
-    def add_cloud(self, plane_count):
+    def add_cloud(self, make_cloud, plane_count):
         """Add a billboard cloud as the coarsest level, if it has fewer triangles."""
-        from pvibr.substitutes.billboard_cloud import billboard_cloud
-
         if self.triangles[-1] < _HEAVY:
             return
-        cloud = billboard_cloud(
-            self.levels[0], planes=plane_count, size=_CLOUD_TEXELS, supersample=2
-        )
+        cloud = make_cloud(self.levels[0], planes=plane_count, size=_CLOUD_TEXELS, supersample=2)
         triangle_count = 2 * cloud.mesh.n_cells
         if triangle_count < self.triangles[-1]:
             self.levels.append([cloud])
@@ -104,7 +100,7 @@ def _surface_of_cloud(cloud, copies) -> Surface:
     )
 
 
-def chosen_levels(groups, frame, max_triangles) -> list[np.ndarray]:
+def chosen_levels(groups, frame, max_triangles, make_cloud) -> list[np.ndarray]:
     """Return the level of each copy within the triangle budget; -1 drops the copy."""
     if not groups:
         return []
@@ -114,7 +110,7 @@ def chosen_levels(groups, frame, max_triangles) -> list[np.ndarray]:
         copy_count = sum(map(len, groups))
         plane_count = int(np.clip(_CLOUDS * max_triangles / (4 * copy_count), *_PLANES))
         for group in groups:
-            group.add_cloud(plane_count)
+            group.add_cloud(make_cloud, plane_count)
     group_ends = np.cumsum([len(group) for group in groups])[:-1]
     level_choice = np.concatenate(levels)
     smallest_first = np.argsort(np.concatenate(pixel_sizes), kind='stable')

@@ -9,8 +9,8 @@ import pyvista as pv
 
 from pvibr.core import _vtk
 from pvibr.maths.vectors import unit_vectors
-from pvibr.meshes.materials import copy_property
 from pvibr.meshes.surfaces import clipped
+from pvibr.textures.material_textures import copied_property, copy_property
 from pvibr.visibility.surface_samples import sides_of
 
 _FLAT, _PHONG, _PBR = 0, 2, 3  # VTK_FLAT, VTK_PHONG, VTK_PBR
@@ -188,8 +188,7 @@ def surface_of_part(part, owner) -> Surface:
 
 def material_of(prop):
     """Return a copy of a property with only what all viewers support."""
-    property_copy = pv.Property()
-    copy_property(property_copy, prop)
+    property_copy = copied_property(prop)
     property_copy.RemoveAllTextures()
     if property_copy.GetInterpolation() == _PBR:
         property_copy.SetInterpolation(_PHONG)
@@ -268,8 +267,7 @@ def tiled(surface, matrices, colors=None, multiply=False) -> Surface:
         if not multiply and texture is not None:
             texture = texture.copy()
             texture[..., :3] = 255  # alpha is unchanged
-    tiled_surface = surface.with_arrays(arrays, faces)
-    return replace(tiled_surface, texture=texture, material=material)
+    return replace(surface.with_arrays(arrays, faces), texture=texture, material=material)
 
 
 def _plain(surface, point_count):

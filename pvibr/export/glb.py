@@ -7,7 +7,6 @@ import pyvista as pv
 
 from pvibr.core._vtk import address
 from pvibr.core.files import with_suffix
-from pvibr.export.bounds import bounds_of
 from pvibr.export.drawn_surfaces import albedo_of, surface_of_part
 from pvibr.export.scene import SKY, names_of
 from pvibr.export.strokes import COLORS
@@ -176,7 +175,12 @@ def _camera(glb, renderer, scene_center):
         projection = {'yfov': view_angle, 'aspectRatio': aspect}
     projection |= {'znear': near, 'zfar': far}
     camera_number = glb.add('cameras', {'type': kind, kind: projection})
-    view_from_world = np.array(camera.GetViewTransformMatrix().GetData()).reshape(4, 4)
-    matrix = np.linalg.inv(view_from_world)
+    matrix = np.linalg.inv(np.array(camera.GetViewTransformMatrix().GetData()).reshape(4, 4))
     matrix[:3, 3] -= scene_center
     return glb.add('nodes', {'camera': camera_number, 'matrix': matrix.T.ravel().tolist()})
+
+
+def bounds_of(sets):
+    """Return the corners of the smallest box around sets of points, (2, 3); zeros if empty."""
+    points = np.concatenate([np.zeros((0, 3)), *sets])
+    return np.stack([points.min(0), points.max(0)]) if len(points) else np.zeros((2, 3))

@@ -158,7 +158,7 @@ class Paint:
         arrays['coordinates'] = np.asarray(flat_mesh.active_texture_coordinates, float)
         unwrapped_surface = surface.with_arrays(arrays, np.asarray(flat_mesh.regular_faces, int))
         (tile,) = tiles_of(flat_mesh, self.texels, self.texels)
-        places = _texels(unwrapped_surface, tile.samples(flat_mesh), surface.texture)
+        places = _texels(unwrapped_surface, tile.samples(flat_mesh), tile.share, surface.texture)
         colors, lit = self._colors(places, unwrapped_surface, pictures, shadows)
         texture = tile.filled(_bytes(colors), np.ones(len(colors), bool))
         textured = replace(unwrapped_surface, colors=None, texture=texture, repeat=False)
@@ -268,12 +268,11 @@ def _face_normals(surface, faces=slice(None)):
     return unit_vectors(np.cross(b - a, c - a))
 
 
-def _texels(surface, samples, texture) -> Places:
+def _texels(surface, samples, shares, texture) -> Places:
     """Return a surface's texels, with the colours of its old texture."""
-    barycentric = _shares(surface.points[samples.corner], samples.points)
 
     def between(values):
-        return np.einsum('nk,nkd->nd', barycentric, values[samples.corner])
+        return np.einsum('nk,nkd->nd', shares, values[samples.corner])
 
     normals = samples.normals
     if surface.normals is not None:
@@ -283,19 +282,6 @@ def _texels(surface, samples, texture) -> Places:
         uv = np.clip(between(surface.coordinates), 0, 1)
         albedo *= np.nan_to_num(sample(texture, uv)) / 255
     return Places(samples, samples.points, normals, albedo)
-
-
-def _shares(corners, points):
-    """Return barycentric coordinates of points in triangles, (n, 3)."""
-    origins = corners[:, 0]
-    a, b, offset = corners[:, 1] - origins, corners[:, 2] - origins, points - origins
-    aa, ab, bb = (a * a).sum(1), (a * b).sum(1), (b * b).sum(1)
-    pa, pb = (offset * a).sum(1), (offset * b).sum(1)
-    det = aa * bb - ab * ab
-    det = np.where(det > 0, det, 1)
-    s, t = (bb * pa - ab * pb) / det, (aa * pb - ab * pa) / det
-    shares = np.clip(np.stack([1 - s - t, s, t], 1), 0, 1)
-    return shares / shares.sum(1, keepdims=True)
 
 
 def _origin(flat, surface):

@@ -23,8 +23,8 @@ _RENDERER_SETTINGS = (
 _LIMITS = {'triangles': (1, 10**9), 'texture': (0, 16_384)}
 
 
-def to_plain_plotter(host, pipelines, *, triangles, texture, detail):
-    """Return a plotter of plain actors that shows the same as a host."""
+def to_plain_plotter(host, pipelines, make_cloud, *, triangles, texture, detail):
+    """Return a plotter of plain actors that shows the same, with clouds by `make_cloud`."""
     for name, value in (('triangles', triangles), ('texture', texture)):
         checked_whole(name, value, *_LIMITS[name])
     checked_number('detail', detail, 1e-5, 1)
@@ -44,6 +44,7 @@ def to_plain_plotter(host, pipelines, *, triangles, texture, detail):
                 triangles=int(triangles),
                 detail=float(detail),
                 texels=int(texture),
+                make_cloud=make_cloud,
             )
             subplot_effects = effects.get(renderer, [])
             for effect in subplot_effects:

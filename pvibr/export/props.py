@@ -6,7 +6,7 @@ import numpy as np
 import pyvista as pv
 
 from pvibr.core import _vtk
-from pvibr.meshes.materials import copy_property
+from pvibr.textures.material_textures import copied_property
 
 
 def copied(prop, plotter):
@@ -73,9 +73,7 @@ def _actor(prop):
     actor_copy = pv.Actor()
     actor_copy.ShallowCopy(prop)
     actor_copy.SetMapper(_mapper(prop.GetMapper()))
-    property_copy = pv.Property()
-    copy_property(property_copy, prop.GetProperty())
-    actor_copy.SetProperty(property_copy)
+    actor_copy.SetProperty(copied_property(prop.GetProperty()))
     actor_copy.SetShaderProperty(_vtk.vtkShaderProperty())  # without pvibr's shader replacements
     if prop.GetUserMatrix() is not None:
         actor_copy.user_matrix = pv.array_from_vtkmatrix(prop.GetUserMatrix())

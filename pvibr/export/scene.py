@@ -32,9 +32,10 @@ _UNLIT = {'lighting': False, 'reset_camera': False, 'render': False, 'copy_mesh'
 class BakedScene:
     """Plain meshes, lines and a sky in place of a subplot's effects and things."""
 
-    def __init__(self, frame, *, triangles, detail, texels):
+    def __init__(self, frame, *, triangles, detail, texels, make_cloud):
         self.frame = frame
         self.triangles, self.detail, self.texels = triangles, detail, texels
+        self._make_cloud = make_cloud
         self.dropped: dict[str, int] = {}
         #: Whether lights must not follow the camera, since shadows are baked.
         self.lights_stand = False
@@ -50,19 +51,17 @@ class BakedScene:
         """Add one mesh, in world space."""
         self._pieces.append((owner, part, color, multiply))
 
-    def copies(
-        self, owner, levels, poses, *, largest=None, colors=None, multiply=False, scales=None
-    ):
+    def copies(self, owner, levels, poses, *, largest=None, colors=None, multiply=False):
         """Add many copies of a mesh."""
         if len(poses) and any(part.mesh.n_cells for part in levels[0]):
             largest = largest or (np.inf, *[0.0] * (len(levels) - 1))
-            matrices = _matrices(np.asarray(poses, float), scales)
+            matrices = _matrices(poses)
             levels = [list(level) for level in levels]
             self._copy_groups.append(Copies(owner, levels, largest, matrices, colors, multiply))
 
     def strokes(self, parts, poses, *, colors=None):
         """Add the lines and vertices of many copies of a mesh."""
-        matrices = _matrices(np.asarray(poses, float), None)
+        matrices = _matrices(poses)
         self._strokes += [(part, matrices, colors) for part in parts if len(part.strokes)]
 
     def quads(self, owner, corners, coordinates, image, *, colors, lighting, cutout):
@@ -126,7 +125,8 @@ class BakedScene:
             thing_surfaces = self._painted(surfaces, plain_props, thing_surfaces)
         for prop in plain_props:
             prop.add_to(plotter)
-        for surface in sorted(thing_surfaces, key=_last_if_cut):
+        # Cut ones last: their soft edges blend with earlier surfaces.
+        for surface in sorted(thing_surfaces, key=lambda s: s.cutout is not None):
             surface.add_to(plotter)
         self._add_lines(plotter, surfaces)
         for strokes in self._strokes:
@@ -149,7 +149,9 @@ class BakedScene:
         light_pieces = _within(self._pieces, max_triangles)
         thing_surfaces = [_colored(*piece) for piece in light_pieces]
         max_triangles -= sum(len(s.faces) for s in thing_surfaces)
-        levels = chosen_levels(self._copy_groups, self.frame, max(max_triangles, 0))
+        levels = chosen_levels(
+            self._copy_groups, self.frame, max(max_triangles, 0), self._make_cloud
+        )
         for group, level in zip(self._copy_groups, levels, strict=True):
             left_out = int((level < 0).sum())
             if left_out:
@@ -259,17 +261,12 @@ def _has_surface(prop) -> bool:
     return prop.GetProperty().GetRepresentation() == _SURFACE
 
 
-def _last_if_cut(surface) -> bool:
-    return surface.cutout is not None  # soft edges blend with earlier surfaces
-
-
-def _matrices(poses, scales):
+def _matrices(poses):
+    """Return the matrices of poses, points or matrices."""
+    poses = np.asarray(poses, float)
     matrices = poses if poses.ndim == 3 else np.tile(np.eye(4), (len(poses), 1, 1))
     if poses.ndim == 2:
         matrices[:, :3, 3] = poses
-    if scales is not None:
-        matrices = matrices.copy()
-        matrices[:, :3, :3] *= np.asarray(scales, float)[:, None, None]
     return matrices
 
 

@@ -156,8 +156,7 @@ def replacements(shader) -> dict:
     for i in range(shader.GetNumberOfShaderReplacements()):
         shader.GetNthShaderReplacement(i, tag, is_first, text, replaces_all)
         if is_first.get():
-            stage = shader.GetNthShaderReplacementTypeAsString(i)
-            texts[stage, tag.get()] = text.get()
+            texts[shader.GetNthShaderReplacementTypeAsString(i), tag.get()] = text.get()
     return texts
 
 

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from pvibr.gl.enums import SCISSOR_TEST
 from pvibr.gl.quad import Quad
-from pvibr.gl.texture import filtered
+from pvibr.gl.texture import filtered, release
 
 _COMMENT = re.compile(r'//[^\n]*')
 _COLOR = re.compile(r'^\s*uniform\s+sampler2D\s+color\s*;', re.M)
@@ -112,8 +112,7 @@ class Fused:
 
     def release(self):
         """Free the GPU's memory; the context must be alive."""
-        for quad in self._programs.values():
-            quad.release()
+        release(*self._programs.values())
         self._programs = {}
 
 

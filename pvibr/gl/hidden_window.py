@@ -22,7 +22,8 @@ _DIGITS = np.array([1, 1 << 8, 1 << 16], np.int32)
 @contextmanager
 def hidden_window(width=64, height=64):
     """Yield a small off-screen window with a live context; restore the previous one afterwards."""
-    current_window = next((w for r in RENDERERS if _is_current(w := r.GetRenderWindow())), None)
+    windows = [w for r in RENDERERS if (w := r.GetRenderWindow()) is not None]
+    current_window = next((w for w in windows if not w.GetNeverRendered() and w.IsCurrent()), None)
     renderer = _vtk.vtkOpenGLRenderer()  # first: it loads VTK's OpenGL for the window
     window = _vtk.vtkRenderWindow()
     window.SetOffScreenRendering(1)
@@ -38,10 +39,6 @@ def hidden_window(width=64, height=64):
         window.Finalize()
         if current_window is not None:
             current_window.MakeCurrent()
-
-
-def _is_current(window) -> bool:
-    return window is not None and not window.GetNeverRendered() and bool(window.IsCurrent())
 
 
 def rasterize(actors, view, size, formats=('rgba8',), *, samples=1, blend=False) -> list:

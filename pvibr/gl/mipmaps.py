@@ -9,7 +9,7 @@ import numpy as np
 from pvibr.core import _vtk
 from pvibr.gl import enums as gl
 from pvibr.gl.target import Target, blit
-from pvibr.gl.texture import Texture
+from pvibr.gl.texture import Texture, release
 
 
 class MipTexture(Texture):
@@ -44,10 +44,10 @@ class MipTexture(Texture):
         self.nbytes = array.nbytes * 4 // 3
         return self
 
-    def take(self, source, *, turned=False):
+    def take(self, source):
         """Copy a target, scaled to this size, and generate the mip levels."""
         self._levels = self._levels or self._create_levels()
-        copy(source, self._levels[0], turned=turned)
+        copy(source, self._levels[0])
         for large, small in zip(self._levels, self._levels[1:], strict=False):
             copy(large, small)
 
@@ -58,8 +58,7 @@ class MipTexture(Texture):
         texture = Texture(self.window).upload(array)
         source = Level(self.window, texture.object, 0, width, height)
         copy(source, self._levels[k])
-        source.release()
-        texture.release()
+        release(source, texture)
 
     def _create_levels(self):
         width, height = self.size
@@ -70,8 +69,7 @@ class MipTexture(Texture):
         ]
 
     def _forget_levels(self):
-        for level in self._levels:
-            level.release()
+        release(*self._levels)
         self._levels = []
 
     def release(self):
@@ -120,8 +118,5 @@ def put_rows(texture, array, row_indices):
     for a, b in pairwise([*run_starts, len(row_indices)]):
         first_row = int(row_indices[a])
         rects = (0, a, width, b), (0, first_row, width, first_row + b - a)
-        state = texture.window.GetState()
-        blit(state, source.object, target.object, gl.COLOR_BUFFER_BIT, *rects)
-    for level in (source, target):
-        level.release()
-    row_texture.release()
+        blit(texture.window.GetState(), source.object, target.object, gl.COLOR_BUFFER_BIT, *rects)
+    release(source, target, row_texture)

@@ -196,14 +196,14 @@ def _no_area():
     return triangle
 
 
-def like_window(window, size, format, samples=0) -> Target:
+def like_window(window, size, format) -> Target:
     """Return a target with a depth buffer in the window's format."""
-    target = Target(window, size[0], size[1], (format,), samples=samples)
-    depth = Texture(window, samples=samples)
+    target = Target(window, size[0], size[1], (format,))
+    depth = Texture(window)
     window_depth = window.GetRenderFramebuffer().GetDepthAttachmentAsTextureObject()
     internal_format = window_depth.GetInternalFormat(window_depth.GetVTKDataType(), 1, False)
     kind = getattr(_vtk.vtkTextureObject, _DEPTH_FORMATS.get(internal_format, 'Float32'))
     depth.object.AllocateDepth(*size, kind)
-    depth.nbytes = size[0] * size[1] * 4 * max(samples, 1)
+    depth.nbytes = size[0] * size[1] * 4
     target.add_depth(depth)
     return target

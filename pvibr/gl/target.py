@@ -118,8 +118,7 @@ class Target:
     def release(self):
         """Free the GPU's memory; the context must be alive."""
         self.object.ReleaseGraphicsResources(self.window)
-        for texture in self._owned_textures():
-            texture.release()
+        release(*self._owned_textures())
 
 
 class WindowTarget(Target):

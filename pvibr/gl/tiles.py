@@ -33,7 +33,8 @@ class Tiles:
         """Choose the tiles within `reach` pixels of non-zero texels."""
         square_counts = tuple(-(-n // SIDE) for n in size)
         sides = range(1, max(square_counts) + 1)
-        tile_side = next(n for n in sides if _tile_count(square_counts, n) <= _MAX_TILES)
+        columns, rows = square_counts
+        tile_side = next(n for n in sides if -(-columns // n) * -(-rows // n) <= _MAX_TILES)
         self._squares = fitting_target(self._squares, self.window, square_counts)
         tile_counts = tuple(-(-n // tile_side) for n in square_counts)
         self._tile_target = fitting_target(self._tile_target, self.window, tile_counts)
@@ -67,7 +68,3 @@ class Tiles:
         release(self._squares, self._tile_target, *self._quads.values())
         self._squares = self._tile_target = None
         self._quads = {}
-
-
-def _tile_count(counts, side):
-    return -(-counts[0] // side) * -(-counts[1] // side)

@@ -2,24 +2,33 @@
 
 from __future__ import annotations
 
+from typing import Any, Protocol, runtime_checkable
+
 import numpy as np
 
 from pvibr.instances.card_layers import PATCH_SIDE
 from pvibr.instances.cards import FADE
 from pvibr.maths import octahedral
 from pvibr.meshes.turntable import SIDE_ELEVATION
-from pvibr.substitutes.impostor import Impostor
 
 #: Colour of images rendered for this frame.
 FLASH = (1.0, 0.0, 1.0)
 _SINGLE = ('splat', 'flat', 'parallax')  # shaders that show one view
 
 
+@runtime_checkable
+class ImageTree(Protocol):
+    """A thing that draws nodes of a tree as images: an impostor."""
+
+    images: Any
+    nodes: Any
+
+
 class Sheet:
     """The image texture of a thing, and the tiles to outline."""
 
     def __init__(self, thing, frame):
-        if isinstance(thing, Impostor):
+        if isinstance(thing, ImageTree):
             self._of_pool(thing.images, frame)
         else:
             self._of_atlas(thing.groups[0], frame)
@@ -47,7 +56,7 @@ class Sheet:
 
 def has_images(thing) -> bool:
     """Return True if there are images to show."""
-    if isinstance(thing, Impostor):
+    if isinstance(thing, ImageTree):
         return thing.images is not None and thing.images.pool is not None
     return bool(thing.groups) and 'ibr_albedo' in thing.groups[0].cards.textures
 

@@ -11,11 +11,10 @@ from pvibr.core.effect import Effect
 from pvibr.core.observers import weakly
 from pvibr.core.params import Param
 from pvibr.core.plotters import put_inner
-from pvibr.inspection.atlas_tiles import FLASH, Sheet, as_bytes, has_images
+from pvibr.inspection.atlas_tiles import FLASH, ImageTree, Sheet, as_bytes, has_images
 from pvibr.inspection.marks import Marks, edges, outlines, projected
 from pvibr.instances.instances import Instances
 from pvibr.maths.blocks import BLOCK
-from pvibr.substitutes.impostor import Impostor
 
 #: Colours of levels, hot for costly ones, distinct under colour blindness: Okabe and Ito, "Color
 #: Universal Design", 2008.
@@ -50,7 +49,7 @@ class Inspection(Effect):
 
     def __init__(self, thing=None, **settings):
         super().__init__(**settings)
-        if not isinstance(thing, Instances | Impostor | None):
+        if not isinstance(thing, Instances | ImageTree | None):
             raise TypeError(f'atlas must be True, False, instances or an impostor, got {thing!r}')
         self.thing = thing
         self._marks = Marks()
@@ -151,7 +150,7 @@ class Inspection(Effect):
         effect_rows = list(zip(self.pipeline.effects, report.rows, strict=True))
         drawn_effects = [effect for effect, row in effect_rows if row.state == 'ran']
         groups = [k for e in drawn_effects if isinstance(e, Instances) for k in e.groups]
-        impostors = [e for e in drawn_effects if isinstance(e, Impostor)]
+        impostors = [e for e in drawn_effects if isinstance(e, ImageTree)]
         self._tint(groups)
         self._show_cells(frame, groups, impostors)
         if not self._text_rows or frame.tile == (0.0, 0.0, 1.0, 1.0):
@@ -216,7 +215,7 @@ class Inspection(Effect):
                 continue
             key = f'{number} {row.effect}'
             self._image_totals[key] = image_total
-            if isinstance(effect, Impostor):
+            if isinstance(effect, ImageTree):
                 new_count += _rendered_now(effect, frame)
             else:
                 new_count += max(image_total - previous_totals.get(key, image_total), 0)
@@ -256,7 +255,7 @@ class Inspection(Effect):
         """Return the thing whose images are shown."""
         if not self.atlas:
             return None
-        candidates = [e for e in drawn_effects if isinstance(e, Instances | Impostor)]
+        candidates = [e for e in drawn_effects if isinstance(e, Instances | ImageTree)]
         if self.thing is not None:
             return self.thing if self.thing in candidates else None
         return next((e for e in candidates if has_images(e)), None)

@@ -45,10 +45,9 @@ def projected(frame, ends):
 class Shapes:
     """Lines or quads, one colour each."""
 
-    def __init__(self, corners, width=1.0):
+    def __init__(self, corners):
         self.corners = corners
         self.actor = _vtk.vtkActor2D()
-        self.actor.GetProperty().SetLineWidth(width)
         self.mapper = _mapper()
         self.actor.SetMapper(self.mapper)
         self.show(np.zeros((0, corners, 2)), np.zeros((0, 4)))

@@ -16,9 +16,9 @@ from pvibr.instances.enclosing_surfaces import winding
 from pvibr.instances.support import support_table
 from pvibr.maths import octahedral
 from pvibr.maths.views import orthographic
-from pvibr.meshes.materials import PROPERTY_TEXTURES, copy_property, copy_texture
 from pvibr.meshes.texture_maps import attach_maps, emission_of
 from pvibr.meshes.turntable import Turntable
+from pvibr.textures.material_textures import PROPERTY_TEXTURES, copy_property, copy_texture
 
 _FLAT = 0  # VTK_FLAT
 # VTK's lighting is discarded: the output is the unlit colour, which VTK multiplies by the texture,

@@ -13,10 +13,10 @@ from pvibr.maths.flip import flip
 from pvibr.maths.image_error import box_reduce, psnr, silhouette_iou
 from pvibr.maths.vectors import as_units
 from pvibr.meshes.decimate import lighter
-from pvibr.meshes.materials import copy_texture
 from pvibr.meshes.parts import as_parts, check_triangles
 from pvibr.meshes.surfaces import some_triangles
 from pvibr.meshes.turntable import Turns
+from pvibr.textures.material_textures import copy_texture
 
 _SAMPLES = 4  # along a side of a texel of a turntable, and of a pixel of the reference
 _SHARES = (0.5, 0.2)  # of the triangles of what stays a mesh, in the levels of quads

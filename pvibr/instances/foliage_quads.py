@@ -14,9 +14,9 @@ from pvibr.core import _vtk
 from pvibr.gl.hidden_window import rasterize
 from pvibr.instances.mesh_pool import lendable
 from pvibr.maths.views import orthographic
-from pvibr.meshes.materials import copy_property, copy_texture
 from pvibr.meshes.parts import Part, as_parts
 from pvibr.meshes.surfaces import set_active
+from pvibr.textures.material_textures import copy_property, copy_texture
 from pvibr.textures.sheet import shelves
 
 _SAMPLES = 2  # along a side of a texel

@@ -24,9 +24,9 @@ from pvibr.instances.mesh_pool import MeshLevel
 from pvibr.instances.smoothed import interpolated, smoothed
 from pvibr.instances.stored_levels import from_arrays, to_arrays
 from pvibr.meshes.decimate import displacement, is_surface, lighter
-from pvibr.meshes.materials import TEXTURE_MODES
 from pvibr.meshes.parts import as_parts, check_triangles
 from pvibr.meshes.texture_maps import emission_of
+from pvibr.textures.material_textures import TEXTURE_MODES
 from pvibr.things.content_key import textures_of
 
 VERSION = 53  # of the cache: raise it with any change of bake, measurement or decimation

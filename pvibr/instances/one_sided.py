@@ -10,7 +10,8 @@ from pvibr.core._vtk import address
 from pvibr.gl.doubles import is_cut_out
 from pvibr.instances.enclosing_surfaces import winding
 from pvibr.meshes.decimate import Welded
-from pvibr.meshes.materials import copied_property, culled_faces
+from pvibr.meshes.materials import culled_faces
+from pvibr.textures.material_textures import copied_property
 
 _HEAVY = 300_000  # triangles from which it takes too long to test whether a surface is closed
 

@@ -68,8 +68,7 @@ def read_city(path, lod=None):
     path = existing(path, 'city file')
     # On broken files the libraries raise many kinds of errors.
     try:
-        city = _City(_upgraded(path), lod)
-        return city.instances()
+        return _City(_upgraded(path), lod).instances()
     except (KeyError, IndexError, TypeError, ValueError, AttributeError, RecursionError) as error:
         problem = f'{path}: not readable as CityJSON: {type(error).__name__}: {error}'
         raise ValueError(problem[:1000]) from error

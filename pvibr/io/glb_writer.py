@@ -99,8 +99,7 @@ class GlbWriter:
 
     def scene(self, nodes, **named):
         """Add the default scene, with root nodes."""
-        roots = {'nodes': nodes} if nodes else {}
-        self.document['scene'] = self.add('scenes', roots | named)
+        self.document['scene'] = self.add('scenes', ({'nodes': nodes} if nodes else {}) | named)
 
     def sparse(self, where, values, n):
         """Add an array of n rows that is zero except in the rows `where`."""

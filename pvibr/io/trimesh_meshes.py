@@ -36,15 +36,15 @@ def trimesh_instances(scene):
     for node in scene.graph.nodes_geometry:
         matrix, name = scene.graph.get(node)
         if not is_trimesh(scene.geometry[name], 'Trimesh') or not len(scene.geometry[name].faces):
-            _warn_skipped(name, scene.geometry[name])
+            kind = type(scene.geometry[name]).__name__
+            warn(f'geometry {name!r} ({kind}) has no triangles and is not drawn')
             continue
         _warn_dropped(scene, node)
         matrices.append(matrix)
         index.append(names.setdefault(name, len(names)))
     if not names:
         raise ValueError('the trimesh scene has no triangle mesh')
-    meshes = [scene.geometry[name] for name in names]
-    return meshes, np.array(index), np.array(matrices)
+    return [scene.geometry[name] for name in names], np.array(index), np.array(matrices)
 
 
 def as_dataset(mesh, pbr=False, textures=None):
@@ -73,10 +73,6 @@ def _warn_dropped(scene, node):
             f'trimesh drops {_INSTANCING} of node {node!r}, so one instance is drawn: pass the '
             'path of the file instead of the trimesh scene'
         )
-
-
-def _warn_skipped(name, geometry):
-    warn(f'geometry {name!r} ({type(geometry).__name__}) has no triangles and is not drawn')
 
 
 def _colored(data, colors):

@@ -29,9 +29,10 @@ def gltf_instances(path, pbr=False):
     mesh_numbers: dict[tuple, int] = {}
     meshes: list[GltfMesh] = []
     index, matrices = [], []
-    for (node, skinned), group in groupby(figure.meshes, key=_place):
+    for (node, skinned), group in groupby(figure.meshes, lambda m: (m.node, m.skin is not None)):
         # The skin of a mesh replaces the transform of its node.
-        poses = _ONE if skinned else _visible(world[node] @ copies.get(node, _ONE))
+        poses = _ONE if skinned else world[node] @ copies.get(node, _ONE)
+        poses = poses[np.linalg.det(poses[:, :3, :3]) != 0]  # a scale of 0 hides
         if not len(poses):
             continue
         mesh = GltfMesh(tuple((_at_rest(m, figure.skeleton), m.look) for m in group))
@@ -44,15 +45,6 @@ def gltf_instances(path, pbr=False):
     if not meshes:
         raise GltfError(f'{path}: no triangle mesh in its scene')
     return meshes, np.concatenate(index), np.concatenate(matrices)
-
-
-def _place(mesh):
-    return mesh.node, mesh.skin is not None
-
-
-def _visible(poses):
-    """Return the poses that do not collapse a mesh."""
-    return poses[np.linalg.det(poses[:, :3, :3]) != 0]
 
 
 def _at_rest(mesh, skeleton):

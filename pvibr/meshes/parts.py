@@ -16,13 +16,11 @@ from pvibr.core.signatures import takes
 from pvibr.io.trimesh_meshes import as_dataset, is_trimesh
 from pvibr.meshes.materials import (
     checked_data,
-    copied_property,
     culled_faces,
     follow_scalars,
     lighting_of,
     look_key,
     merged_look,
-    set_textures,
 )
 from pvibr.meshes.mesh_files import has_graph, read_mesh, scene_instances
 from pvibr.meshes.surfaces import (
@@ -35,6 +33,7 @@ from pvibr.meshes.surfaces import (
 )
 from pvibr.meshes.texture_maps import attach_maps
 from pvibr.meshes.turntable import Turns
+from pvibr.textures.material_textures import copied_property, set_textures
 
 #: Names under which arrays passed by value go through surface filters.
 SCALARS, OPACITY = 'pvibr_scalars', 'pvibr_opacity'

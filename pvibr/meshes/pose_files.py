@@ -123,8 +123,7 @@ def _poses_of(table, columns, other_names, *, oriented=True):
 
 def _orientation(table):
     """Return the column indices of rotations and of scales."""
-    scale_columns = _group(table, AXIS_SCALES) or _group(table, ('scale',))
-    return _group(table, QUATERNION), scale_columns
+    return _group(table, QUATERNION), _group(table, AXIS_SCALES) or _group(table, ('scale',))
 
 
 def _others(table, pose_columns, names):

@@ -312,3 +312,10 @@ def _numbers(name, values):
         raise TypeError(f'{name} must be numbers, got {values!r:.80}') from error
     check_finite(name, array)
     return array
+
+
+def scalars_of(points, scalars):
+    """Return scalars; a string is the name of an array of the dataset or table `points`."""
+    if not isinstance(scalars, str):
+        return scalars
+    return source_of(points, scalars, argument='points', oriented=False).scalars(scalars)

@@ -40,14 +40,16 @@ def surface_of(dataset):
 
 def triangles_of(surface):
     """Return the polygons of a surface as triangles, with its active arrays."""
-    polygons = _polygons(surface)
-    triangles = polygons if _is_triangulated(polygons) else polygons.triangulate()
+    # VTK's triangle filter mixes up the arrays of vertices and lines.
+    polygons = polygons_of(surface)
+    is_triangulated = polygons.is_all_triangles and not polygons.n_strips
+    triangles = polygons if is_triangulated else polygons.triangulate()
     set_active(triangles, surface.active_scalars_info)
     return triangles
 
 
-def _polygons(surface):
-    """Return a surface without vertices and lines: VTK's triangle filter mixes up their arrays."""
+def polygons_of(surface):
+    """Return a surface without vertices and lines, itself if it has none."""
     first = surface.n_verts + surface.n_lines
     if not first:
         return surface
@@ -84,12 +86,6 @@ def set_active(surface, active):
     """Activate the scalars of another dataset's `active_scalars_info`, if it has any."""
     if active.name is not None and active.association.name in ('POINT', 'CELL'):
         surface.set_active_scalars(active.name, preference=active.association.name.lower())
-
-
-def _is_triangulated(surface):
-    return not (surface.n_verts or surface.n_lines or surface.n_strips) and (
-        surface.is_all_triangles
-    )
 
 
 def moved(mesh, matrix):

@@ -124,8 +124,7 @@ def _rig_poses(tables) -> dict:
 
 def _composed(outer, inner):
     """Return the composition of two poses (quaternion, translation), inner first."""
-    q = multiply(outer[:4], inner[:4])
-    return [*q, *(rotate(outer[:4], inner[4:]) + outer[4:])]
+    return [*multiply(outer[:4], inner[:4]), *(rotate(outer[:4], inner[4:]) + outer[4:])]
 
 
 def _param_count(model) -> int:
@@ -179,8 +178,7 @@ class _Binary(_Tables):
         for _ in range(image_count):
             place = cursor.place
             image_id, *pose, camera_id = cursor.take('I7dI')
-            name = cursor.text()
-            yield place, image_id, pose, camera_id, name
+            yield place, image_id, pose, camera_id, cursor.text()
             cursor.skip(24 * cursor.count(24))
 
     def rigs(self):

@@ -134,5 +134,4 @@ def _camera(sensor, calibration, pose, size):
         radial[3] or p3 or p4
     ):  # p1 and p2 are swapped in OpenCV
         return camera_of(place, K, pose, size, [*radial[:2], p2, p1, radial[2]])
-    lens = Lens(lens_kind, (), radial, (p2, p1, p3, p4))
-    return camera_of(place, K, pose, size, lens=lens)
+    return camera_of(place, K, pose, size, lens=Lens(lens_kind, (), radial, (p2, p1, p3, p4)))

@@ -151,8 +151,7 @@ def _geo_keys(tags):
 def _tiff_matrix(path, tags):
     """Return the matrix from pixel corners, (2, 3), None without one."""
     if len(tags.get('matrix', ())) == 16:
-        model_matrix = np.reshape(tags['matrix'], (4, 4))
-        matrix = model_matrix[:2, [0, 1, 3]]
+        matrix = np.reshape(tags['matrix'], (4, 4))[:2, [0, 1, 3]]
     elif len(tags.get('scale', ())) >= 2 and len(tags.get('tie', ())) >= 6:
         (sx, sy), (i, j, _, x, y, _) = tags['scale'][:2], tags['tie'][:6]
         matrix = np.array([[sx, 0, x - i * sx], [0, -sy, y + j * sy]])

@@ -57,8 +57,7 @@ class PhotoSource:
 
     def load_small(self):
         """Load the version used to compare colours and sharpness."""
-        halving_count = max(int(np.ceil(np.log2(max(self.size) / _SMALL_SIDE))), 0)
-        self.small = self.load(halving_count)
+        self.small = self.load(max(int(np.ceil(np.log2(max(self.size) / _SMALL_SIDE))), 0))
         self.survey_mask = None if self.small[..., 3].min() == 255 else self.small[..., 3]
         gray = self.small[..., :3].mean(-1)
         laplacian = 4 * gray[1:-1, 1:-1] - gray[:-2, 1:-1] - gray[2:, 1:-1]

@@ -114,8 +114,7 @@ class PictureSheet:
             return None
         # Repeat the border, so that smaller levels mix in nothing else.
         border_padding = [(0, min(side - length, _BORDER)) for length in (height, width)]
-        padded = np.pad(picture, [*border_padding, (0, 0)], 'edge')
-        upload = Texture(self.window).upload(padded)
+        upload = Texture(self.window).upload(np.pad(picture, [*border_padding, (0, 0)], 'edge'))
         wide, high = upload.size
         source = Level(self.window, upload.object, 0, wide, high)
         x, y = corner_xy

@@ -399,8 +399,7 @@ class Projector(Effect):
             painter.solve_gains(mesh)
             with baking(progress, 'Baking pictures') as advance:
                 return baked_texture(mesh, size, painter.of_tiles, file, advance, side=_TILE)
-        samples = Samples.of(mesh, to)
-        colors, covered, views = painter.at(samples)
+        colors, covered, views = painter.at(Samples.of(mesh, to))
         baked_mesh = mesh.copy()
         data = baked_mesh.point_data if to == 'points' else baked_mesh.cell_data
         data['projected'], data['covered'], data['views'] = colors, covered, views

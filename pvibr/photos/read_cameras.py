@@ -121,8 +121,7 @@ def read_cameras(path, images=None, *, format=None):
         check_one_of('format', format, _READERS)
     format_name, file = _located(path, format)
     with np.errstate(all='ignore'):
-        entries = _READERS[format_name](file)
-        return _with_pictures(entries, file, path, images)
+        return _with_pictures(_READERS[format_name](file), file, path, images)
 
 
 def read_frustums(path, **options):

@@ -52,8 +52,7 @@ class Slide:
     @property
     def nbytes(self) -> int:
         """Bytes on the GPU."""
-        texture = None if self.live is not None else self.texture
-        return nbytes_of(texture, self.depth)
+        return nbytes_of(None if self.live is not None else self.texture, self.depth)
 
     def side(self, resolution) -> int:
         """Return the resolution of the depth map, texels along a side."""

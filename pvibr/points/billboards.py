@@ -12,11 +12,12 @@ from pvibr.gl import nbytes_of, shader_source
 from pvibr.gl.binder import Binder
 from pvibr.gl.feature import Feature, sections
 from pvibr.maths.blocks import BLOCK
+from pvibr.meshes.posed import scalars_of
 from pvibr.points.billboard_cards import CORNERS, BillboardLayout, checked_cutout, checked_opacity
 from pvibr.points.billboard_images import LiveImage, SheetImages
 from pvibr.textures.projected import is_live
 from pvibr.textures.sheet import as_images
-from pvibr.things.appearance import TABLE_OPTIONS, read_only, scalars_of
+from pvibr.things.appearance import TABLE_OPTIONS, read_only
 from pvibr.things.clipping import KEPT
 from pvibr.things.draw_order import PARTS, interleaved
 from pvibr.things.frame import Frame

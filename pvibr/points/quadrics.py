@@ -14,6 +14,7 @@ from pvibr.core.signatures import takes
 from pvibr.gl import nbytes_of
 from pvibr.gl.binder import Binder
 from pvibr.maths.blocks import BLOCK, Blocks, morton_order
+from pvibr.meshes.posed import scalars_of
 from pvibr.points.billboard_cards import as_points, checked_opacity
 from pvibr.points.quadric_cards import (
     BLENDED,
@@ -29,7 +30,7 @@ from pvibr.points.quadric_cards import (
 )
 from pvibr.points.quadric_geometry import Geometry
 from pvibr.points.quadric_occlusion import Occlusion
-from pvibr.things.appearance import TABLE_OPTIONS, as_rgba, read_only, scalars_of
+from pvibr.things.appearance import TABLE_OPTIONS, as_rgba, read_only
 from pvibr.things.draw_order import depths_of, interleaved
 from pvibr.things.item_set import ItemSet
 from pvibr.things.item_textures import ItemTextures

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pyvista as pv
 
-from pvibr.meshes.materials import copy_property
 from pvibr.meshes.parts import as_parts
+from pvibr.textures.material_textures import copy_property
 
 #: Number of sides of each level.
 _SIDES = (48, 24, 12, 6)

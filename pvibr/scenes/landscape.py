@@ -73,7 +73,7 @@ def landscape(n=10_000, seed=0, size=None, triangles=50_000):
     rng = np.random.default_rng(seed)
     heights = _ground(size, rng)
     trail = _trail(size, rng)
-    places = _places(n, size, heights, trail, rng)
+    places = _places(n, size, trail, rng)
     z = _height(heights, size, places)
     return Landscape(
         terrain=_terrain(heights, size, rng),
@@ -149,7 +149,7 @@ def _trail(size, rng):
     return CubicSpline(knot_shares, np.column_stack([x, y]))
 
 
-def _places(n, size, heights, trail, rng):
+def _places(n, size, trail, rng):
     """Return clumped tree positions, at most one per cell of a fine grid."""
     cell_count = int(size / min(7.0, size / np.sqrt(3.0 * n)))
     cell_size = size / cell_count

@@ -209,3 +209,28 @@ def in_view(frame, centers, radii):
     visible_rows = np.flatnonzero(is_visible)
     eye_distances = np.linalg.norm(centers[visible_rows] - frame.eye, axis=1)
     return visible_rows[np.argsort(eye_distances)]
+
+
+def stage(scene, size, **samples) -> Stage:
+    """Return an off-screen stage of a landscape without its trees."""
+    stage = Stage(size, scene.terrain, scene.view_angle, **samples)
+    stage.bounds = scene.terrain.bounds
+    return stage
+
+
+def scenery(scene, max_error, size, *, off_screen):
+    """Return a plotter with a landscape and its trees."""
+    plotter = pv.Plotter(off_screen=off_screen, window_size=list(size))
+    plotter.set_background(SKY)  # type: ignore[arg-type]
+    plotter.camera.view_angle = scene.view_angle
+    add_ground(plotter, scene.terrain)
+    plant(plotter, scene, max_error)
+    plotter.camera_position = scene.path(1)[0]
+    return plotter
+
+
+def plant(plotter, scene, max_error):
+    """Add the trees of a landscape as instances."""
+    return plotter.ibr.add_instances(
+        scene.parts(), scene.matrices, index=scene.index, max_error=max_error, name='trees'
+    )

@@ -396,8 +396,7 @@ class Shadows(Effect):
 
 
 def _place(frame, light) -> dict:
-    place = (frame.view_from_world @ light.homogeneous())[:3]
-    return {f'ibr_shadow_place_{light.number}': place}
+    return {f'ibr_shadow_place_{light.number}': (frame.view_from_world @ light.homogeneous())[:3]}
 
 
 @lru_cache(maxsize=16)

@@ -9,6 +9,7 @@ from pvibr.core._vtk import address
 from pvibr.core.params import Param
 from pvibr.core.plotters import put_inner
 from pvibr.effects.live_texture import LiveTexture
+from pvibr.gl import release
 from pvibr.gl.drawer import Drawer
 from pvibr.substitutes.layer import FrameState, Layer, numbers_by_depth
 from pvibr.substitutes.layer_card import LayerCard
@@ -286,7 +287,7 @@ class ImageLayers(Substitute):
         invalid_layers.sort(key=lambda k: -k.residual)
         seconds_left, taken_count = self._budget(), 0
         for layer in invalid_layers:
-            if taken_count and layer.seconds > seconds_left:
+            if taken_count and layer.seconds.value > seconds_left:
                 layer.late()
                 continue
             seconds_left -= self._take_one(now, layer)
@@ -337,10 +338,7 @@ class ImageLayers(Substitute):
         window = None if self.pipeline is None else self.pipeline.window
         for card in self._cards():
             card.release(window)
-        for layer in self._layers:
-            layer.picture.release()
-        if self._drawer is not None:
-            self._drawer.release()
+        release(*(layer.picture for layer in self._layers), self._drawer)
         self._drawer = None
 
     def report(self) -> dict:

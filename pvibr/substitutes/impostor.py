@@ -277,7 +277,7 @@ class Impostor(Substitute):
     def _prepare(self, frame):
         if not len(self._leaves):
             return  # empty instances
-        if not self._is_built or self._nodes.has_levels != self.hierarchical:
+        if not self._is_built or self._nodes.tree.hierarchical != self.hierarchical:
             self._build(frame)
         self._fit()
         if self._images.views != self.views:
@@ -288,7 +288,7 @@ class Impostor(Substitute):
         self._costs.move(frame)
         nodes, reasons = self._cut(eyes)
         shown_images = self._render_invalid(frame, eyes, nodes, reasons)
-        self._show(frame, eyes, shown_images, reasons)
+        self._show(frame, shown_images, reasons)
         self._frames += 1
 
     # -- updates ---------------------------------------------------------------------------------
@@ -395,7 +395,7 @@ class Impostor(Substitute):
         box_depth, self._card_areas = nodes.faces(eyes)
         self._card_areas *= px_per_unit**2
         # A camera at rest may start again.
-        speed = max(self._costs.speed, _SLOWEST * nodes.radius.max()) * (not eyes.parallel)
+        speed = max(self._costs.speed.value, _SLOWEST * nodes.radius.max()) * (not eyes.parallel)
         renewal_rate = speed * box_depth * px_per_unit / eye_distance / self._allowed_error
         has_image = self._images.alive.reshape(len(nodes), -1).any(1)
         renewal_rate += np.where(has_image, 0.0, 1 / FARTHEST)
@@ -431,7 +431,11 @@ class Impostor(Substitute):
         images, new_views = self._images, np.full(len(nodes), -1)
         card = self._nodes.cards(nodes, eyes, self._costs.step, self._allowed_error)
         tile_sizes = images.sizes(card, eyes, self._allowed_error)
-        if self._missing_area and images.pool is not None and images.pool.may_grow:
+        if (
+            self._missing_area
+            and images.pool is not None
+            and images.pool.side < images.pool.largest
+        ):
             images.close_pool()
         total_area = int((4.0 ** np.ceil(np.log2(tile_sizes.max(1).clip(8, LARGEST)))).sum())
         pool = images.open(frame, max(total_area, self._missing_area), self.memory)
@@ -460,7 +464,7 @@ class Impostor(Substitute):
         self._drawn_frames += rendered_count > 0
         return new_views
 
-    def _show(self, frame, eyes, shown_images, reasons):
+    def _show(self, frame, shown_images, reasons):
         self._image_cards.attach(depth=self.depth, materials=self._materials)
         if len(shown_images):
             card_rows = self._images.card_rows(frame, shown_images[:, 0])

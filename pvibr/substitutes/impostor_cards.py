@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from pvibr.gl import Texture, shader_source
+from pvibr.gl import Texture, release, shader_source
 from pvibr.gl.feature import Feature, sections
 from pvibr.things.shader_draws import DULL, ShaderDraws
 
@@ -100,6 +100,5 @@ class ImpostorCards(ShaderDraws):
     def release(self, window):
         """Free GPU memory; the context is current."""
         super().release(window)
-        for texture in self._textures or ():
-            texture.release()
+        release(*self._textures or ())
         self._textures = self._card_table = None

@@ -25,14 +25,10 @@ class Costs:
         self.pixel, self.busy = PIXEL, np.zeros(0)
         self.step = self._last_step = np.zeros(3)
         self._eye: np.ndarray | None = None
-        self._speed, self._ratio = RunningMean(weight=0.3), RunningMean(1.0)
+        #: Mean speed of the camera, world units per frame.
+        self.speed, self._ratio = RunningMean(weight=0.3), RunningMean(1.0)
         self._measured = False
         self._node_seconds: np.ndarray | None = None
-
-    @property
-    def speed(self) -> float:
-        """Speed of the camera, world units per frame."""
-        return self._speed.value
 
     def count(self, actors):
         """Set the number of actors."""
@@ -56,7 +52,7 @@ class Costs:
             is_steady = same_way and step_length < 3 * last_length
             self.step = step if is_steady else np.zeros(3)
             self._last_step = step
-            self._speed.add(float(step_length))
+            self.speed.add(float(step_length))
         self._eye = frame.eye
         self.busy *= 0.9
 

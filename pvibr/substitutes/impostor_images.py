@@ -161,12 +161,12 @@ class Images:
     @property
     def nbytes(self) -> int:
         """Bytes on the GPU."""
-        return self._pool.nbytes if self._is_open else 0
+        return self._pool.target.nbytes if self._is_open else 0
 
     def close_pool(self):
         """Discard all images and free the pool; the context is current."""
         if self._is_open:
-            self._pool.release()
+            self._pool.target.release()
         self._is_open = False
         self.alive[:] = False
 

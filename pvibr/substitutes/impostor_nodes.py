@@ -26,11 +26,6 @@ class Nodes:
     def __len__(self):
         return len(self.tree)
 
-    @property
-    def has_levels(self) -> bool:
-        """Whether the tree may have inner nodes."""
-        return self.tree.hierarchical
-
     def grow(self, more):
         """Follow leaves that grew."""
         self.tree.grow(more)

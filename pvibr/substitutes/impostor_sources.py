@@ -8,10 +8,10 @@ import numpy as np
 import pyvista as pv
 
 from pvibr.core import _vtk
-from pvibr.meshes.materials import copy_property
+from pvibr.meshes.surfaces import polygons_of
 from pvibr.substitutes.impostor_maths import dop_corners
+from pvibr.textures.material_textures import copy_property
 from pvibr.things.actor_watch import NOT_FINITE, ineligibility, updated_data
-from pvibr.things.stray_cells import without_strays
 
 # Images store the colour before lighting, which VTK then multiplies by the texture, and the normal
 # after VTK's flip for back faces; for actors without lighting, the colour alone.
@@ -135,7 +135,7 @@ class Source:
     def _copy_looks(self, data):
         actor = self.actor
         mapper, prop = actor.GetMapper(), actor.GetProperty()
-        drawn_data = without_strays(data)
+        drawn_data = polygons_of(pv.wrap(data)) if data.IsA('vtkPolyData') else data
         cleaned_time = 0 if drawn_data is data else data.GetMTime()
         look_times = mapper, mapper.GetMTime(), prop, prop.GetMTime(), data, cleaned_time
         number = self.materials.number(actor.GetProperty())

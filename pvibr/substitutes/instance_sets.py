@@ -6,9 +6,9 @@ import numpy as np
 
 from pvibr.core import _vtk
 from pvibr.instances.mesh_pool import MeshPool, lendable
-from pvibr.meshes.materials import copy_property
 from pvibr.substitutes.impostor_maths import box_corners, dop_corners
 from pvibr.substitutes.impostor_sources import copied, unlit
+from pvibr.textures.material_textures import copy_property
 from pvibr.things import appearance as look
 from pvibr.things.actor_watch import ineligibility
 
@@ -163,8 +163,7 @@ class _Pool(MeshPool):
 
 def _block_bounds(group, items_per_block):
     """Return centres, half edges, corners and radii of the blocks of a group."""
-    parts = group.levels[0].parts
-    points = np.concatenate([part.mesh.points for part in parts]).astype(float)
+    points = np.concatenate([part.mesh.points for part in group.levels[0].parts]).astype(float)
     low, high = points.min(0), points.max(0)
     mesh_center = (low + high) / 2
     mesh_radius = np.linalg.norm(points - mesh_center, axis=1).max()

@@ -52,7 +52,8 @@ class Layer:
         self.why, self.state = '', 'new'
         self.taken = self.frames = 0
         self.reasons: Counter = Counter()
-        self._renewal_rate, self._seconds = RunningMean(1.0), RunningMean()
+        #: Mean seconds of a new image.
+        self._renewal_rate, self.seconds = RunningMean(1.0), RunningMean()
         self._actor_seconds = RunningMean()  # seconds of the actors in it
         self._pause = Backoff(4, REST)
         self._key: tuple = ()
@@ -178,7 +179,7 @@ class Layer:
         self.taken += 1
         # The first images upload meshes and build shaders.
         weight = 1.0 if self.taken <= 2 else None
-        self._seconds.add(spent, weight)
+        self.seconds.add(spent, weight)
         self._actor_seconds.add(actor_seconds, weight)
         self._key, self._start_matrices = self._content_key(now), [m.matrix for m in shown_members]
         self._light, self._image_settings = now.light, self._settings
@@ -203,18 +204,13 @@ class Layer:
         """Return True if the image costs more than its actors."""
         draw_count = 2 if self.picture.blends else 1  # core and fringe
         card_cost = draw_count * self.picture.pixel * self.picture.area
-        image_cost = self._renewal_rate.value * self.seconds + card_cost
+        image_cost = self._renewal_rate.value * self.seconds.value + card_cost
         return self.taken > 1 and image_cost * _GAIN > self._actor_seconds.value
 
     def _rest(self):
         """Leave the layer to VTK for some frames, more each time."""
         self._pause.failed()
         self._renewal_rate.value, self.state = 0.5, 'left to VTK'
-
-    @property
-    def seconds(self) -> float:
-        """Expected seconds of a new image."""
-        return self._seconds.value
 
     def away(self, fit) -> float:
         """Return the layer's farthest depth, by which layers are sorted: ground comes last."""
@@ -227,7 +223,7 @@ class Layer:
             'state': self.state,
             'rate': round(self.taken / max(self.frames, 1), 3),
             'residual_px': round(float(self.residual_shown), 3),
-            'ms': round(1e3 * self.seconds, 2),
+            'ms': round(1e3 * self.seconds.value, 2),
             'texels': tuple(self.picture.texels),
             'taken for': dict(self.reasons),
             'as VTK draws it': dict(Counter(m.why for m in self.members if m.why)),

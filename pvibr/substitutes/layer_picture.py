@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from pvibr.core.costs import expected_seconds, timed
-from pvibr.gl import Quad, Target, nbytes_of, shader_source, texture_limit
+from pvibr.gl import Quad, Target, nbytes_of, release, shader_source, texture_limit
 from pvibr.gl import enums as gl
 from pvibr.gl.feature import sections
 from pvibr.maths.views import View, corners, may_see
@@ -314,10 +314,7 @@ class LayerPicture:
 
     def release(self):
         """Free GPU memory; the context is current."""
-        for target in self._targets.values():
-            target.release()
-        for quad in self._quads.values():
-            quad.release()
+        release(*self._targets.values(), *self._quads.values())
         self._targets, self._quads, self.alive = {}, {}, False
 
 

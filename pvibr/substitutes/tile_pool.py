@@ -56,7 +56,8 @@ class TilePool:
     """Tiles on the GPU, limited by memory."""
 
     def __init__(self, window, area, memory):
-        self.largest = _power_below(min((memory / TEXEL_BYTES) ** 0.5, texture_limit(window)))
+        affordable_side = int(min((memory / TEXEL_BYTES) ** 0.5, texture_limit(window)))
+        self.largest = max(8, 1 << (affordable_side.bit_length() - 1))  # a power of two
         side = 256
         while side < self.largest and side * side < 2 * area:
             side *= 2
@@ -65,25 +66,7 @@ class TilePool:
         self.target = Target(window, self.side, self.side, FORMATS, depth=True)
 
     @property
-    def may_grow(self) -> bool:
-        """Whether memory allows a larger pool."""
-        return self.side < self.largest
-
-    @property
-    def nbytes(self) -> int:
-        """Bytes on the GPU."""
-        return self.target.nbytes
-
-    @property
     def textures(self) -> dict:
         """Textures by sampler name."""
         colors = dict(zip(('ibr_albedo', 'ibr_shape'), self.target.colors, strict=True))
         return colors | {'ibr_depth': self.target.depth}
-
-    def release(self):
-        """Free GPU memory; the context is current."""
-        self.target.release()
-
-
-def _power_below(number) -> int:
-    return max(8, 1 << (int(number).bit_length() - 1))

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from pvibr.core.arguments import naming
-from pvibr.gl import MipTexture, Texture, texture_limit
+from pvibr.gl import MipTexture, Texture, release, texture_limit
 from pvibr.maths.draping import sample
 
 NO_LIVE_PICTURE = 'its live texture is in no subplot or not rendered yet: add it'
@@ -25,7 +25,7 @@ class Pictures:
         self._film: Path | None = None
         self._reader: Any = None
         self._frames = [image]
-        if _is_film(image):
+        if isinstance(image, str | Path) and Path(image).suffix.lower() in _FILMS:
             self._film = _file('image', image)
             self._open()
         elif isinstance(image, list | tuple) or getattr(image, 'ndim', 0) == 4:
@@ -166,8 +166,7 @@ class Shown:
 
     def release(self):
         """Free what it holds on the GPU and close films; the context is current."""
-        if self._texture is not None:
-            self._texture.release()
+        release(self._texture)
         self._texture = self._shown_index = None
         if self.pictures is not None:
             self.pictures.close()
@@ -237,10 +236,6 @@ def _file(name, path):
     if not path.is_file():
         raise FileNotFoundError(f'{name} must be an existing file, got {path}')
     return path
-
-
-def _is_film(image):
-    return isinstance(image, str | Path) and Path(image).suffix.lower() in _FILMS
 
 
 def _mask(mask, size):

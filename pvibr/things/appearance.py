@@ -11,7 +11,6 @@ from pvibr.core import _vtk
 from pvibr.core.arguments import as_array
 from pvibr.core.colors import as_rgb, color_rows
 from pvibr.core.params import checked_flag
-from pvibr.meshes.posed import source_of
 
 #: Arguments of ``add_mesh`` that configure the lookup table.
 TABLE_OPTIONS = (
@@ -197,10 +196,3 @@ def merge(n, colors, visible):
     if visible is not None:
         looks[~visible, 3] = HIDDEN
     return looks
-
-
-def scalars_of(points, scalars):
-    """Return scalars; a string is the name of an array of the dataset or table `points`."""
-    if not isinstance(scalars, str):
-        return scalars
-    return source_of(points, scalars, argument='points', oriented=False).scalars(scalars)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pvibr.core._vtk import address
 from pvibr.core.passes import passes_of
 from pvibr.core.plotters import is_inner
-from pvibr.meshes.materials import PROPERTY_TEXTURES
+from pvibr.textures.material_textures import PROPERTY_TEXTURES
 
 
 def textures_of(actor) -> list:

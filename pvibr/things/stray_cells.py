@@ -32,23 +32,3 @@ def _sorted_edges(cells, count, *, closed=False):
     else:
         corners, next_corners = np.delete(corners, cell_ends), np.delete(next_corners, cell_ends)
     return np.minimum(corners, next_corners) * count + np.maximum(corners, next_corners)
-
-
-def without_strays(data):
-    """Return polydata without its points and lines, or itself if it has none."""
-    if not data.IsA('vtkPolyData'):
-        return data
-    stray_count = data.GetNumberOfVerts() + data.GetNumberOfLines()
-    if not stray_count:
-        return data
-    polygons_only = _vtk.vtkPolyData()
-    polygons_only.ShallowCopy(data)
-    polygons_only.SetVerts(_vtk.vtkCellArray())
-    polygons_only.SetLines(_vtk.vtkCellArray())
-    # Cell data is ordered by points, lines, polygons.
-    cell_values, polygon_values = data.GetCellData(), _vtk.vtkCellData()
-    polygon_values.CopyAllOn()
-    polygon_values.CopyAllocate(cell_values)
-    polygon_values.CopyData(cell_values, 0, data.GetNumberOfCells() - stray_count, stray_count)
-    polygons_only.GetCellData().ShallowCopy(polygon_values)
-    return polygons_only

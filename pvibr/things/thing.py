@@ -15,7 +15,7 @@ from pvibr.core.effect import Effect
 from pvibr.core.hooks import MethodHook
 from pvibr.core.params import Param, checked_flag, checked_name
 from pvibr.core.plotters import adding_by_component, put_inner, set_legend_label
-from pvibr.meshes.materials import copy_property
+from pvibr.textures.material_textures import copy_property
 from pvibr.things.appearance import read_only
 from pvibr.things.placing import (
     MOVES,

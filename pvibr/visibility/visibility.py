@@ -329,8 +329,7 @@ def toward_light(light, points) -> np.ndarray:
 
 def _views(scene, light, resolution) -> list:
     """Return the (view, depth) pairs of a point light."""
-    views = views_of(scene, light, resolution)
-    return [(view, scene.depth(view, resolution)) for view in views]
+    return [(view, scene.depth(view, resolution)) for view in views_of(scene, light, resolution)]
 
 
 def _reached(light, samples, sides):

@@ -12,8 +12,7 @@ from benchmarks.instances import knots, near, walk
 from pvibr.cli import peers
 from pvibr.meshes.parts import as_parts
 from pvibr.scenes.landscape import landscape
-from pvibr.scenes.scenery import scenery, stage
-from pvibr.scenes.stage import MULTI_SAMPLES, Stage
+from pvibr.scenes.stage import MULTI_SAMPLES, Stage, scenery, stage
 
 CAMERA = [(0, -30, 2), (0, 0, 0), (0, 0, 1)]
 

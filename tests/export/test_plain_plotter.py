@@ -20,6 +20,7 @@ from pvibr.export.html import reframe
 from pvibr.export.paint import Lamps, cut
 from pvibr.meshes.parts import as_parts
 from pvibr.points.unit_meshes import balls
+from pvibr.substitutes.billboard_cloud import billboard_cloud
 from pvibr.things.frame import Frame
 
 SIZE = (160, 120)
@@ -269,7 +270,7 @@ def test_a_number_of_triangles_is_kept_to():
     away = np.linalg.norm(places - frame.eye, axis=1)
     for most in (400_000, 60_000, 9_000, 500):
         group = Copies(None, list(heavy), (np.inf, 30.0), matrices)
-        (levels,) = chosen_levels([group], frame, most)
+        (levels,) = chosen_levels([group], frame, most, billboard_cloud)
         total = sum(group.triangles[k] for k in levels[levels >= 0])
         assert most / 20 < total <= most or (levels >= 0).all()
         assert total <= most
@@ -598,7 +599,7 @@ def test_larger_copies_get_better_levels():
     matrices = np.tile(np.eye(4), (30, 1, 1))
     matrices[:, :3, :3] *= np.geomspace(0.01, 3, 30)[:, None, None]
     group = Copies(pv.Actor(), levels, largest, matrices)
-    (found,) = chosen_levels([group], Frame.of(pl.renderer), 10**6)
+    (found,) = chosen_levels([group], Frame.of(pl.renderer), 10**6, billboard_cloud)
     assert (np.diff(found) <= 0).all()
     assert found[0] == len(levels) - 1
     assert found[-1] < found[0]

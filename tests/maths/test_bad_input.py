@@ -16,8 +16,8 @@ from pvibr.maths.kernels import vogel_disk
 from pvibr.maths.silhouettes import LitMesh, edge_table
 from pvibr.maths.transforms import trs
 from pvibr.substitutes.cloud_maths import greedy_planes, kmeans_planes
+from pvibr.substitutes.cloud_texture import largest_scale
 from pvibr.substitutes.impostor_maths import dop_corners
-from pvibr.substitutes.packing import largest_scale
 
 UV = [[0.5, 0.5]]
 ORIGIN = [[0, 0, 0]]

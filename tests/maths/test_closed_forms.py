@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pvibr.effects.reflections import through_rectangle
-from pvibr.export.bounds import bounds_of
+from pvibr.export.glb import bounds_of
 from pvibr.instances.support import table_of
 from pvibr.maths.blocks import ascending, members
 from pvibr.maths.facing import turned_azimuths

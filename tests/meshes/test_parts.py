@@ -6,9 +6,9 @@ import pyvista as pv
 import trimesh
 from PIL import Image
 
-from pvibr.meshes.materials import copy_property
 from pvibr.meshes.mesh_files import scene_instances
 from pvibr.meshes.parts import Part, as_meshes, as_parts
+from pvibr.textures.material_textures import copy_property
 
 
 def _picture(fill):

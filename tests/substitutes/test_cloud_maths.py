@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 
 from pvibr.meshes.parts import as_parts
 from pvibr.substitutes.cloud_maths import Planes, greedy_planes, kmeans_planes
-from pvibr.substitutes.packing import largest_scale, shelves
+from pvibr.substitutes.cloud_texture import largest_scale, shelves
 
 
 def triangles(mesh):

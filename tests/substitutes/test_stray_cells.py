@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 import pyvista as pv
 
-from pvibr.things.stray_cells import has_strays_only, without_strays
+from pvibr.meshes.surfaces import polygons_of
+from pvibr.things.stray_cells import has_strays_only
 from tests.pictures import place, plotter, shot
 
 
@@ -49,12 +50,12 @@ def test_slivers_take_no_image_away(seed, scalars):
 def test_values_of_cells_stay_with_theirs():
     mesh = cleaned(3)
     mesh['number'] = np.arange(mesh.n_cells)
-    kept = pv.wrap(without_strays(mesh))
+    kept = polygons_of(mesh)
     assert kept.n_lines == kept.n_verts == 0
     assert kept['number'].tolist() == list(range(mesh.n_lines, mesh.n_cells))
     assert mesh.n_lines > 0
     ball = pv.Sphere()
-    assert without_strays(ball) is ball
+    assert polygons_of(ball) is ball
 
 
 def with_lines(*lines):
