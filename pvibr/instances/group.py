@@ -315,10 +315,6 @@ class InstanceGroup:
         depths = np.maximum.accumulate(depths[in_span])
         return replace(choice, table=table, depths=depths, sizes=sizes[in_span])
 
-    def select_meshes(self, frame, limits):
-        """Draw instances too large for cards as meshes; return new actors."""
-        return self.near.select(self, frame, limits)
-
     def mesh_actors(self):
         """Return the actors of instances drawn as meshes."""
         return self.near.actors()

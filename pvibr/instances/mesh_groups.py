@@ -191,7 +191,7 @@ class MeshGroups:
             self._show_cards(frame, shader, [c[shader.name] for c in choices])
         has_new_actors = False
         for group, limits in pairs:
-            for actor in group.select_meshes(frame, limits):
+            for actor in group.near.select(group, frame, limits):
                 put_inner(frame.renderer, actor)
                 has_new_actors = True
             has_new_actors |= any(group.near.has_own_actors)

@@ -19,9 +19,9 @@ from pvibr.meshes.poses import mirror
 class MeshModels:
     """Meshes of a set, and the model of each that is in use."""
 
-    def __init__(self, *, bakes=None, max_image_bytes=None, **baking):
+    def __init__(self, meshes=(), sources=None, *, bakes=None, max_image_bytes=None, **baking):
         #: Parts of each mesh.
-        self.meshes: list = []
+        self.meshes = list(meshes)
         #: The models, {mesh: model} in ascending order.
         self.by_mesh: dict[int, LodModel] = {}
         #: Whether images are baked; None if that pays.
@@ -30,10 +30,9 @@ class MeshModels:
         self.forces_images = False
         #: Meshes that are baked even if no instance shows them.
         self.required_meshes: frozenset = frozenset()
-        self._max_image_bytes, self._baking = max_image_bytes, baking
+        self._sources, self._max_image_bytes, self._baking = sources, max_image_bytes, baking
         #: Material of each mesh at the time of its bake.
         self._materials: dict[int, BakedMaterial] = {}
-        self._sources: Sources | None = None
         #: What `_culled` returned when mirroring poses switched its culling off.
         self._unculled: list = []
 
@@ -42,10 +41,8 @@ class MeshModels:
         """Return the models of meshes as passed by the user, none made yet."""
         parts = [with_own_culling(mesh_parts) for mesh_parts in as_meshes(meshes, **mesh_options)]
         sources = Sources(meshes, partial(as_parts, **mesh_options), parts)
-        options |= {'cache': checked_cache(cache)}
-        models = cls(max_image_bytes=checked_share(gpu_memory, len(meshes)), **options)
-        models.meshes, models._sources = parts, sources
-        return models
+        options |= {'max_image_bytes': checked_share(gpu_memory, len(meshes))}
+        return cls(parts, sources, cache=checked_cache(cache), **options)
 
     def parts(self) -> list:
         """Return the parts of all meshes."""
@@ -62,15 +59,14 @@ class MeshModels:
     def restore(self, state):
         """Restore the state before an update that failed."""
         models, self.required_meshes, mirrors = state
-        self._cull(self._unculled or self._culled(), mirrors=mirrors)
+        self._cull(mirrors=mirrors)
         self.by_mesh = models
 
     # -- models ------------------------------------------------------------------------------
 
     def follow_poses(self, poses, index) -> bool:
         """Make the levels that instances need and that are missing; return True if any were."""
-        culled = self._unculled or self._culled()
-        self._cull(culled, mirrors=bool(culled) and mirror(poses))
+        self._cull(mirrors=bool(self._unculled or self._culled()) and mirror(poses))
         missing_meshes = self._missing(index)
         new_models = {k: self._made(k, index) for k in missing_meshes}
         self.by_mesh = dict(sorted({**self.by_mesh, **new_models}.items()))
@@ -178,10 +174,11 @@ class MeshModels:
         properties = ((k, part.actor.GetProperty()) for k, part in pairs)
         return [(k, prop, sides) for k, prop in properties if any(sides := culled_faces(prop))]
 
-    def _cull(self, culled, *, mirrors):
+    def _cull(self, *, mirrors):
         """Cull faces unless a pose mirrors: VTK culls by the winding on the screen."""
         if mirrors == bool(self._unculled):
             return
+        culled = self._unculled or self._culled()
         for _, prop, (back, front) in culled:
             prop.SetBackfaceCulling(back and not mirrors)
             prop.SetFrontfaceCulling(front and not mirrors)

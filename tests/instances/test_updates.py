@@ -259,6 +259,20 @@ def test_bad_updates_change_nothing(scenes, shapes, given, kind, words):
     pl.close()
 
 
+def test_a_culled_mesh_that_nothing_shows_may_be_mirrored(scenes, see, shapes):
+    meshes = [as_parts(shapes[0], culling='back'), as_parts(shapes[1])]
+    poses = np.tile(np.eye(4), (2, 1, 1))
+    given = {'size': SIZE, 'bake': False}
+    pl, things = scenes.instances(meshes, poses, index=[0, 1], **given)
+    poses = np.diag([-1.0, 1, 1, 1]) @ poses
+    for index in ([1, 1], [0, 1]):
+        things.update(poses=poses, index=index)
+        fresh, _ = scenes.instances(meshes, poses, index=index, **given)
+        np.testing.assert_array_equal(frame(see, pl), frame(see, fresh))
+        fresh.close()
+    pl.close()
+
+
 @pytest.mark.parametrize('blend', ['replace', 'multiply'])
 def test_colours_of_some_leave_the_others(scenes, see, shapes, blend):
     meshes = [as_parts(shapes[1], color=color) for color in ('red', 'blue')]
