@@ -33,7 +33,7 @@ def lazy_exports(package, exports):
 
 
 #: Effects in the order in which they run, and why there: one line here registers an effect. Things
-#: in a scene and effects of users run before all of these, in the order in which they were added.
+#: in a scene and users' effects without one of these as a base run before all of them, as added.
 EFFECTS = {
     'Ground': 'pvibr.effects.ground',  # a surface: in place before light looks at any
     'Shadows': 'pvibr.shadows.shadows',  # light that reaches surfaces, before any is shaded

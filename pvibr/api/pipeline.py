@@ -42,11 +42,11 @@ def _unheard():
 class Pipeline:
     """What runs before and after a renderer draws; empty, it does nothing and costs nothing."""
 
-    def __init__(self, renderer, pace=None):
+    def __init__(self, renderer, adaptive_quality=None):
         self.renderer = renderer
         RENDERERS.add(renderer)
         self.time = 0.0
-        self._adaptive_quality = pace
+        self._adaptive_quality = adaptive_quality
         self._entries: list[_Entry] = []
         self._effects: tuple[Effect, ...] = ()
         self._things: list[Effect] = []
@@ -72,7 +72,7 @@ class Pipeline:
 
     @property
     def effects(self) -> tuple[Effect, ...]:
-        """What is in it, in the order in which it runs."""
+        """Effects and things, in running order."""
         return self._effects
 
     @property
@@ -97,7 +97,7 @@ class Pipeline:
         return tap
 
     def stops(self, frame, picture) -> float:
-        """Return the exposure of a frame, for effects that come before it."""
+        """Return the exposure, in stops, that effects later in the order will apply."""
         exposing = [e.effect for e in self._entries if e.running]
         return sum(e.expose(frame, picture) for e in exposing)
 
@@ -108,7 +108,7 @@ class Pipeline:
         return seen or frame.renderer.GetBackground()
 
     def add(self, effect) -> Effect:
-        """Put an effect or a thing in; it is in the next frame."""
+        """Add an effect or a thing, from the next frame on."""
         self.check_addable(effect)
         effect.attach(self)
         put_into(effect, self)
@@ -117,7 +117,7 @@ class Pipeline:
         return effect
 
     def _enter(self, entries):
-        """Have these entries, in their order; asked for what is in it many times in a frame."""
+        """Store sorted entries, and what each frame often asks for."""
         self._entries = entries
         self._effects = tuple(entry.effect for entry in entries)
         self._things = [e for e in self._effects if isinstance(e, Thing)]
@@ -236,9 +236,9 @@ class Pipeline:
         for entry in self._entries:
             entry.running = False
         for entry in self._entries:
-            self._call_back(turn)
+            self._prepare_again(turn)
             entry.begin(turn)
-        self._call_back(turn)
+        self._prepare_again(turn)
         if self._entries:
             turn.guard(self._entries, self.order.sort, turn.drawn, self.things)
         images = [e for e in self._entries if e.running and e.effect.is_image_effect]
@@ -262,7 +262,7 @@ class Pipeline:
             if entry.running and isinstance(entry.effect, Thing):
                 turn.guard([entry], entry.effect.prepare, frame)
 
-    def _call_back(self, turn):
+    def _prepare_again(self, turn):
         """Prepare things again that an effect has drawn in other views."""
         astray = turn.frame.astray
         for entry in self._entries if astray else ():
@@ -352,7 +352,7 @@ class _Turn:
         self.take(frame)
 
     def take(self, frame):
-        """Be of a frame; of None it stays as it is."""
+        """Switch to a frame, unless it is None."""
         if frame is not None and frame is not self.begun:
             self.begun = frame
             self.drawn, self.frame = (frame, frame) if frame.picking else frame.within_passes()
@@ -364,11 +364,11 @@ class _Turn:
             self.frame.renderer.SetActiveCamera(sample.camera)
 
     def frame_of(self, effect):
-        """Return the frame as it is drawn, for effects on the picture as it is shown."""
+        """Return the shown frame for image effects, and that of the scene's target for others."""
         return self.frame if effect.is_image_effect else self.drawn
 
     def guard(self, entries, hook: Callable, *args):
-        """Call a hook; an error must not reach VTK's loop: those that it concerns go off."""
+        """Call a hook; an error must not reach VTK's loop: it disables the effects involved."""
         start = time.perf_counter()
         try:
             return hook(*args)
@@ -413,7 +413,7 @@ class _Stage:
         return nbytes_of(self._picture, self._scene, self._annotations)
 
     def begin(self, frame, effects, things):
-        """Before the renderer draws: flat props out, and what effects need besides colours in."""
+        """Hide flat props, and provide what effects need besides colours, before drawing."""
         self._things = things
         self._begun, self._idle = True, 0
         self._splats.look()

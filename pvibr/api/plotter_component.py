@@ -412,7 +412,7 @@ class IBRComponent(metaclass=Complete):
         self._hand_over.stop()
         self._clock.stop()
         self._adaptive_quality.release()
-        self._buffer_objects = []
+        self._buffer_objects, self._looks = [], {}
         while self._pipelines:
             self._pipelines.pop().release()
         while self._at_close:
@@ -420,7 +420,7 @@ class IBRComponent(metaclass=Complete):
         self._let_go()
 
     def _let_go(self):
-        """Keep the plotter alive no longer: what it leaves undone ends with it, not at random."""
+        """Hold the plotter weakly, so that it ends when its last user lets it go."""
         if not isinstance(self._plotter, weakref.ProxyTypes):
             plotter = weakref.proxy(self._plotter)
             parts = self._hand_over, self._clock, self._adaptive_quality, self._screenshots

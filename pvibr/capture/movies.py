@@ -87,8 +87,9 @@ class Film:
         from PIL import Image
 
         with replacing(self._frame_path(k)) as file:
-            # Fast rather than small: it is read once.
-            Image.fromarray(np.ascontiguousarray(picture)).save(file, compress_level=1)
+            # Frames of a movie are read once; those of a folder are the result.
+            level = 1 if self.suffix else 6
+            Image.fromarray(np.ascontiguousarray(picture)).save(file, compress_level=level)
 
     def finish(self):
         """Encode the movie and remove its frames, except in a folder of PNG files."""

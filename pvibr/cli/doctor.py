@@ -1,5 +1,7 @@
 """A check of the installation: rendering, packages, cache, and how to fix problems."""
 
+# Only the standard library at the top: `.ci/bootstrap` runs this before anything is installed.
+
 from __future__ import annotations
 
 import ctypes

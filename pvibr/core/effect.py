@@ -122,10 +122,6 @@ class Effect(metaclass=Complete):
         """Return a frame about to be drawn, or a sample of it."""
         return frame
 
-    def lens_of(self, frame) -> tuple[float, float] | None:
-        """Return aperture radius and focus distance, if the eye of samples varies by them."""
-        return None
-
     def needed(self, frame) -> bool | str:
         """Return True if the frame needs the effect, else the reason."""
         return self.why_neutral or True
@@ -133,11 +129,11 @@ class Effect(metaclass=Complete):
     def prepare(self, frame):
         """Do the work before the scene is drawn."""
 
+    def finish(self, frame):
+        """Undo what only the drawing of the scene needed, such as bound textures."""
+
     def render(self, frame, picture):
         """Draw a new picture from the current one; overriding this makes an image effect."""
-
-    def finish(self, frame):
-        """Undo what only the drawing needed, such as bound textures."""
 
     def deactivate(self):
         """Undo what `prepare` left in the scene: the next frames are drawn without the effect."""
@@ -193,6 +189,10 @@ class Effect(metaclass=Complete):
     def unfinished(self) -> bool:
         """Whether more frames of the same view would refine it."""
         return False
+
+    def lens_of(self, frame) -> tuple[float, float] | None:
+        """Return aperture radius and focus distance if samples take their eyes from a lens."""
+        return None
 
     def reach(self, frame) -> float:
         """Return how many pixels around itself a pixel depends on: the overlap of tiles."""

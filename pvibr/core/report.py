@@ -4,7 +4,14 @@ from __future__ import annotations
 
 from dataclasses import asdict, dataclass, field
 
-_COLUMNS = ('effect', 'state', 'ms', 'bytes', 'why')
+#: Alignment of each column, and its text for a row.
+_COLUMNS = {
+    'name': ('<', lambda row: row.effect),
+    'state': ('<', lambda row: row.state),
+    'ms': ('>', lambda row: f'{row.ms:.1f}'),
+    'bytes': ('>', lambda row: f'{row.bytes:,}'),
+    'why': ('<', lambda row: row.why),
+}
 
 
 @dataclass
@@ -33,7 +40,7 @@ class Report:
         return asdict(self)
 
     def __str__(self) -> str:
-        cells = [_COLUMNS, *(_cells(row) for row in self.rows)]
+        cells = [[*_COLUMNS], *([text(row) for _, text in _COLUMNS.values()] for row in self.rows)]
         column_widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
         text_lines = [_line(row, column_widths) for row in cells]
         for row in self.rows:
@@ -44,13 +51,6 @@ class Report:
         return '\n'.join(text_lines)
 
 
-def _cells(row):
-    return row.effect, row.state, f'{row.ms:.1f}', f'{row.bytes:,}', row.why
-
-
 def _line(cells, column_widths):
-    name, state, ms, size, why = (
-        cell.rjust(width) if is_number else cell.ljust(width)
-        for cell, width, is_number in zip(cells, column_widths, (0, 0, 1, 1, 0), strict=True)
-    )
-    return f'{name}  {state}  {ms}  {size}  {why}'.rstrip()
+    columns = zip(cells, column_widths, _COLUMNS.values(), strict=True)
+    return '  '.join(f'{cell:{align}{width}}' for cell, width, (align, _) in columns).rstrip()

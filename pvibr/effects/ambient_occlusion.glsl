@@ -1,10 +1,10 @@
-Ambient occlusion from the depth buffer. Around each pixel, slices through its line of sight are
-searched outward on both sides; surfaces cover sectors of the slice, of equal cosine-weighted
-measure, and each sector is weighted by the distance of its first cover. Slices and integral:
-Jimenez et al., "Practical real-time strategies for accurate indirect occlusion", SIGGRAPH 2016
-course; sectors: Therrien et al., "Screen space indirect lighting with visibility bitmask", 2023.
-Slices turn from pixel to pixel in blocks of 4 x 4, over which the second program averages.
-Inputs: depth of the window, 0 near to 1 far; lengths in world units, positions in view space.
+// Ambient occlusion from the depth buffer. Around each pixel, slices through its line of sight are
+// searched outward on both sides; surfaces cover sectors of the slice, of equal cosine-weighted
+// measure, and each sector is weighted by the distance of its first cover. Slices and integral:
+// Jimenez et al., "Practical real-time strategies for accurate indirect occlusion", SIGGRAPH 2016
+// course; sectors: Therrien et al., "Screen space indirect lighting with visibility bitmask", 2023.
+// Slices turn from pixel to pixel in blocks of 4 x 4, over which the second program averages.
+// Inputs: depth of the window, 0 near to 1 far; lengths in world units, positions in view space.
 
 //@common
 uniform sampler2D depth;

@@ -58,8 +58,8 @@ class Bloom(LightSpread):
     threshold = Param(1.0, 'Luminance above which light spreads.', range='[0, inf)')
     operator = Param(
         'soft',
-        'Bright pass of a luminance S above the threshold T: S - T; S (may flicker in motion); S '
-        'times a smooth step.',
+        "Bright pass of a luminance S above the threshold T: 'subtract' S - T; 'keep' S, which "
+        "may flicker in motion; 'soft' S times a smooth step.",
         choices=_OPERATORS,
     )
     firefly_reduction = Param(

@@ -1,13 +1,13 @@
-A thin lens on a picture with depth. At half size, each texel gathers the light that the lens spreads
-over it, at samples on a spiral: surfaces before the focus plane as a layer that covers, surfaces
-behind it unless something nearer hides them. At full size the layers are composed; circles of up to
-two pixels are gathered there, since half size would make combs of their edges, and pixels in focus
-are unchanged, to the bit.
-
-The circle of confusion of a thin lens (Potmesil and Chakravarty, "A lens and aperture camera model
-for synthetic image generation", SIGGRAPH 1981) is linear in the depth buffer's value, in perspective
-as in parallel views: that is `lens`. Circles are radii in half-size texels, negative before the
-focus plane; x and y in such texels.
+// A thin lens on a picture with depth. At half size, each texel gathers the light that the lens spreads
+// over it, at samples on a spiral: surfaces before the focus plane as a layer that covers, surfaces
+// behind it unless something nearer hides them. At full size the layers are composed; circles of up to
+// two pixels are gathered there, since half size would make combs of their edges, and pixels in focus
+// are unchanged, to the bit.
+//
+// The circle of confusion of a thin lens (Potmesil and Chakravarty, "A lens and aperture camera model
+// for synthetic image generation", SIGGRAPH 1981) is linear in the depth buffer's value, in perspective
+// as in parallel views: that is `lens`. Circles are radii in half-size texels, negative before the
+// focus plane; x and y in such texels.
 
 //@reduce
 uniform sampler2D color;  // full size, RGBA

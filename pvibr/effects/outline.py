@@ -78,7 +78,9 @@ class Outline(Effect):
     hidden = Param(
         'absent', 'Style of the hidden lines of chosen actors.', choices=('absent', 'dashed')
     )
-    dash = Param(4.0, 'Length of dashes and of gaps.', range='[1, 100]', unit='px')
+    dash = Param(
+        4.0, 'Length of dashes, and of gaps, of hidden lines.', range='[1, 100]', unit='px'
+    )
     debug = Param(
         '',
         'Intermediate stage to show: edges to the right (red), above (green), luminance (blue).',

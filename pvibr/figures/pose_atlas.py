@@ -228,7 +228,7 @@ def bake_pose_atlas(
         atlas = _baked(sampler, motions, counts, poses, (radius, support, tile), advance)
     except RuntimeError as error:
         warn(
-            f'impostor cards are disabled and meshes are drawn instead: {error}. Run `pvibr '
+            f'image cards are disabled, and meshes are drawn instead: {error}. Run `pvibr '
             'doctor`, or update the graphics driver.'
         )
         return LodModel(levels, Atlas.blank(figure_box)), list(motions)

@@ -4,7 +4,7 @@
 // morph targets, correctives) are weighted sums of differences; then joints move the vertex, blended
 // as matrices, or as dual quaternions after the stretch: Kavan et al., "Geometric Skinning with
 // Approximate Dual Quaternion Blending", ACM Transactions on Graphics 27(4), 2008. The twin in
-// float64 is Figure.posed.
+// float64 is Model.posed.
 // Spaces: rest = the mesh's, less the middle of its points; posed = the figure's, less an origin
 // near the pose, so that floats of 32 bits keep their digits wherever the figure is.
 // Texels are looked up at their middles, unfiltered: software drivers have less to do for that than

@@ -1,4 +1,4 @@
-"""The atlases of earlier runs, kept on disk."""
+"""Named arrays of earlier runs, such as images and lighter meshes, kept on disk."""
 
 from __future__ import annotations
 

@@ -103,7 +103,7 @@ flat out vec4 ibr_look;
 #endif
 flat out float ibr_stretch;              // radius of the instance
 flat out vec4 ibr_card;                  // half texel, size in px, where it ends, where it begins
-flat out vec2 ibr_part_of;               // coverage up to which it is drawn; 1 before a mesh
+flat out vec2 ibr_part_of;               // coverage up to which it is drawn; 1 if a mesh is next
 
 vec2 ibr_signs(vec2 p) { return vec2(p.x >= 0.0 ? 1.0 : -1.0, p.y >= 0.0 ? 1.0 : -1.0); }
 
@@ -524,7 +524,7 @@ void ibr_tap(vec2 off, inout vec4 geometry, inout vec4 albedo)
 #endif
   // For features that ask where the surface is that is seen, and how well that is known: to a
   // pixel; depth has 8 bits in the pictures, and a splat is as deep as it is large.
-#define IBR_BLUR (ibr_stretch * (SPLAT == 1 ? 1.0 : clamp(2.0 * ibr_error / ibr_card.y, 0.02, 1.0)))
+#define IBR_PLACE_ERROR (ibr_stretch * (SPLAT == 1 ? 1.0 : clamp(2.0 * ibr_error / ibr_card.y, 0.02, 1.0)))
   vertexVC.xyz = cameraParallel == 1 ? vec3(vertexVC.xy, ibr_g.r)
     : vertexVC.xyz * (ibr_g.r / vertexVC.z);
 #define IBR_PLACE vertexVC.xyz

@@ -19,7 +19,7 @@ from pvibr.meshes.turntable import Turns
 from pvibr.textures.material_textures import copy_texture
 
 _SAMPLES = 4  # along a side of a texel of a turntable, and of a pixel of the reference
-_SHARES = (0.5, 0.2)  # of the triangles of what stays a mesh, in the levels of quads
+_SHARES = (0.5, 0.2)  # of its triangles that a trunk keeps in the levels of quads
 
 
 @dataclass

@@ -85,7 +85,7 @@ def index_of_phase(phase, n_meshes):
 
 
 def index_for(n_instances, previous, n_meshes):
-    """Return the mesh of each of `count` instances, as before if that is well defined."""
+    """Return the mesh of each of `n_instances`, as before if that is well defined."""
     if n_instances == len(previous):
         return previous
     if n_meshes == 1:
@@ -99,7 +99,7 @@ def index_for(n_instances, previous, n_meshes):
 
 
 def checked_ids(ids, n_instances):
-    """Return the non-negative indices that `ids` selects of `count` instances."""
+    """Return the non-negative indices that `ids` selects of `n_instances`."""
     if isinstance(ids, slice):
         return np.arange(*ids.indices(n_instances))
     ids = np.atleast_1d(np.asarray(ids))

@@ -12,7 +12,8 @@ from pvibr.core.determinism import is_deterministic
 from pvibr.core.errors import warn
 from pvibr.core.params import Param
 from pvibr.core.signatures import takes
-from pvibr.instances import explain, plain_copies, updates
+from pvibr.instances import explain as explaining
+from pvibr.instances import plain_copies, updates
 from pvibr.instances.instance_arguments import mesh_looks, placed
 from pvibr.instances.limits import LevelChoice, Limits, checked_force, needs_images
 from pvibr.instances.mesh_groups import MeshGroups
@@ -224,8 +225,8 @@ class Instances(ItemSet):
 
     update = updates.update
     bake_into = plain_copies.bake_into
-    report = explain.report
-    explain = explain.explain
+    report = explaining.report
+    explain = explaining.explain
 
     # -- poses and meshes ----------------------------------------------------------------------
 

@@ -29,7 +29,9 @@ from pvibr.meshes.texture_maps import emission_of
 from pvibr.textures.material_textures import TEXTURE_MODES
 from pvibr.things.content_key import textures_of
 
-VERSION = 53  # of the cache: raise it with any change of bake, measurement or decimation
+# Of the cache. Raise it with any change of bake, decimation, measurement, card shaders (errors are
+# measured on their pictures), rules of errors (they decide what is measured) or stored arrays.
+VERSION = 53
 SHARE = 0.25  # triangles of a level relative to the next heavier one
 #: The same for levels within these triangle counts, which are most of what frames draw.
 _HALF, _HALVED = 0.5, (2_500, 40_000)
@@ -178,8 +180,8 @@ def _new_model(parts, atlas_cache, cache_key, progress, **grid) -> LodModel:
         model = _baked(_levels(parts), progress, **grid)
     except RuntimeError as error:
         warn(
-            f'image cards are disabled, meshes are drawn instead: {error}. Run `pvibr doctor`, or '
-            'update the graphics driver.'
+            f'image cards are disabled, and meshes are drawn instead: {error}. Run `pvibr '
+            'doctor`, or update the graphics driver.'
         )
         return unbaked(parts, str(error) or 'the bake failed', required_bytes=np.inf)
     if atlas_cache is not None:

@@ -95,7 +95,7 @@ vec4 ibr_unpacked()
 }
 #define ibr_look ibr_unpacked()
 #define ibr_share ibr_known.y
-#define ibr_blur ibr_known.z
+#define ibr_place_error ibr_known.z
 
 //@fragment.declare_normal
 #define normalVCVSOutput ibr_given_normal

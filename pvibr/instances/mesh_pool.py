@@ -22,7 +22,7 @@ _LOOK = """  vec4 ibr_lit = gl_FragData[0];
   if (ibr_look.a > 0.504 && ibr_multiply == 0) gl_FragData[0].rgb = ibr_lit.rgb;
 """
 _COLOR = """//VTK::Color::Impl
-#define IBR_BLUR ibr_blur
+#define IBR_PLACE_ERROR ibr_place_error
   float ibr_alpha = ibr_look.a > 0.504 ? (ibr_look.a * 255.0 - 129.0) / 126.0 : 1.0;
   opacity *= ibr_alpha;
   if (ibr_look.a > 0.504)
@@ -41,7 +41,7 @@ _TURNED = """#define normalMatrix (ibr_turn * normalMatrix)
 _MIRROR = Feature('mirrored', {'VTK::Normal::Impl': _TURNED}, {'VTK::Normal::Impl': _TURNED})
 _PLAIN = (0.0, 0.0, 0.0, 0.5)
 #: Error of a position on a card, in radii: lights may see a mesh as a card.
-BLUR = 0.02
+PLACE_ERROR = 0.02
 
 
 @dataclass
@@ -165,7 +165,9 @@ class MeshPool:
             shader = actor.GetShaderProperty()
             uniforms = shader.GetFragmentCustomUniforms()
             uniforms.SetUniformf('ibr_share', 1.0)
-            uniforms.SetUniformf('ibr_blur', BLUR * self.radius * abs(determinant) ** (1 / 3))
+            uniforms.SetUniformf(
+                'ibr_place_error', PLACE_ERROR * self.radius * abs(determinant) ** (1 / 3)
+            )
             for stage in (shader.GetVertexCustomUniforms(), uniforms):
                 stage.SetUniformf(
                     'ibr_turn', -1.0 if self.turns_normals and determinant < 0 else 1.0
@@ -192,7 +194,7 @@ def lendable(part, mapper):
     uniforms.SetUniform4f('ibr_look', _PLAIN)
     uniforms.SetUniformf('ibr_share', 1.0)
     uniforms.SetUniformf('ibr_dither', 0.0)
-    uniforms.SetUniformf('ibr_blur', 0.0)
+    uniforms.SetUniformf('ibr_place_error', 0.0)
     uniforms.SetUniformi('ibr_multiply', 0)
     return actor
 

@@ -127,6 +127,8 @@ def is_scattered(welded, labels, n_pieces) -> bool:
 
 
 def _thinned(mesh, welded, piece_labels, count, share):
+    """Keep a random share of the pieces, enlarged so that their total area stays."""
+    # Cook et al., "Stochastic simplification of aggregate detail", SIGGRAPH 2007.
     keep_piece = np.random.default_rng(0).permutation(count) < max(1, round(share * count))
     kept_faces = keep_piece[piece_labels]
     faces, cells = welded.corners[kept_faces], welded.cells[kept_faces]

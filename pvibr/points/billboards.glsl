@@ -214,7 +214,7 @@ vec4 ibr_sampled(vec4 rect, vec2 texel, float lod)
   if (ibr_straight == 0) ibr_base /= max(ibr_seen.a, 1.0 / 255.0);
   ibr_base = min(ibr_base, 1.0) * ibr_look.rgb;
   // For features that need the surface point: a light sees the card turned toward itself.
-#define IBR_BLUR ibr_reach
+#define IBR_PLACE_ERROR ibr_reach
 #define IBR_PLACE vertexVC.xyz
 #define IBR_NORMAL ibr_normal
 

@@ -28,7 +28,7 @@ from pvibr.things.shader_draws import ROW, ShaderDraws
 
 _CHUNK = 65_536  # billboards per draw
 _WIDE = 3072  # texels, a multiple of 3 and 4
-_HIT = 0.05  # least alpha at which a blended billboard can be picked
+_MIN_PICK_ALPHA = 0.05  # of blended billboards
 
 
 class Billboards(ItemSet):
@@ -257,7 +257,7 @@ class Billboards(ItemSet):
         return self.layout.points, np.hypot(*np.moveaxis(sizes, 1, 0))
 
     def item_mesh(self, index) -> pv.PolyData:
-        """Return the card of an item in world space, for VTK's pickers."""
+        """Return the whole card of an item in world space, for VTK's pickers."""
         corners = self.layout.corners(Frame.of(self.pipeline.renderer), np.array([index]))
         return pv.PolyData(corners[0], faces=[4, 0, 1, 2, 3])
 
@@ -475,7 +475,7 @@ class Billboards(ItemSet):
             if not (is_visible[i] and self.clipping.kept(point)):
                 continue
             (number,) = self._shown_images(frame, [i])
-            if self._images.alpha(number, uv) >= (self.cutout or _HIT):
+            if self._images.alpha(number, uv) >= (self.cutout or _MIN_PICK_ALPHA):
                 return Hit(int(i), tuple(point.tolist()), float(distance))
         return None
 

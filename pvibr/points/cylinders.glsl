@@ -1,4 +1,4 @@
-// Cylinders for cards.glsl. Two texels each: middle relative to its block's, world axes, and radius;
+// Cylinders for quadric_cards.glsl. Two texels each: middle relative to its block's, world axes, and radius;
 // unit axis and half its length. Two looks: of the first half and of the second.
 // Defines: CAPS, 0 open, 1 flat, 2 round; BLEND, 1 if both looks are mixed along the axis.
 // The card is a rectangle along the projected axis that contains the spheres about both ends.

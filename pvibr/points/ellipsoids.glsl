@@ -1,4 +1,4 @@
-// Ellipsoids for cards.glsl. Three texels each: semi-axes in world space, and in w the centre
+// Ellipsoids for quadric_cards.glsl. Three texels each: semi-axes in world space, and in w the centre
 // relative to its block's.
 // The projection of an ellipsoid is an ellipse, whose tangents come from the dual quadric; the card
 // is the rectangle about its axes (Sigg et al., "GPU-Based Ray-Casting of Quadratic Surfaces",

@@ -48,7 +48,7 @@ class SphereGeometry:
 
     centers: np.ndarray
     radii: np.ndarray
-    shape = Shape('spheres', texels=1)
+    shape = Shape('spheres', texels=1, largest_sprite_px=60.0)
 
     def spheres(self):
         """Return centres and radii."""
@@ -84,7 +84,7 @@ class EllipsoidGeometry:
     centers: np.ndarray
     axes: np.ndarray
     largest: np.ndarray
-    shape = Shape('ellipsoids', texels=3, largest_point=12.0, fill=0.4)
+    shape = Shape('ellipsoids', texels=3, largest_sprite_px=12.0, fill=0.4)
 
     @classmethod
     def of_turned(cls, centers, radii, turns, linear_map=None):

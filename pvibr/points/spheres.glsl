@@ -1,4 +1,4 @@
-// Spheres for cards.glsl. One texel each: centre relative to its block's, world axes; radius.
+// Spheres for quadric_cards.glsl. One texel each: centre relative to its block's, world axes; radius.
 
 //@vertex.declare
 flat out vec4 ibr_item; // centre, eye space; radius

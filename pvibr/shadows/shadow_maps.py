@@ -28,8 +28,8 @@ class LightMaps:
 
     light: SceneLight
 
-    def __init__(self, drawer, owner, settings):
-        self.drawer, self.owner, self.settings = drawer, owner, settings
+    def __init__(self, drawer, owner, revision):
+        self.drawer, self.owner, self.revision = drawer, owner, revision
         #: The point of the light from which the maps are drawn; varies with samples.
         self.source: Any = None
         self.view: Any = None

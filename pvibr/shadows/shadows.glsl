@@ -444,7 +444,7 @@ vec3 ibr_shadow_NUMBER(vec3 p, vec3 n)
   ibr_shadow_lift = 2.0 * IBR_THIN;
   ibr_shadow_thin = true;
 #endif
-#ifdef IBR_BLUR
+#ifdef IBR_PLACE_ERROR
   // As far as the drawn shape may be off its shape in the map.
-  ibr_shadow_lift = IBR_BLUR;
+  ibr_shadow_lift = IBR_PLACE_ERROR;
 #endif

@@ -238,7 +238,7 @@ class Shadows(Effect):
         """Match maps to lights: keep those of lights that are still on, release others."""
         casting = [] if self.method == 'volume' else self._casting()
         revision = self.revision
-        old = {maps.light.number: maps for maps in self._light_maps if maps.settings == revision}
+        old = {maps.light.number: maps for maps in self._light_maps if maps.revision == revision}
         matched = [old.pop(light.number, None) for light in casting]
         for maps in self._light_maps:
             if maps not in matched:

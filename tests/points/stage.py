@@ -58,6 +58,6 @@ def points_up_to(largest, monkeypatch):
     """Have point sprites drawn up to a size in pixels, below 0 never."""
 
     def shape(items):
-        return dataclasses.replace(items.geometry.shape, largest_point=largest)
+        return dataclasses.replace(items.geometry.shape, largest_sprite_px=largest)
 
     monkeypatch.setattr(Quadrics, 'shape', property(shape))
