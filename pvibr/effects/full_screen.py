@@ -38,8 +38,7 @@ class FullScreen(Effect):
 
     def render(self, frame, picture):
         """Draw the program."""
-        size = frame.whole
-        uniforms = {'tile': frame.tile, **self._uniforms(frame, size)}
+        uniforms = {'tile': frame.tile, **self._uniforms(frame, frame.whole)}
         program = f'screen {self.name}', _text(self._entries())
         blend_mode = 'over' if self.covers else ''
         picture.apply(Pointwise(*program, uniforms, self._textures(frame), blend_mode))

@@ -99,7 +99,10 @@ class Glow(LightSpread):
 
     def __init__(self, actors, weights=1.0, **settings):
         super().__init__(**settings)
-        self._actors = _checked_actors(actors)
+        allowed = 'actors, as add_mesh returns, or instances'
+        self._actors = checked_each(
+            'actors', actors, lambda item: isinstance(item, Thing | _vtk.vtkActor), allowed
+        )
         self.weights = weights
 
     @classmethod
@@ -301,7 +304,8 @@ class _Gpu:
             self._box_key, self._covered_box = (), (0, 0, *frame.size)
             return self._covered_box
         bounds = [actor.GetBounds() for actor in actors]
-        line_widths = [_thickness(actor.GetProperty()) for actor in actors]
+        props = [actor.GetProperty() for actor in actors]
+        line_widths = [max(prop.GetLineWidth(), prop.GetPointSize()) for prop in props]
         box_key = view.key(), bounds, line_widths
         if box_key != self._box_key:
             self._box_key = box_key
@@ -354,8 +358,7 @@ class _Trail:
         self.now, self._before, self._after = (
             Target(window, size[0], size[1], ('rgba32f',)) for _ in range(3)
         )
-        text = sections(shader_source(__file__))['fade']
-        self._fade = Quad(window, text, 'afterglow fade')
+        self._fade = Quad(window, sections(shader_source(__file__))['fade'], 'afterglow fade')
 
     @property
     def nbytes(self) -> int:
@@ -369,14 +372,6 @@ class _Trail:
 
     def release(self):
         release(self.now, self._before, self._after, self._fade)
-
-
-def _checked_actors(actors):
-    return checked_each('actors', actors, _can_glow, 'actors, as add_mesh returns, or instances')
-
-
-def _can_glow(item) -> bool:
-    return isinstance(item, Thing | _vtk.vtkActor)
 
 
 class _GlowFeatures(FeatureSet):
@@ -425,10 +420,6 @@ def _grown(box, margin, size):
     """Return a rectangle with a margin around it, within a picture."""
     low = [max(edge - margin, 0) for edge in box[:2]]
     return *low, *(min(edge + margin, n) for edge, n in zip(box[2:], size, strict=True))
-
-
-def _thickness(prop):
-    return max(prop.GetLineWidth(), prop.GetPointSize())
 
 
 def _set_glow(actor, weight):

@@ -194,8 +194,7 @@ class LiveTexture(Effect):
         return self.pipeline.surfaces.casters(self.actors, things)
 
     def _lives(self) -> list[LiveTexture]:
-        effects = self.pipeline.effects
-        return [e for e in effects if isinstance(e, LiveTexture) and e.enabled]
+        return [e for e in self.pipeline.effects if isinstance(e, LiveTexture) and e.enabled]
 
     def _within(self, casters, view) -> list[LiveTexture]:
         """Return the live textures in a view, projected ones and itself included."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 
@@ -11,9 +12,10 @@ from pvibr.core.arguments import checked_each
 from pvibr.core.colors import Color
 from pvibr.core.effect import Effect
 from pvibr.core.params import Param
-from pvibr.effects.veil import Veil
 from pvibr.gl import Quad, Target, Texture, nbytes_of, release, shader_source
+from pvibr.gl import enums as gl
 from pvibr.gl.feature import sections
+from pvibr.gl.scene_pass import like_window, volumes_of
 from pvibr.gl.target import fitting_target
 from pvibr.gl.tiles import SIDE, Tiles
 from pvibr.things.buffers import Drawn
@@ -249,8 +251,7 @@ class Outline(Effect):
 
     def _tiled_quad(self, tiles, name):
         if name not in self._quads:
-            text = f'#define SIDE {SIDE}\n{_TEXTS[name]}'
-            self._quads[name] = tiles.program(text, _NAME + name)
+            self._quads[name] = tiles.program(f'#define SIDE {SIDE}\n{_TEXTS[name]}', _NAME + name)
         return self._quads[name]
 
     @property
@@ -299,3 +300,42 @@ def _check_here(actors, pipeline):
                 f'actors must be in this subplot, got {type(item).__name__} from elsewhere: '
                 'add it first'
             )
+
+
+class Veil:
+    """The opacity of the volumes in front of the surface in each pixel, drawn separately."""
+
+    def __init__(self, renderer):
+        self.renderer = renderer
+        self._target: Any = None
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes on the GPU."""
+        return nbytes_of(self._target)
+
+    def draw(self, frame, picture) -> Texture | None:
+        """Return a window-sized texture with the opacity as alpha, or None without volumes."""
+        volumes = volumes_of(self.renderer)
+        if not volumes:
+            return None
+        window, (x, y), (width, height) = frame.window, frame.origin, frame.size
+        subplot_rect = x, y, x + width, y + height
+        if self._target is None or self._target.colors[0].size != subplot_rect[2:]:
+            release(self._target)
+            self._target = like_window(window, subplot_rect[2:], 'rgba8')
+        target, state = self._target, window.GetState()
+        with target.drawing((0.0, 0.0, 0.0, 0.0)):
+            picture.blit_depth(target.object, subplot_rect)
+            state.vtkglViewport(x, y, width, height)
+            state.vtkglScissor(x, y, width, height)
+            state.SetEnumState(gl.DEPTH_TEST, True)
+            state.SetEnumState(gl.BLEND, True)
+            for volume in volumes:
+                volume.RenderVolumetricGeometry(self.renderer)
+        return target.colors[0]
+
+    def release(self):
+        """Free the GPU's memory; the context must be alive."""
+        release(self._target)
+        self._target = None

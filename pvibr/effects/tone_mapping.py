@@ -131,8 +131,7 @@ class ToneMapping(Effect):
 
     def _meter_quad(self, window):
         if self._meter is None:
-            text = _TEXTS['light'] + _TEXTS['measure']
-            self._meter = Quad(window, text, 'tone_mapping measure')
+            self._meter = Quad(window, _TEXTS['light'] + _TEXTS['measure'], 'tone_mapping measure')
         return self._meter
 
     def release(self):

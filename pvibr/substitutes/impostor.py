@@ -14,9 +14,8 @@ from pvibr.maths.views import may_see_boxes
 from pvibr.substitutes.impostor_cards import ImpostorCards
 from pvibr.substitutes.impostor_costs import Costs
 from pvibr.substitutes.impostor_images import FINEST, Eyes, Images
-from pvibr.substitutes.impostor_members import checked_members, is_actor
-from pvibr.substitutes.impostor_nodes import FARTHEST, NEAREST, Nodes
-from pvibr.substitutes.impostor_sources import Materials, Source
+from pvibr.substitutes.impostor_sources import Materials, Source, checked_members, is_actor
+from pvibr.substitutes.impostor_tree import FARTHEST, NEAREST, Nodes
 from pvibr.substitutes.instance_sets import InstanceSet
 from pvibr.substitutes.leaves import Leaves
 from pvibr.substitutes.substitute import Substitute, addresses
@@ -431,11 +430,8 @@ class Impostor(Substitute):
         images, new_views = self._images, np.full(len(nodes), -1)
         card = self._nodes.cards(nodes, eyes, self._costs.step, self._allowed_error)
         tile_sizes = images.sizes(card, eyes, self._allowed_error)
-        if (
-            self._missing_area
-            and images.pool is not None
-            and images.pool.side < images.pool.largest
-        ):
+        pool = images.pool
+        if self._missing_area and pool is not None and pool.side < pool.largest:
             images.close_pool()
         total_area = int((4.0 ** np.ceil(np.log2(tile_sizes.max(1).clip(8, LARGEST)))).sum())
         pool = images.open(frame, max(total_area, self._missing_area), self.memory)

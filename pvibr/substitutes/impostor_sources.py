@@ -8,10 +8,13 @@ import numpy as np
 import pyvista as pv
 
 from pvibr.core import _vtk
+from pvibr.instances.instances import Instances
 from pvibr.meshes.surfaces import polygons_of
 from pvibr.substitutes.impostor_maths import dop_corners
 from pvibr.textures.material_textures import copy_property
 from pvibr.things.actor_watch import NOT_FINITE, ineligibility, updated_data
+from pvibr.things.casters import listed
+from pvibr.things.thing import Thing
 
 # Images store the colour before lighting, which VTK then multiplies by the texture, and the normal
 # after VTK's flip for back faces; for actors without lighting, the colour alone.
@@ -191,3 +194,27 @@ def copied(mapper, data):
     copy.ShallowCopy(mapper)
     copy.SetInputDataObject(data)
     return copy
+
+
+def checked_members(actors) -> list:
+    """Return actors and instances as a checked list."""
+    things = listed(actors)
+    for thing in things:
+        if not is_actor(thing) and type(thing) is not Instances:
+            raise TypeError(
+                'actors must be actors (from add_mesh) or Instances (from add_instances), '
+                f'got {type(thing).__name__}'
+            )
+    if not things:
+        raise ValueError('actors must have one or more, got none')
+    known_ids: set = set()
+    for index, thing in enumerate(things):
+        if id(thing) in known_ids:
+            raise ValueError(f'actors must not repeat, got actors[{index}] twice')
+        known_ids.add(id(thing))
+    return things
+
+
+def is_actor(thing) -> bool:
+    """Return True for a plain VTK actor, False for one of our things."""
+    return isinstance(thing, _vtk.vtkActor) and not isinstance(thing, Thing)

@@ -7,7 +7,7 @@ import pytest
 import pyvista as pv
 
 from pvibr.meshes.surfaces import polygons_of
-from pvibr.things.stray_cells import has_strays_only
+from pvibr.things.actor_watch import has_strays_only
 from tests.pictures import place, plotter, shot
 
 

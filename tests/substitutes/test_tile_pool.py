@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from pvibr.substitutes.tile_pool import Tiles
+from pvibr.substitutes.impostor_images import Tiles
 
 
 def test_tiles_never_overlap_and_come_together_again():
