@@ -62,6 +62,7 @@ class LightSpread(Effect):
     _light: Light | None = None
     _last_whole: tuple = ()
     _reuse_answer = -1, False
+    _texel_size = 1.0
 
     def __init__(self, **settings):
         self._drawn_at = _vtk.vtkTimeStamp()
@@ -156,6 +157,7 @@ class LightSpread(Effect):
             self._forget_blur()
         if self._blur is None:
             self._blur, self._window = Blur(window, *blur_key), window
+        self._texel_size = texel_size
         return self._blur
 
     def _level_count(self):
@@ -171,6 +173,15 @@ class LightSpread(Effect):
         """Free GPU memory; the context is current."""
         self._forget()
         self._forget_blur()
+
+    @property
+    def blur_sigma(self) -> float:
+        """Standard deviation of the widest blur in the last frame, in pixels; NaN before."""
+        if self._blur is None:
+            return math.nan
+        texel_size = self._texel_size
+        pixel_variance = min(texel_size**2, 1) / 12
+        return texel_size * math.sqrt(self._blur.sigma**2 + _ENDS - pixel_variance / texel_size**2)
 
     def _forget_blur(self):
         release(self._blur)

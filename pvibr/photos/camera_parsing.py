@@ -6,9 +6,18 @@ import json
 import math
 import mmap
 import struct
+from collections.abc import Callable
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 from xml.parsers import expat
+
+import numpy as np
+
+from pvibr.maths.lens_camera import LensCamera
+from pvibr.maths.lenses import Lens
+from pvibr.maths.pinhole import Pinhole
 
 _MAX_DEPTH = 100  # levels of elements of an XML file
 
@@ -323,3 +332,44 @@ def xml_of(path) -> Element:
             raise
         raise fault(path, 'line 1', f'not XML ({error})') from None
     return document.children[0]
+
+
+def similarity(matrix, name):
+    """Return the rotation nearest to a matrix, and its uniform scale."""
+    u, s, vt = np.linalg.svd(matrix)
+    if not s[2] > 0 or s[0] / s[2] - 1 > 2e-3 or np.linalg.det(u @ vt) < 0:
+        raise ValueError(f'{name} must be a rotation, perhaps scaled, got {matrix.tolist()}')
+    return u @ vt, float(np.cbrt(s.prod()))
+
+
+def camera_of(place, K, pose, size, distortion=(), lens: Lens | None = None):
+    """Return the camera of a file's numbers; errors name the place."""
+    R, t = pose
+    with place.named():
+        R, _ = similarity(R, 'the rotation')
+        if lens is None:
+            return Pinhole(K, R, t, size, distortion)
+        return LensCamera(K, R, t, size, lens)
+
+
+def pinhole_matrix(fx, fy, cx, cy, skew=0.0) -> np.ndarray:
+    """Return K."""
+    return np.array([[fx, skew, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
+
+
+def posed(place, R, position):
+    """Return rotation and translation of a camera at a position; errors name the place."""
+    with place.named():
+        R, _ = similarity(np.reshape(R, (3, 3)), 'the rotation')
+    return R, -R @ np.asarray(position, float)
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A camera in a file; `make` returns it for the size of its picture."""
+
+    place: Place
+    name: str
+    size: tuple | None
+    make: Callable[[tuple], Any]
+    crs: str | None = None

@@ -7,8 +7,16 @@ import numpy as np
 from pvibr.core.errors import warn
 from pvibr.maths.lenses import Lens
 from pvibr.maths.quaternions import from_axis_angle, to_matrices
-from pvibr.photos.camera_parsing import Cursor, Line, data_lines, json_of
-from pvibr.photos.photos import Entry, camera_of, pinhole_matrix, posed
+from pvibr.photos.camera_parsing import (
+    Cursor,
+    Entry,
+    Line,
+    camera_of,
+    data_lines,
+    json_of,
+    pinhole_matrix,
+    posed,
+)
 
 _NO_INDEX = 0xFFFFFFFF  # of OpenMVS and OpenMVG
 

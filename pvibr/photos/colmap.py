@@ -9,8 +9,14 @@ import numpy as np
 
 from pvibr.maths.lenses import Lens
 from pvibr.maths.quaternions import multiply, rotate, to_matrices
-from pvibr.photos.camera_parsing import Cursor, data_lines, lines_of
-from pvibr.photos.photos import Entry, camera_of, pinhole_matrix
+from pvibr.photos.camera_parsing import (
+    Cursor,
+    Entry,
+    camera_of,
+    data_lines,
+    lines_of,
+    pinhole_matrix,
+)
 
 #: Camera models: id, number of focal lengths, number of parameters after the centre.
 MODELS = {

@@ -6,8 +6,7 @@ import numpy as np
 
 from pvibr.core.errors import warn
 from pvibr.maths.lenses import Lens
-from pvibr.photos.camera_parsing import xml_of
-from pvibr.photos.photos import Entry, camera_of, pinhole_matrix, posed
+from pvibr.photos.camera_parsing import Entry, camera_of, pinhole_matrix, posed, xml_of
 
 _KINDS = {
     'frame': 'perspective',

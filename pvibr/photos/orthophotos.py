@@ -13,8 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from pvibr.maths.orthographic import Orthographic
-from pvibr.photos.camera_parsing import Place, data_lines, fault
-from pvibr.photos.photos import Entry
+from pvibr.photos.camera_parsing import Entry, Place, data_lines, fault
 
 #: Suffixes of world files: that of the picture, or its first and last letter, plus w.
 WORLD_SUFFIXES = ('.tfw', '.tifw', '.jgw', '.jpgw', '.jpegw', '.pgw', '.pngw', '.bpw', '.wld')

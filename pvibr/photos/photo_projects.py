@@ -8,9 +8,8 @@ import numpy as np
 
 from pvibr.maths.lenses import Lens
 from pvibr.photos import colmap
-from pvibr.photos.camera_parsing import json_of
+from pvibr.photos.camera_parsing import Entry, camera_of, json_of, pinhole_matrix, posed
 from pvibr.photos.camera_programs import spherical_matrix
-from pvibr.photos.photos import Entry, camera_of, pinhole_matrix, posed
 
 # -- OPF --------------------------------------------------------------------------------------
 

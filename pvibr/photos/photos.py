@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -13,10 +12,9 @@ import pyvista as pv
 from pvibr.core.arguments import checked_numbers, checked_whole, naming
 from pvibr.maths.draping import sample
 from pvibr.maths.lens_camera import LensCamera
-from pvibr.maths.lenses import Lens
 from pvibr.maths.orthographic import Orthographic
 from pvibr.maths.pinhole import Pinhole
-from pvibr.photos.camera_parsing import Place
+from pvibr.photos.camera_parsing import similarity
 from pvibr.textures.projected import as_rgba, decoded, resized
 
 _MAX_THUMBNAIL = 4096  # texels along a side
@@ -445,44 +443,3 @@ def _outline(camera, size):
     rays = np.where(too_wide[:, None], fallback_rays, rays)  # of lenses wider than that
     rays = rays / (rays @ forward)[:, None]
     return np.vstack([camera.position + size * rays, camera.position])
-
-
-def similarity(matrix, name):
-    """Return the rotation nearest to a matrix, and its uniform scale."""
-    u, s, vt = np.linalg.svd(matrix)
-    if not s[2] > 0 or s[0] / s[2] - 1 > 2e-3 or np.linalg.det(u @ vt) < 0:
-        raise ValueError(f'{name} must be a rotation, perhaps scaled, got {matrix.tolist()}')
-    return u @ vt, float(np.cbrt(s.prod()))
-
-
-def camera_of(place, K, pose, size, distortion=(), lens: Lens | None = None):
-    """Return the camera of a file's numbers; errors name the place."""
-    R, t = pose
-    with place.named():
-        R, _ = similarity(R, 'the rotation')
-        if lens is None:
-            return Pinhole(K, R, t, size, distortion)
-        return LensCamera(K, R, t, size, lens)
-
-
-def pinhole_matrix(fx, fy, cx, cy, skew=0.0) -> np.ndarray:
-    """Return K."""
-    return np.array([[fx, skew, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
-
-
-def posed(place, R, position):
-    """Return rotation and translation of a camera at a position; errors name the place."""
-    with place.named():
-        R, _ = similarity(np.reshape(R, (3, 3)), 'the rotation')
-    return R, -R @ np.asarray(position, float)
-
-
-@dataclass(frozen=True)
-class Entry:
-    """A camera in a file; `make` returns it for the size of its picture."""
-
-    place: Place
-    name: str
-    size: tuple | None
-    make: Callable[[tuple], Any]
-    crs: str | None = None

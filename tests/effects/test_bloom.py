@@ -303,10 +303,7 @@ def assert_blurred(window, grey, chain, kernel, downsample):
     )
     picture = FakePicture(window, np.dstack([grey] * 3 + [np.ones_like(grey)]))
     bloom.render(picture, picture)
-    # Of the blur, a texel, and interpolation between half-size texels, without that of a pixel.
-    texel, blur_variance = grey.shape[1] / bloom._blur.key[0][0], bloom._blur.sigma**2
-    variance = blur_variance + 1 / 12 + 4 / 6 - min(texel**2, 1) / 12 / texel**2
-    sigma = texel * np.sqrt(variance)
+    sigma = bloom.blur_sigma
     seen = picture.target.colors[0].download()[..., 0]
     bloom.release()
     picture.release()
