@@ -13,8 +13,8 @@ from benchmarks.figures.models import tube
 from pvibr.animation.chain import Chain
 from pvibr.animation.correctives import Correctives, PoseSpace
 from pvibr.animation.figure import Figure
+from pvibr.animation.ik_solvers import solve
 from pvibr.animation.joint_limits import JointLimit
-from pvibr.animation.kinematics import solve
 from pvibr.animation.pose import Pose
 from pvibr.maths import quaternions
 

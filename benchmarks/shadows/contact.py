@@ -10,7 +10,8 @@ from benchmarks.common.light_scenes import LightScene, bare, light_at, measured_
 from benchmarks.common.rays import Rays
 from benchmarks.shadows.errors import drawn, shown, sight
 from pvibr.shadows.shadow_maps import CASCADES
-from pvibr.things.lights import light_views, lights_of
+from pvibr.things.light_views import light_views
+from pvibr.things.lights import lights_of
 
 METHODS = ('hard', 'pcf', 'volume')
 KINDS = ('directional', 'spot')

@@ -17,7 +17,7 @@ _EXPORTS = {
     'FigureMesh': 'pvibr.animation.figure_mesh',
     'FrameRange': 'pvibr.animation.vertex_animation_states',
     'GltfError': 'pvibr.io.gltf_file',
-    'InverseKinematics': 'pvibr.animation.inverse_kinematics',
+    'InverseKinematics': 'pvibr.animation.ik_step',
     'joint_mask': 'pvibr.animation.blending',
     'JointLimit': 'pvibr.animation.joint_limits',
     'Mixer': 'pvibr.animation.mixer',

@@ -14,7 +14,8 @@ from pvibr.maths.sequences import ball, disk
 from pvibr.shadows.moments import KINDS, WARP, Moments
 from pvibr.shadows.nearest import STEP, Nearest
 from pvibr.things.depth_view import DepthView
-from pvibr.things.lights import SceneLight, light_views, texels_per_pixel
+from pvibr.things.light_views import light_views, texels_per_pixel
+from pvibr.things.lights import SceneLight
 
 #: Most views around the eye, beside those of the whole scene.
 CASCADES = 6

@@ -16,7 +16,8 @@ from pvibr.maths.kernels import vogel_disk
 from pvibr.maths.orthographic import Orthographic
 from pvibr.maths.vectors import unit_vectors
 from pvibr.things.frame import Frame
-from pvibr.things.lights import light_views, lights_of
+from pvibr.things.light_views import light_views
+from pvibr.things.lights import lights_of
 from pvibr.visibility import depth_test
 from pvibr.visibility.depth_maps import LARGEST_MAP, depth_maps, depth_scene
 from pvibr.visibility.embree_rays import Rays, ray_method

@@ -10,8 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pvibr.animation.chain import Chain
+from pvibr.animation.ik_solvers import METHODS, solve
 from pvibr.animation.joint_limits import JointLimit
-from pvibr.animation.kinematics import METHODS, solve
 from pvibr.maths import quaternions as quat
 from tests.animation.conftest import refused
 

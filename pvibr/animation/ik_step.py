@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from pvibr.animation.chain import Chain
-from pvibr.animation.kinematics import METHODS, solve
+from pvibr.animation.ik_solvers import METHODS, solve
 from pvibr.animation.rig import Step, joint_matrix
 from pvibr.core.arguments import check_one_of, checked_numbers
 from pvibr.maths.transforms import inverses

@@ -6,9 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pvibr.animation import damped
+from pvibr.animation import ik_damped
 from pvibr.animation.chain import Chain
-from pvibr.animation.sweeps import Sweeps
+from pvibr.animation.ik_sweeps import Sweeps
 from pvibr.maths import quaternions
 
 #: Ways to solve, see :func:`solve`.
@@ -94,7 +94,7 @@ def _run(task, rotations, method, iterations):
         return rotations, 1
     if method != 'damped':
         rotations, sweep_count = _swept(task, rotations, method, iterations)
-    rotations, damped_steps = damped.solve(
+    rotations, damped_steps = ik_damped.solve(
         *(task.chain, rotations, task.effectors, task.targets, task.weights),
         *(task.tolerances, iterations),
     )
