@@ -4,13 +4,13 @@ Each writer below returns the files of a project and a function that projects a 
 by the program's own formula, into pixels whose centres are whole numbers.
 """
 
-from __future__ import annotations
-
 import json
 import math
 import struct
 
 import numpy as np
+
+from tests.makers import turn_of
 
 SIZE = (640, 480)
 HALF = 0.5  # between a corner of the first pixel and its centre
@@ -22,9 +22,7 @@ def poses(seed, count=4):
     for _ in range(count):
         ahead = rng.normal(size=3)
         ahead /= np.linalg.norm(ahead)
-        right = np.cross(ahead, rng.normal(size=3))
-        right /= np.linalg.norm(right)
-        R = np.array([right, np.cross(ahead, right), ahead])
+        R = turn_of(ahead, rng.normal(size=3))
         yield R, -5 * ahead + rng.normal(scale=0.2, size=3)
 
 
@@ -451,13 +449,16 @@ def opf(folder, seed):
     return path, made
 
 
+def upright(R, C):
+    """Return the matrix from a camera, y up and z back, to the world."""
+    return np.vstack([np.c_[R.T @ np.diag([1.0, -1, -1]), C], [0, 0, 0, 1]]).tolist()
+
+
 def transforms(folder, seed, model='OPENCV'):
     """Nerfstudio's data conventions: camera to world, y up, z back; first corner at (0, 0)."""
     frames, made = [], {}
     for k, (R, C) in enumerate(poses(seed)):
-        matrix = np.eye(4)
-        matrix[:3, :3], matrix[:3, 3] = R.T @ np.diag([1.0, -1, -1]), C
-        frames.append({'file_path': f'images/{k}.png', 'transform_matrix': matrix.tolist()})
+        frames.append({'file_path': f'images/{k}.png', 'transform_matrix': upright(R, C)})
 
         def project(point, R=R, C=C):
             x, y, z = R @ (point - C)
@@ -479,9 +480,7 @@ def blender(folder, seed):
     """NeRF's synthetic sets: an angle, no size, no endings."""
     frames, made = [], {}
     for k, (R, C) in enumerate(poses(seed)):
-        matrix = np.eye(4)
-        matrix[:3, :3], matrix[:3, 3] = R.T @ np.diag([1.0, -1, -1]), C
-        frames.append({'file_path': f'./train/r_{k}', 'transform_matrix': matrix.tolist()})
+        frames.append({'file_path': f'./train/r_{k}', 'transform_matrix': upright(R, C)})
 
         def project(point, R=R, C=C):
             x, y, z = R @ (point - C)

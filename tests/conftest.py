@@ -88,6 +88,13 @@ def _open_display():
         yield
 
 
+@pytest.fixture(scope='module')
+def window():
+    """A small window that is not shown."""
+    with hidden_window(16, 16) as (window, _):
+        yield window
+
+
 @pytest.fixture(autouse=True)
 def no_vtk_errors(monkeypatch):
     """Fail a test on what VTK would only print: its errors, and Python's within its observers."""

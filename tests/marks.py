@@ -1,7 +1,5 @@
 """Which cases wait for ./test -m slow: those that take long and that a quick one is like."""
 
-from __future__ import annotations
-
 import pytest
 
 

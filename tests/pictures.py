@@ -1,7 +1,5 @@
 """Taking pictures of plotters, and comparing them."""
 
-from __future__ import annotations
-
 import io
 
 import numpy as np
@@ -28,7 +26,13 @@ def plotter(size=(120, 90), **options):
     return pl
 
 
-def place(pl, eye, focus=(0, 0, 0), up=(0, 0, 1), angle=30.0, parallel=None):
+def places(size):
+    """Return the centres of pixels as shares of the window, (h, w, 2), row 0 at the top."""
+    u, v = (np.arange(size[0]) + 0.5) / size[0], 1 - (np.arange(size[1]) + 0.5) / size[1]
+    return np.stack(np.meshgrid(u, v), -1)
+
+
+def place(pl, eye, focus=(0, 0, 0), up=(0, 0, 1), angle=30.0, parallel=None, clip=None):
     """Put the camera somewhere, with a half height of the view where it is parallel."""
     camera = pl.camera
     camera.position, camera.focal_point, camera.up = eye, focus, up
@@ -36,7 +40,10 @@ def place(pl, eye, focus=(0, 0, 0), up=(0, 0, 1), angle=30.0, parallel=None):
     if parallel is not None:
         camera.parallel_projection = True
         camera.parallel_scale = parallel
-    pl.renderer.ResetCameraClippingRange()
+    if clip is None:
+        pl.renderer.ResetCameraClippingRange()
+    else:
+        camera.clipping_range = clip
     return pl
 
 

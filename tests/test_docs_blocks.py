@@ -3,8 +3,6 @@
 The blocks of a page are one program, run in order in an empty folder, off screen.
 """
 
-from __future__ import annotations
-
 import re
 from importlib.util import find_spec
 from pathlib import Path

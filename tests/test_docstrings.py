@@ -1,7 +1,5 @@
 """Docstrings: numpydoc in full for what users call, one sentence for all else."""
 
-from __future__ import annotations
-
 import ast
 import inspect
 import pydoc

@@ -12,6 +12,7 @@ import pvibr
 from pvibr.core import _vtk
 from pvibr.gl.mipmaps import MipTexture
 from pvibr.gl.texture import Texture
+from tests.effects.test_accumulation import stale
 from tests.pictures import off, place, plotter, shot
 
 EYE, SIZE = (0.5, -6.0, 3.0), (100, 75)
@@ -58,9 +59,6 @@ def scene():
     pl.show(auto_close=False)
     shot(pl)
     return made
-
-
-# -- changes -----------------------------------------------------------------------------------
 
 
 def user_matrix(actor):
@@ -186,9 +184,6 @@ LIGHT = {
     ),
     'a light less': lambda s: s.pl.renderer.RemoveLight(s.lamp),
 }
-
-
-# -- stand-ins ---------------------------------------------------------------------------------
 
 
 def plain(s, standin):
@@ -424,16 +419,4 @@ def test_nothing_is_drawn_again_for_what_others_have_drawn():
 def test_a_still_view_begins_again():
     s = scene()
     still = s.pl.ibr.add(pvibr.Accumulation(2))
-    wrong = {}
-    for what, change in changes(s, ''):
-        for _ in range(4):
-            s.pl.render()
-        if still.unfinished:
-            wrong[what] = 'it changes without'
-        change()
-        found = shot(s.pl)
-        still.enabled = False
-        if not np.array_equal(found, shot(s.pl)):
-            wrong[what] = 'the mean is shown on'
-        still.enabled = True
-    assert wrong == {}
+    assert stale(s.pl, still, changes(s, '')) == {}

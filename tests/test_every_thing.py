@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
@@ -20,7 +19,9 @@ from pvibr.core.effect import Effect
 from pvibr.core.errors import ClosedError
 from pvibr.effects import ORDER
 from tests.figures.makers import bending, worm
-from tests.pictures import off, place, plotter, shot
+from tests.makers import turn_of
+from tests.pictures import off, place, plotter, shot, shown
+from tests.refusals import refused
 
 pytestmark = pytest.mark.sampled
 
@@ -72,10 +73,7 @@ def under_photos(pl):
     """Balls in magenta under photographs in tomato from all around."""
     K, cameras = [[60, 0, 31.5], [0, 60, 31.5], [0, 0, 1]], []
     for eye in np.array(pv.Sphere(radius=9, theta_resolution=7, phi_resolution=5).points, float):
-        ahead = -eye / 9
-        right = np.cross(ahead, (0.1, 0.2, 1.0))
-        R = np.stack([right / np.linalg.norm(right), ahead, ahead])
-        R[1] = np.cross(ahead, R[0])
+        R = turn_of(-eye, (0.1, 0.2, 1.0))
         cameras.append(pvibr.Pinhole(K, R, -R @ eye, (64, 64)))
     photos = [pvibr.Photo(f'{k}', camera, tomato()) for k, camera in enumerate(cameras)]
     return pl.ibr.add_photos(coarse_ones(), photos, color='magenta', lit=True, name='it')
@@ -279,8 +277,7 @@ def test_added_to_another_plotter(name):
     on = shot(pl)
     thing.remove()
     pl.close()
-    with pytest.raises(ClosedError, match='create a new one'):
-        pl.ibr.add(thing)
+    refused('create a new one', pl.ibr.add, thing, kind=ClosedError)
     if not EVERY[name].replaces:  # its actors were closed with the plotter
         other = drawn(None)[0]
         other.ibr.add(thing)
@@ -294,8 +291,7 @@ def test_own_subplot(name):
     for column in range(2):
         pl.subplot(0, column)
         stage(pl)
-    pl.show(auto_close=False)
-    before = shot(pl)
+    before = shown(pl)
     EVERY[name].add(pl)
     place(pl, EYE)
     shot(pl)
@@ -336,9 +332,7 @@ def test_listed_once_as_an_actor(name):
     assert len(pl.actors) == 2 + 1 + (2 if handed else 0)
     assert sum(actor is thing for actor in pl.actors.values()) == 1
     assert all(hasattr(actor, 'prop') for actor in pl.actors.values())
-    with warnings.catch_warnings():
-        warnings.simplefilter('error')
-        found = pl.meshes
+    found = pl.meshes
     assert len(found) == len(pl.actors) - bool(handed)
     assert all(isinstance(mesh, pv.PolyData) and mesh.n_points > 1 for mesh in found)
     assert list(pl.ibr) == [thing]
@@ -347,8 +341,7 @@ def test_listed_once_as_an_actor(name):
     assert thing in pl.ibr
     assert thing.name in pl.ibr
     assert 'else' not in pl.ibr
-    with pytest.raises(KeyError, match=f"no thing 'else' is in .*: '{thing.name}'"):
-        pl.ibr.remove('else')
+    refused(f"no thing 'else' is in .*: '{thing.name}'", pl.ibr.remove, 'else', kind=KeyError)
     pl.ibr.remove(thing.name)
     assert not list(pl.ibr)
     assert pl.ibr
@@ -400,8 +393,7 @@ def test_label_is_in_the_legend(name):
     assert [legend.GetEntryString(k) for k in range(legend.GetNumberOfEntries())] == ['what it is']
     pl.remove_legend()
     thing.remove()
-    with pytest.raises(ValueError, match='No labels'):
-        pl.add_legend()
+    refused('No labels', pl.add_legend)
     with pytest.raises(TypeError, match=r'label.* must be a str'):
         thing.label = 3
 

@@ -1,7 +1,5 @@
 """What a new user of PyVista would type: each script asserts what it should have got."""
 
-from __future__ import annotations
-
 import runpy
 import warnings
 from pathlib import Path
@@ -12,7 +10,7 @@ from tests.marks import slow
 
 FOLDER = Path(__file__).with_name('first_scripts')
 #: Four seconds of processor time and more.
-SLOW = {'kinds_of_mesh', 'parallel'}
+SLOW = {'kinds_of_mesh'}
 SCRIPTS = [
     slow(path, when=path.stem in SLOW, id=path.stem)
     for path in sorted(FOLDER.glob('*.py'))

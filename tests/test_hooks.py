@@ -1,7 +1,5 @@
 """What pvibr replaces of PyVista's objects, and that it gives it back."""
 
-from __future__ import annotations
-
 import gc
 import re
 

@@ -1,7 +1,5 @@
 """Imports go down only, VTK has one door, and importing costs nothing."""
 
-from __future__ import annotations
-
 import ast
 import re
 import subprocess

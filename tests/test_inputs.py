@@ -1,7 +1,5 @@
 """No public call changes what it is given: inputs are hashed before and after every example."""
 
-from __future__ import annotations
-
 import doctest
 import functools
 import hashlib
@@ -241,7 +239,6 @@ def test_no_call_nor_frame_changes_its_input(name, seed, monkeypatch, shared_fol
     CALLS[name](pl, inputs)
     pl.show(auto_close=False)
     assert [digest(one) for one in held] == before
-    pl.close()
 
 
 def test_every_way_to_add_is_here():

@@ -1,7 +1,5 @@
 """The pages for developers: each file that they name exists, and each room is named."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

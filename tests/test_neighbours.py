@@ -1,7 +1,5 @@
 """pvibr beside PyVista's own features: each picture is as without pvibr, or as with meshes."""
 
-from __future__ import annotations
-
 import gc
 import weakref
 

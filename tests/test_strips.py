@@ -1,7 +1,5 @@
 """Strips of settings: each is on a page, and its pictures differ from low to high."""
 
-from __future__ import annotations
-
 import re
 import sys
 from pathlib import Path

@@ -1,22 +1,16 @@
 """glTF files written by hand, so that tests know every byte."""
 
-from __future__ import annotations
-
 import json
 import struct
 
 import numpy as np
 import pytest
 
+from tests.refusals import refused  # noqa: F401
+
 KINDS = {'b': 5120, 'B': 5121, 'h': 5122, 'H': 5123, 'I': 5125, 'f': 5126}
 TYPES = {1: 'SCALAR', 2: 'VEC2', 3: 'VEC3', 4: 'VEC4', 16: 'MAT4'}
 SQUARE = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]
-
-
-def refused(message, call, *args, kind=ValueError, **kwargs):
-    """Check that a call raises an error whose message matches."""
-    with pytest.raises(kind, match=message):
-        call(*args, **kwargs)
 
 
 class Glb:
@@ -99,6 +93,13 @@ class Glb:
         (self.folder / 'its bytes.bin').write_bytes(self.blob)
         path.write_text(json.dumps({'buffers': [buffer], **self.json}), encoding='utf-8')
         return path
+
+
+def document(path):
+    """Return the JSON of a GLB file, and its bytes."""
+    data = path.read_bytes()
+    (size,) = struct.unpack_from('<I', data, 12)
+    return json.loads(data[20 : 20 + size]), data[28 + size :]
 
 
 @pytest.fixture

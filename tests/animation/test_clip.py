@@ -1,7 +1,5 @@
 """Keys, what lies between them, and loops."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given

@@ -204,8 +204,7 @@ def test_bad_input_is_named():
     refused(r'must hold 1 names.* got 2', space, [10.0], names=['a', 'b'])
     with pytest.raises(ValueError, match=r'shapes\[0\] must have 2 shapes.* got 1'):
         Correctives(space([10.0, 20.0]), {0: Morphs([[[0, 0, 1.0]]])})
-    with pytest.raises(ValueError, match=r'pose must have joints up to 1, got 1'):
-        space([10.0]).weights(Pose([[0.0, 0, 0]]))
+    refused(r'pose must have joints up to 1, got 1', space([10.0]).weights, Pose([[0.0, 0, 0]]))
     with pytest.raises(ValueError, match='points must be'):
         Correctives.from_sculpted(arm(), [1], bent([90.0]), np.zeros((1, 2, 3)))
     bare, twist = arm(), bent([180.0], axis=(1, 0, 0))

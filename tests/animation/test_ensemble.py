@@ -1,7 +1,5 @@
 """Figures posed together are where each is alone."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import pyvista as pv

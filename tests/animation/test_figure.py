@@ -1,7 +1,5 @@
 """A figure's reference pose, its bounds, and what is refused."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import pyvista as pv

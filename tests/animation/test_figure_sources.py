@@ -1,7 +1,5 @@
 """Figures from arrays, from series of meshes and from scenes of trimesh."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import pyvista as pv

@@ -1,7 +1,5 @@
 """glTF primitives that Draco compresses."""
 
-from __future__ import annotations
-
 import sys
 import types
 

@@ -1,7 +1,5 @@
 """Extensions of nodes and animations: instances, visibility, pointers."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

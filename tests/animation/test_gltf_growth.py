@@ -1,7 +1,5 @@
 """Costs of glTF files: equal things are read once, unlike ones count against the file's size."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

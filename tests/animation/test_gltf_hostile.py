@@ -1,13 +1,12 @@
 """glTF files that lie: one error that names the place, and nothing allocated on a lie."""
 
-from __future__ import annotations
-
 import base64
 import copy
 import functools
 import json
 import operator
 import os
+import re
 import struct
 import tracemalloc
 import warnings
@@ -21,7 +20,6 @@ from hypothesis import strategies as st
 import pvibr
 from pvibr.animation import GltfError
 from tests.animation.conftest import refused
-from tests.animation.gltf_fuzz import places
 
 SQUARE = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
 
@@ -72,61 +70,54 @@ def put(document, place, value):
     functools.reduce(operator.getitem, way, document)[last] = value
 
 
+def places(value, way=()):
+    """Yield the way to everything in a JSON."""
+    if isinstance(value, dict | list):
+        for key in value if isinstance(value, dict) else range(len(value)):
+            yield (*way, key)
+            yield from places(value[key], (*way, key))
+
+
 def test_the_file_itself_is_sound(rich):
     figure = pvibr.read_gltf(rich.write())
     assert figure.mesh(0.5, 1).n_cells == 2
 
 
+#: Places of references, and numbers that nothing has.
+REFERENCES = {
+    'scene': 5,
+    'scenes.0.nodes.0': 9,
+    'nodes.0.mesh': 1,
+    'nodes.0.skin': 1,
+    'nodes.0.camera': 1,
+    'nodes.1.children.0': 7,
+    'skins.0.joints.1': 4,
+    'skins.0.inverseBindMatrices': 99,
+    'meshes.0.primitives.0.indices': 99,
+    'meshes.0.primitives.0.material': 2,
+    'textures.0.source': 3,
+    'textures.0.sampler': 3,
+    'accessors.4.bufferView': 99,
+    'bufferViews.4.buffer': 1,
+    'animations.0.channels.0.sampler': 4,
+    'animations.0.channels.0.target.node': 4,
+    'animations.0.samplers.0.input': 99,
+}
+
+
 @pytest.mark.parametrize(
     ('place', 'value', 'said'),
     [
-        # References
-        ('scene', 5, r'scene must be below 1 .scenes., got 5'),
-        (
-            'scenes.0.nodes.0',
-            9,
-            r'scenes\[0\].nodes\[0\] must be below 4 .nodes., got 9',
+        *(
+            (
+                place,
+                value,
+                re.sub(r'\.(\d+)', r'\[\1\]', place) + rf' must be below .*, got {value}',
+            )
+            for place, value in REFERENCES.items()
         ),
-        ('nodes.0.mesh', 1, r'nodes\[0\].mesh must be below 1 .meshes., got 1'),
-        ('nodes.0.skin', 1, r'nodes\[0\].skin must be below .*, got 1'),
-        ('nodes.0.camera', 1, r'nodes\[0\].camera must be below .*, got 1'),
-        ('nodes.1.children.0', 7, r'nodes\[1\].children\[0\] must be below .*, got 7'),
-        ('skins.0.joints.1', 4, r'skins\[0\].joints\[1\] must be below .*, got 4'),
-        (
-            'skins.0.inverseBindMatrices',
-            99,
-            r'skins\[0\].inverseBindMatrices must be below .*, got 99',
-        ),
-        (
-            'meshes.0.primitives.0.indices',
-            99,
-            r'meshes\[0\].primitives\[0\].indices must be below .*, got 99',
-        ),
-        ('meshes.0.primitives.0.material', 2, r'primitives\[0\].material must be below .*, got 2'),
-        (
-            'materials.0.pbrMetallicRoughness.baseColorTexture.index',
-            3,
-            r'index must be below .*, got 3',
-        ),
-        ('textures.0.source', 3, r'textures\[0\].source must be below .*, got 3'),
-        ('textures.0.sampler', 3, r'textures\[0\].sampler must be below .*, got 3'),
-        ('accessors.4.bufferView', 99, r'accessors\[4\].bufferView must be below .*, got 99'),
-        ('bufferViews.4.buffer', 1, r'bufferViews\[4\].buffer must be below .*, got 1'),
-        (
-            'animations.0.channels.0.sampler',
-            4,
-            r'animations\[0\].channels\[0\].sampler must be below .*, got 4',
-        ),
-        (
-            'animations.0.channels.0.target.node',
-            4,
-            r'channels\[0\].target.node must be below .*, got 4',
-        ),
-        (
-            'animations.0.samplers.0.input',
-            99,
-            r'animations\[0\].samplers\[0\].input must be below .*, got 99',
-        ),
+        ('scenes.0.nodes.0', 9, r'must be below 4 .nodes., got 9'),
+        ('materials.0.pbrMetallicRoughness.baseColorTexture.index', 3, r'index must be .*, got 3'),
         # Offsets, counts and strides
         ('bufferViews.4.byteOffset', 10**6, r'bufferViews\[4\] must end within .* got 1000048'),
         ('bufferViews.4.byteLength', 10**15, r'bufferViews\[4\] must end within'),
@@ -206,33 +197,34 @@ def test_numbers_that_are_none(rich, accessor, element, value, said):
     refused(said, pvibr.read_gltf, rich.write(), kind=GltfError)
 
 
-def test_joints_and_indices_out_of_range(rich):
-    primitive = rich.json['meshes'][0]['primitives'][0]
-    sound = primitive['attributes']['JOINTS_0']
-    primitive['attributes']['JOINTS_0'] = rich.array([[0, 2, 0, 0]] * 4, 'B')
-    with pytest.raises(GltfError, match=r'skins\[0\]: joints\[0, 1\] must be from 0 to 1, got 2'):
-        pvibr.read_gltf(rich.write())
-    primitive['attributes']['JOINTS_0'] = sound
-    primitive['indices'] = rich.array([0, 1, 4], 'H')
-    refused(r'indices\[2\] must be below 4', pvibr.read_gltf, rich.write(), kind=GltfError)
+def primitive(file):
+    return file.json['meshes'][0]['primitives'][0]
 
 
-def test_corners_that_make_no_triangles(rich):
-    rich.json['meshes'][0]['primitives'][0]['indices'] = rich.array([0, 1, 2, 3], 'H')
-    refused('indices, got 4', pvibr.read_gltf, rich.write(), kind=GltfError)
+LIES = {
+    r'skins\[0\]: joints\[0, 1\] must be from 0 to 1, got 2': lambda file: primitive(file)[
+        'attributes'
+    ].update(JOINTS_0=file.array([[0, 2, 0, 0]] * 4, 'B')),
+    r'indices\[2\] must be below 4': lambda file: primitive(file).update(
+        indices=file.array([0, 1, 4], 'H')
+    ),
+    'indices, got 4': lambda file: primitive(file).update(indices=file.array([0, 1, 2, 3], 'H')),
+    r'animations\[2\].channels\[0\]: times must increase': lambda file: file.animate(
+        3, 'scale', [0, 2, 1], np.ones((3, 3))
+    ),
+    r'channels\[1\] .* got rotation of nodes\[2\] again': lambda file: file.json['animations'][0][
+        'channels'
+    ].extend(file.json['animations'][0]['channels']),
+    r'nodes\[2\] must .* by less than 1e\+30': lambda file: [
+        node.update(scale=[1e20] * 3) for node in file.json['nodes'][1:3]
+    ],
+}
 
 
-def test_keys_out_of_order(glb):
-    glb.animate(glb.shown(glb.primitive()), 'scale', [0, 2, 1], np.ones((3, 3)))
-    with pytest.raises(GltfError, match=r'animations\[0\].channels\[0\]: times must increase'):
-        pvibr.read_gltf(glb.write())
-
-
-def test_one_thing_driven_twice(rich):
-    channels = rich.json['animations'][0]['channels']
-    channels.append(channels[0])
-    with pytest.raises(GltfError, match=r'channels\[1\] .* got rotation of nodes\[2\] again'):
-        pvibr.read_gltf(rich.write())
+@pytest.mark.parametrize('said', LIES)
+def test_what_does_not_go_together(rich, said):
+    LIES[said](rich)
+    refused(said, pvibr.read_gltf, rich.write(), kind=GltfError)
 
 
 def test_messages_stay_short(rich):
@@ -258,9 +250,6 @@ def test_sparse_accessors_that_lie(glb, fault):
     }
     glb.shown(glb.primitive(attributes={'POSITION': glb.array(SQUARE, sparse=sparse)}))
     refused(r'accessors\[0\].sparse', pvibr.read_gltf, glb.write(), kind=GltfError)
-
-
-# What must not be allocated
 
 
 def refused_within(path, megabytes):
@@ -341,13 +330,6 @@ def test_a_small_picture_that_unpacks_to_a_huge_one(glb):
     tracemalloc.stop()
 
 
-def test_scales_that_overflow_together(rich):
-    for node in (1, 2):
-        rich.json['nodes'][node]['scale'] = [1e20] * 3
-    with pytest.raises(GltfError, match=r'nodes\[2\] must .* by less than 1e\+30'):
-        pvibr.read_gltf(rich.write())
-
-
 def test_numbers_near_the_largest_float32(glb):
     huge = np.full((4, 3), 3e38)
     normals = {'NORMAL': glb.array(huge)}
@@ -365,9 +347,6 @@ def test_very_deep_nodes(glb):
         pvibr.read_gltf(glb.write())
 
 
-# Containers
-
-
 @pytest.mark.parametrize(
     ('content', 'said'),
     [
@@ -380,6 +359,7 @@ def test_very_deep_nodes(glb):
         (b'{"asset": {"version": "2.0"}, "extras": ' + b'[' * 10**5, 'nested too deeply'),
         (b'{"asset": {"version": "2.0"}, "scene": NaN}', 'neither GLB nor JSON'),
         (b'{"asset": {"version": "\xff"}}', 'neither GLB nor JSON'),
+        (b'{"asset": {"version": "1.0"}, "accessors": {}}', r"version must be 2.x, got '1.0'"),
         (b'{"nodes": 3, "asset": {"version": "\xff"}}', 'nodes: Expected `array`, got `int`'),
         (struct.pack('<4sIII4s', b'glTF', 1, 20, 0, b'JSON'), 'version must be 2, got 1'),
         (struct.pack('<4sIII4s', b'glTF', 2, 99, 0, b'JSON'), '99 bytes declared, 20 present'),
@@ -408,9 +388,6 @@ def test_a_file_cut_off_anywhere(rich):
 def test_no_such_file(tmp_path):
     with pytest.raises(FileNotFoundError):
         pvibr.read_gltf(tmp_path / 'none.glb')
-
-
-# URIs
 
 
 URIS = [
@@ -458,10 +435,8 @@ def test_uris_that_lead_elsewhere(rich, uri, kind):
         document['images'] = [{'uri': uri}]
     expected = pvibr.PvibrWarning if kind == 'images' else GltfError  # pictures are left out
     path = rich.write()
-    with warnings.catch_warnings():
-        warnings.simplefilter('error')
-        with pytest.raises(expected, match=rf'{kind}\[0\].uri') as caught:
-            pvibr.read_gltf(path)
+    with pytest.raises(expected, match=rf'{kind}\[0\].uri') as caught:
+        pvibr.read_gltf(path)
     assert len(str(caught.value)) < 300
 
 
@@ -487,11 +462,7 @@ def test_a_buffer_without_bytes(glb):
     glb.shown(glb.primitive())
     path = glb.folder / 'a.gltf'
     path.write_text(json.dumps(glb.json | {'buffers': [{'byteLength': 4}]}), encoding='utf-8')
-    with pytest.raises(GltfError, match=r'buffers\[0\] must have a uri'):
-        pvibr.read_gltf(path)
-
-
-# Anything at all
+    refused(r'buffers\[0\] must have a uri', pvibr.read_gltf, path, kind=GltfError)
 
 
 def survives(path):
@@ -509,7 +480,9 @@ def survives(path):
 
 
 FUZZ = settings(
-    max_examples=200, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+    max_examples=int(os.environ.get('PVIBR_SOAK', '200')),  # more, for an hour of it
+    deadline=None,
+    suppress_health_check=[HealthCheck.function_scoped_fixture],
 )
 
 

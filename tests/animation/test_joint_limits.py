@@ -1,7 +1,5 @@
 """Limits of joints: closed forms, and that what is cut is inside."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

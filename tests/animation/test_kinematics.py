@@ -1,7 +1,5 @@
 """Inverse kinematics: limits and bones hold, and what can be reached is reached."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Morph targets, dense and sparse."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import pyvista as pv

@@ -1,7 +1,5 @@
 """Figures from glTF files: every feature, in files written by hand."""
 
-from __future__ import annotations
-
 import base64
 import dataclasses
 import io
@@ -36,9 +34,6 @@ def uri(data, kind='application/octet-stream'):
 
 def accessors(glb):
     return Accessors(GltfFile(glb.write()))
-
-
-# Buffers and accessors
 
 
 @pytest.mark.parametrize('kind', 'bBhHIf')
@@ -112,9 +107,6 @@ def test_a_buffer_in_a_data_uri(glb):
     assert figure(glb).mesh().n_cells == 2
 
 
-# Meshes
-
-
 @pytest.mark.parametrize(
     ('mode', 'corners', 'count'),
     [(4, [0, 1, 2, 0, 2, 3], 2), (5, [0, 1, 3, 2], 2), (6, [0, 1, 2, 3], 2), (6, None, 2)],
@@ -154,9 +146,6 @@ def test_primitives_are_bodies_and_nodes_share_meshes(glb):
     assert [body.node for body in bodies] == [0, 0, 1, 1]
     assert bodies[0].name == 'pair.0'
     assert bodies[0].mesh is bodies[2].mesh
-
-
-# Nodes and scenes
 
 
 def test_children_move_with_their_parents(glb):
@@ -224,9 +213,6 @@ def test_cameras_and_lights(glb):
     # A quarter turn about x takes -z, where lights shine, to -y.
     assert_allclose(np.subtract(sun.focal_point, sun.position), [0, -1, 0], atol=1e-7)
     assert not sun.positional
-
-
-# Skins, morph targets and clips
 
 
 def bent(glb):
@@ -355,9 +341,6 @@ def test_clips_have_names_and_drive_what_they_name(glb):
     assert [clip.name for clip in read.clips] == ['animation0', 'Lift']
     assert read.mesh(0.5).bounds.x_max == pytest.approx(2)
     assert read.mesh(0.5, 'Lift').bounds.z_max == pytest.approx(4)
-
-
-# Looks
 
 
 def look(glb, material=None, attributes=None, **options):
@@ -555,18 +538,6 @@ def test_a_grey_picture_of_16_bits(glb):
     shows = {'pbrMetallicRoughness': {'baseColorTexture': {'index': 0}}}
     texture = look(glb, shows, {'TEXCOORD_0': glb.array(CORNERS)}).look['texture']
     assert texture.to_array()[..., 0].tolist() == [[0x40, 0x80], [0xC0, 0xFF]]
-
-
-def test_a_picture_that_is_not_there_is_left_out(glb):
-    glb.add('images', uri='gone.png')
-    glb.add('textures', source=0)
-    shows = {'pbrMetallicRoughness': {'baseColorTexture': {'index': 0}}}
-    with pytest.warns(pvibr.PvibrWarning, match=r'uri: no such file'):
-        body = look(glb, shows, {'TEXCOORD_0': glb.array(CORNERS)})
-    assert 'texture' not in body.look
-
-
-# What is not supported
 
 
 def test_one_warning_names_all_that_is_left_out(glb):

@@ -1,7 +1,5 @@
 """Rigs: steps in order, on the poses of a skeleton in any place and size."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

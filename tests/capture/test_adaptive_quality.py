@@ -14,6 +14,7 @@ import pvibr
 from pvibr import Effect, attach
 from pvibr.capture.adaptive_quality import LEVELS, SETTLE, Budget
 from pvibr.core import _vtk
+from tests.makers import ENABLED
 
 
 class Show(Effect):
@@ -28,9 +29,6 @@ class Show(Effect):
     def prepare(self, frame):
         self.seen.append(frame.quality)
         self.wall.now += self.wall.full * frame.quality
-
-
-# -- what a budget allows ------------------------------------------------------------------------
 
 
 def drive(budget, cost, frames):
@@ -114,9 +112,6 @@ def test_no_budget_is_full_quality():
     budget.rested(1e6)
     budget.rested(1e6)
     assert set(drive(budget, lambda q: 1e6, 50)) == {1.0}
-
-
-# -- which frames move ---------------------------------------------------------------------------
 
 
 @pytest.fixture
@@ -247,12 +242,7 @@ def busy(pl):
     pl.camera_position = [(6, -8, 5), (0, 0, 0), (0, 0, 1)]
 
 
-BESIDE = {
-    'nothing': lambda pl: None,
-    'SSAO': lambda pl: pl.enable_ssao(),
-    'EDL': lambda pl: pl.enable_eye_dome_lighting(),
-    'peeling': lambda pl: pl.enable_depth_peeling(),
-    'SSAA': lambda pl: pl.enable_anti_aliasing('ssaa'),
+BESIDE = {name: ENABLED[name] for name in ('nothing', 'ssao', 'edl', 'peeling', 'ssaa')} | {
     'glass': lambda pl: pl.add_mesh(pv.Sphere(center=(-2, 0, 1)), opacity=0.5),
 }
 
@@ -499,9 +489,6 @@ def test_a_plotter_that_moved_is_forgotten(slow):
     del pl
     gc.collect()
     assert pace() is None
-
-
-# -- where a timer ticks -------------------------------------------------------------------------
 
 
 @pytest.fixture

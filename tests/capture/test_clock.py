@@ -13,6 +13,7 @@ import pvibr
 from pvibr import ClosedError, Effect, attach
 from pvibr.capture.clock import Clock, Loop
 from pvibr.core import _vtk
+from tests.refusals import refused
 
 
 class Count(Effect):
@@ -212,8 +213,7 @@ def test_a_movie_that_does_not_say_is_asked_about():
     plotter = Standin(renderer=_vtk.vtkRenderer(), mwriter=object())
     clock = Clock(plotter, print)
     clock.start(0.0)
-    with pytest.raises(ValueError, match='fps'):
-        clock.write(lambda: None)
+    refused('fps', clock.write, lambda: None)
 
 
 def page_of(times):
@@ -355,8 +355,7 @@ def test_a_notebook_without_a_loop_only_films():
 )
 def test_numbers_that_are_not_allowed(wrong):
     pl = pv.Plotter(off_screen=True)
-    with pytest.raises((TypeError, ValueError), match=next(iter(wrong))):
-        pl.ibr.play(**wrong)
+    refused(next(iter(wrong)), pl.ibr.play, kind=(TypeError, ValueError), **wrong)
     assert not pl.ibr.playing
 
 

@@ -11,6 +11,8 @@ import pyvista as pv
 import pvibr
 from pvibr.animation import Clip, FigureMesh, Skeleton, Track
 from pvibr.capture.movies import Film
+from tests.makers import full_disk
+from tests.refusals import refused
 
 
 @pytest.fixture
@@ -111,12 +113,8 @@ def test_a_note_that_is_no_json_is_not_believed(tmp_path):
 def test_a_full_disk_keeps_the_frames_and_the_old_movie(pl, tmp_path, monkeypatch):
     movie = tmp_path / 'a.gif'
     movie.write_text('before')
-
-    def full(*_, **__):
-        raise OSError(28, 'No space left on device')
-
     with monkeypatch.context() as patch:
-        patch.setattr('pvibr.capture.movies._write_gif', full)
+        patch.setattr('pvibr.capture.movies._write_gif', full_disk)
         with pytest.raises(OSError, match=r'the disk is full.*Frames are stored'):
             pl.ibr.movie(movie, 0.5, fps=4, each=turner(pl)[0])
     assert movie.read_text() == 'before'
@@ -180,8 +178,7 @@ def test_wrong_arguments_are_named(pl, tmp_path, wrong):
     ],
 )
 def test_seconds_or_frames(pl, tmp_path, arguments, error):
-    with pytest.raises(error, match='frames'):
-        pl.ibr.movie(tmp_path / 'a.gif', **arguments)
+    refused('frames', pl.ibr.movie, tmp_path / 'a.gif', kind=error, **arguments)
     assert list(tmp_path.iterdir()) == []
 
 
@@ -202,8 +199,7 @@ def test_gifs_have_the_rate_and_colors_of_each_frame(pl, tmp_path):
 
 
 def test_other_endings_are_named(pl, tmp_path):
-    with pytest.raises(ValueError, match=r'a\.xyz'):
-        pl.ibr.movie(tmp_path / 'a.xyz', 1)
+    refused(r'a\.xyz', pl.ibr.movie, tmp_path / 'a.xyz', 1)
 
 
 def test_a_bar_counts_frames(pl, tmp_path, capsys):

@@ -9,6 +9,7 @@ from pvibr.cli import doctor
 from pvibr.cli.doctor import Diagnosis, diagnose, has_gl_libraries, require_gl
 from pvibr.core.errors import PvibrError
 from pvibr.instances.cache import AtlasCache
+from tests.refusals import refused
 
 SCRIPT = [sys.executable, '-I', doctor.__file__]
 
@@ -47,8 +48,7 @@ def test_a_broken_driver_is_told_apart_from_missing_libraries(monkeypatch):
 
 
 def test_require_gl_names_the_command(bare):
-    with pytest.raises(PvibrError, match='Run: '):
-        require_gl()
+    refused('Run: ', require_gl, kind=PvibrError)
 
 
 def test_a_vtk_with_its_own_opengl_is_accepted(bare, monkeypatch):

@@ -4,6 +4,7 @@ import pytest
 import pyvista as pv
 
 from pvibr.cli.view import main
+from tests.refusals import refused
 
 SIZE = (96, 64)
 
@@ -69,8 +70,7 @@ def test_scalars_colour(mesh, poses):
 
 @pytest.mark.parametrize(('name', 'said'), [('hight', 'growth, name'), ('name', 'text')])
 def test_a_wrong_column_is_named(mesh, poses, name, said):
-    with pytest.raises(ValueError, match=said):
-        drawn(mesh, poses, scalars=name)
+    refused(said, drawn, mesh, poses, scalars=name)
 
 
 def test_matrices_are_scaled_where_they_are(tmp_path):
@@ -102,5 +102,4 @@ def test_a_statue_at_every_stem(data_dir, tmp_path):
 def test_a_table_without_rows_is_an_error(mesh, tmp_path):
     file = tmp_path / 'none.csv'
     file.write_text('east,north\n')
-    with pytest.raises(ValueError, match=r'none\.csv.*no rows'):
-        drawn(mesh, file)
+    refused(r'none\.csv.*no rows', drawn, mesh, file)

@@ -1,7 +1,5 @@
 """Colours of settings and of items are whatever PyVista takes as one."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import pyvista as pv
@@ -10,6 +8,7 @@ import pvibr
 from pvibr.core.colors import Color
 from pvibr.core.effect import Effect
 from pvibr.core.params import params_of
+from tests.refusals import refused
 from tests.things.test_keywords import OF_ITEMS
 
 EFFECTS = [getattr(pvibr, name) for name in pvibr.EFFECTS]
@@ -67,7 +66,5 @@ def test_colours_of_items_are_names_too(kind):
         assert thing.colors.tolist() == [[0, 255, 0], [255, 0, 0], [0, 0, 255]]
     before = list(pl.actors.items())
     for bad in (['r', 'b'], ['r', 'b', 'no'], 'no', 3, [['r', 'g', 'b']]):
-        with pytest.raises((TypeError, ValueError), match='colors'):
-            OF_ITEMS[kind](pl.ibr, colors=bad)
+        refused('colors', OF_ITEMS[kind], pl.ibr, kind=(TypeError, ValueError), colors=bad)
     assert list(pl.actors.items()) == before
-    pl.close()

@@ -1,7 +1,5 @@
 """Effects are copied and pickled by what they were made of; things say why they are not."""
 
-from __future__ import annotations
-
 import copy
 import pickle
 
@@ -11,6 +9,7 @@ import pyvista as pv
 import pvibr
 from pvibr.core.params import params_of
 from tests.pictures import plotter, shot
+from tests.refusals import refused
 
 pytestmark = pytest.mark.sampled
 
@@ -36,8 +35,7 @@ def test_copies_are_equal_and_of_their_own(name, way):
     effect.enabled = False
     shot(pl)
     if way == 'pickle' and 'Actor' in repr(effect._made_of):
-        with pytest.raises(TypeError, match="cannot pickle 'Actor'"):
-            WAYS[way](effect)
+        refused("cannot pickle 'Actor'", WAYS[way], effect, kind=TypeError)
         return
     made = WAYS[way](effect)
     assert type(made) is type(effect)
@@ -65,8 +63,7 @@ def test_a_copy_follows_what_was_set_and_is_independent():
 def test_things_say_why_they_are_not_copied():
     balls = pvibr.Spheres([[0.0, 0, 0]], name='balls')
     for way in WAYS.values():
-        with pytest.raises(TypeError, match='balls cannot be copied or pickled: create another'):
-            way(balls)
+        refused('balls cannot be copied or pickled: create another', way, balls, kind=TypeError)
 
 
 @pytest.mark.parametrize('way', WAYS)

@@ -10,6 +10,7 @@ import pyvista as pv
 
 import pvibr
 from pvibr.core.determinism import elapsed, is_deterministic
+from tests.refusals import refused
 
 RUN = """
 import hashlib, sys, time
@@ -86,8 +87,7 @@ def test_it_is_on_for_a_block_a_function_or_from_now_on():
         return is_deterministic()
 
     pvibr.deterministic(False)
-    with pytest.raises(TypeError, match='True or False'):
-        pvibr.deterministic('yes')
+    refused('True or False', pvibr.deterministic, 'yes', kind=TypeError)
     assert not is_deterministic()
     assert inside() in (True, False)
 
@@ -108,4 +108,3 @@ def test_frames_that_move_are_full():
             pl.render_window.SetDesiredUpdateRate(30)
             pl.render()
             assert pl.ibr.quality == 1
-    pl.close()

@@ -1,7 +1,5 @@
 """Bakes are shown and can be interrupted."""
 
-from __future__ import annotations
-
 import os
 import signal
 import sys
@@ -34,7 +32,6 @@ def test_an_interrupted_bake_leaves_nothing(scenes, bean, monkeypatch, tmp_path)
     assert pl.ibr.effects == ()
     assert isinstance(pl.actors['things'].mapper.dataset, pv.PolyData)
     assert not list(tmp_path.iterdir())
-    pl.close()
 
 
 @pytest.mark.parametrize('where', ['terminal', 'notebook', 'neither'])

@@ -1,7 +1,5 @@
 """Signatures and docstrings name every setting, also of what is passed on."""
 
-from __future__ import annotations
-
 import inspect
 import re
 
@@ -68,7 +66,6 @@ def test_tab_completes_what_users_set():
     assert 'Draw' in pl.ibr.add_animated.__doc__
     assert {'times', 'skinning'} <= set(inspect.signature(pl.ibr.add_animated).parameters)
     assert pl.ibr.add_spheres.__doc__.startswith(pvibr.Spheres.__doc__.partition('\n')[0])
-    pl.close()
 
 
 def inner(first, size=2, *, color='red'):

@@ -1,7 +1,5 @@
 """What is misspelt is an error that names what was meant."""
 
-from __future__ import annotations
-
 import inspect
 
 import pytest

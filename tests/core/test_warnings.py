@@ -1,7 +1,5 @@
 """Warnings point at the line of the user, whatever lies between."""
 
-from __future__ import annotations
-
 import inspect
 import re
 import warnings

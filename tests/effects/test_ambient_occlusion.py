@@ -1,13 +1,12 @@
 """Ambient occlusion: closed forms of planes, and rays against spheres."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import pyvista as pv
 
 import pvibr
-from tests.pictures import depths, off, place, plotter, reduce, shot
+from tests.pictures import depths, off, place, plotter, reduce, shot, shown
+from tests.refusals import refused
 
 SIZE = (160, 120)
 FAR = (5e5, -4e6, 300.0)
@@ -178,8 +177,7 @@ def test_parallel_is_as_a_camera_far_away():
 def test_strength_is_an_exponent_and_the_background_stays():
     pl = some_balls()
     pl.set_background((0.2, 0.4, 0.6), top='white')
-    pl.show(auto_close=False)
-    before = shot(pl)
+    before = shown(pl)
     nothing = np.isnan(depths(pl))
     one, effect = visibility(pl, 0.6)
     assert nothing.mean() > 0.05
@@ -224,8 +222,7 @@ def test_by_default_it_is_the_same_at_any_scale():
 
 @pytest.mark.parametrize('settings', [{'radius': 0}, {'strength': -1}, {'samples': 1}])
 def test_bad_settings(settings):
-    with pytest.raises(ValueError, match=f'{next(iter(settings))} must be '):
-        pvibr.AmbientOcclusion(**settings)
+    refused(f'{next(iter(settings))} must be ', pvibr.AmbientOcclusion, **settings)
 
 
 @pytest.mark.parametrize('samples', [0, 4])
@@ -238,8 +235,7 @@ def test_what_has_no_lighting_may_keep_its_colour(samples):
     pl.render_window.SetMultiSamples(samples)
     pl.add_mesh(pv.Sphere(center=(-0.5, 0, 0.3)), color='red', lighting=False)
     pl.ibr.add_spheres([(0.5, 0, 0.3)], 0.4, color='lime', lighting=False)
-    pl.show(auto_close=False)
-    plain = shot(pl)
+    plain = shown(pl)
     effect = pl.ibr.add(pvibr.AmbientOcclusion(1.0, strength=2.0))
     pl.render()
     dark = shot(pl)

@@ -1,7 +1,5 @@
 """Bloom: its own definition in float64, energy, roundness, and nothing where nothing is bright."""
 
-from __future__ import annotations
-
 from functools import partial
 
 import imageio.v3 as iio
@@ -14,16 +12,10 @@ import pvibr
 from benchmarks.effects.bloom import natural as natural_spectrum
 from pvibr.gl import Target, Texture
 from pvibr.gl.fused import Fused
-from pvibr.gl.hidden_window import hidden_window, read_pixels
+from pvibr.gl.hidden_window import read_pixels
 from tests.effects.tone_curves import LUMINANCE
 
 SIZE = (160, 96)
-
-
-@pytest.fixture(scope='module')
-def window():
-    with hidden_window(16, 16) as (window, _):
-        yield window
 
 
 class FakePicture:
@@ -62,9 +54,6 @@ def bloomed(window, array, **settings):
     bloom.release()
     picture.release()
     return out
-
-
-# ------------------------------------------------ the same definition in float64
 
 
 def reference(array, bloom):
@@ -223,9 +212,6 @@ def bloom_settings(bloom):
     return {k: v for k, v in bloom.state().items() if k != 'intensity'}
 
 
-# ------------------------------------------------ one hot pixel
-
-
 def hot(x, y, value=500.0, size=(256, 256)):
     """A pixel of light at a place between pixels: four share it, as a filtered picture has it."""
     array = np.zeros((size[1], size[0], 4))
@@ -311,9 +297,6 @@ def assert_blurred(window, grey, chain, kernel, downsample):
     assert np.abs(seen - gaussian_filter(grey, sigma, mode='reflect')).mean() < 0.5 / 255
 
 
-# ------------------------------------------------ what it must not do
-
-
 def test_nothing_bright_nothing_drawn(window):
     array = noise() * [0.5, 0.5, 0.5, 1]
     assert bloomed(window, array) is None
@@ -332,9 +315,6 @@ def test_white_light_and_screen(window):
     np.testing.assert_array_equal(screen[..., :3][full], 1.0)
 
 
-# ------------------------------------------------ in a plotter
-
-
 def grab(pl):
     """Return what a new frame holds, (height, width, 4) uint8, row 0 below."""
     pl.render_window.Render()
@@ -343,7 +323,6 @@ def grab(pl):
 
 def bright(size=(320, 192), text=False):
     pl = pv.Plotter(window_size=size)
-    pl.disable_anti_aliasing()
     pl.add_mesh(pv.Sphere(), color='tan', smooth_shading=True)
     if text:
         pl.add_text('text', font_size=12)
@@ -418,15 +397,6 @@ def test_light_is_the_same_in_place_and_anew(blend, high):
     assert np.abs(found[0] - found[1]).max() <= 1
 
 
-@pytest.mark.parametrize('debug', ['bright', 'blur'])
-def test_stages_can_be_seen(debug):
-    pl = bright()
-    bloom = pl.ibr.add(pvibr.Bloom(debug=debug, threshold=0.9))
-    pl.show(auto_close=False)
-    assert bloom.enabled
-    assert 0 < grab(pl)[..., :3].mean() < 30
-
-
 @pytest.mark.parametrize('seed', [0, 5])
 def test_light_is_the_same_in_a_window_of_any_size(seed):
     """Its sum, and where it is: shares of the height, of lamps in random places."""
@@ -435,7 +405,6 @@ def test_light_is_the_same_in_a_window_of_any_size(seed):
     places = rng.uniform(-0.6, 0.6, (4, 3)) * [1, 0.7, 0.2]
     for size in ((240, 180), (400, 300), (640, 480), (800, 600)):
         pl = pv.Plotter(window_size=size, lighting='none', off_screen=True)
-        pl.disable_anti_aliasing()
         pl.set_background('black')
         pl.add_light(pv.Light(light_type='headlight', intensity=3))
         for k, place in enumerate(places):
@@ -469,7 +438,6 @@ class Floats(pvibr.Effect):
 @pytest.mark.parametrize('cmap', ['viridis', 'jet', 'gray', 'magma'])
 def test_colours_of_data_stay_by_default(cmap):
     pl = pv.Plotter(window_size=(200, 150), off_screen=True)
-    pl.disable_anti_aliasing()
     mesh = pv.Plane(i_resolution=60, j_resolution=20)
     pl.add_mesh(mesh, scalars=mesh.points[:, 0], cmap=cmap, lighting=False, show_scalar_bar=False)
     pl.add_mesh(pv.Sphere(radius=0.1, center=(0, 0, 0.2)), color='orange', lighting=False)

@@ -1,7 +1,5 @@
 """The table of effects, which ``python tests/effects/test_docs.py`` writes, and the tutorial."""
 
-from __future__ import annotations
-
 import inspect
 import os
 import re

@@ -1,7 +1,5 @@
 """What every effect on pixels keeps to, whatever it does."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import pyvista as pv
@@ -12,7 +10,9 @@ from pvibr.core.errors import ClosedError
 from pvibr.effects import ORDER
 from pvibr.effects.light_spread import LightSpread
 from pvibr.gl import Quad
-from tests.pictures import off, shot
+from tests.makers import ENABLED
+from tests.pictures import off, shot, shown
+from tests.refusals import refused
 
 pytestmark = pytest.mark.sampled
 
@@ -121,8 +121,7 @@ def test_own_subplot_and_no_annotation(name):
     for i in range(2):
         pl.subplot(0, i)
         scene(pl, text=True)
-    pl.show(auto_close=False)
-    before = shot(pl)
+    before = shown(pl)
     add(pl, name)
     after = shot(pl)
     np.testing.assert_array_equal(after[:, : SIZE[0]], before[:, : SIZE[0]])
@@ -141,8 +140,7 @@ def test_two_plotters_know_nothing_of_each_other(pl, name):
     nothing(two)
     np.testing.assert_array_equal(shot(other), before)
     pl.close()
-    with pytest.raises(ClosedError, match='create a new one'):
-        pl.ibr.add(one)
+    refused('create a new one', pl.ibr.add, one, kind=ClosedError)
     np.testing.assert_array_equal(shot(other), before)
 
 
@@ -245,15 +243,8 @@ def volume(pl):
 
 
 COMPANY = {
-    'ssaa': lambda pl: pl.enable_anti_aliasing('ssaa'),
-    'msaa': lambda pl: pl.enable_anti_aliasing('msaa'),
-    'ssao': lambda pl: pl.enable_ssao(),
-    'edl': lambda pl: pl.enable_eye_dome_lighting(),
-    'peeling': lambda pl: pl.enable_depth_peeling(),
-    'shadows': lambda pl: pl.enable_shadows(),
-    'volume': volume,
-    'translucent': lambda pl: None,
-}
+    name: ENABLED[name] for name in ('ssaa', 'msaa', 'ssao', 'edl', 'peeling', 'shadows')
+} | {'volume': volume, 'translucent': ENABLED['nothing']}
 
 
 @pytest.mark.parametrize('company', COMPANY)

@@ -1,13 +1,12 @@
 """Fog: transmission along rays, integrated in float64."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import pyvista as pv
 
 import pvibr
 from tests.pictures import place, plotter, shot
+from tests.refusals import refused
 
 SIZE = (120, 90)
 
@@ -114,5 +113,4 @@ def test_by_default_it_is_the_same_at_any_scale():
 
 @pytest.mark.parametrize('settings', [{'visibility': 0}, {'height': -1}, {'color': (1, 0)}])
 def test_bad_settings(settings):
-    with pytest.raises(ValueError, match=f'{next(iter(settings))} must be '):
-        pvibr.Fog(**settings)
+    refused(f'{next(iter(settings))} must be ', pvibr.Fog, **settings)

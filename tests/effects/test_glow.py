@@ -1,13 +1,12 @@
 """Glow and afterglow: only what was chosen, only where it is seen, the same at any frame rate."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import pyvista as pv
 
 import pvibr
 from pvibr.gl.hidden_window import read_pixels
+from tests.refusals import refused
 
 pytestmark = pytest.mark.sampled
 
@@ -21,7 +20,6 @@ def grab(pl):
 def lamps(size=(320, 192), *, hide=False, parallel=False, samples=0, opacity=1.0):
     """Two bright spheres beside each other, and a wall before the left one or behind both."""
     pl = pv.Plotter(window_size=size)
-    pl.disable_anti_aliasing()
     if samples:
         pl.enable_anti_aliasing('msaa', multi_samples=samples)
     pl.set_background('black')
@@ -182,15 +180,9 @@ def test_actors_of_another_subplot_do_not_glow():
 
 def test_what_may_not_be():
     actor = pv.Actor()
-    with pytest.raises(TypeError, match='must be actors'):
-        pvibr.Glow([actor, 3])
-    with pytest.raises(ValueError, match='got -1'):
-        pvibr.Glow(actor, -1)
-    with pytest.raises(ValueError, match='weights'):
-        pvibr.Glow(actor, (1, 2))
-
-
-# ------------------------------------------------ what shines
+    refused('must be actors', pvibr.Glow, [actor, 3], kind=TypeError)
+    refused('got -1', pvibr.Glow, actor, -1)
+    refused('weights', pvibr.Glow, actor, (1, 2))
 
 
 def screen(pl, image, **options):
@@ -201,7 +193,6 @@ def screen(pl, image, **options):
 
 def dark(size=(160, 96)):
     pl = pv.Plotter(window_size=size)
-    pl.disable_anti_aliasing()
     pl.set_background('black')
     pl.camera_position = [(0, 0, 6), (0, 0, 0), (0, 1, 0)]
     pl.camera.parallel_projection = True
@@ -307,9 +298,6 @@ def test_instances_shine(max_error):
     pl.ibr.remove(glow)
     balls.visibility = True
     np.testing.assert_array_equal(grab(pl), before)
-
-
-# ------------------------------------------------ afterglow
 
 
 def trail(pl, actor, times, x, **settings):

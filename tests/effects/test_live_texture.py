@@ -1,13 +1,12 @@
 """Live textures: the picture that the camera would take, drawn only when it changes."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import pyvista as pv
 
 import pvibr
-from tests.pictures import shot
+from tests.pictures import place, shot, shown
+from tests.refusals import refused
 
 SIZE = (128, 96)
 
@@ -20,7 +19,6 @@ def camera(position=(4, -3, 3)):
 
 def plotter(**kwargs):
     pl = pv.Plotter(**({'window_size': SIZE} | kwargs))
-    pl.disable_anti_aliasing()
     pl.set_background('#203040')
     return pl
 
@@ -41,10 +39,8 @@ def screen(pl, live, center=(0.0, 0.0, 9.0), side=2.0):
 
 
 def look_down(pl, height, side=2.0):
-    pl.camera.position, pl.camera.focal_point = (0, 0, height), (0, 0, 0)
-    pl.camera.up, pl.camera.parallel_projection = (0, 1, 0), True
-    pl.camera.parallel_scale = side / 2 * SIZE[1] / SIZE[0]
-    pl.camera.clipping_range = (0.5, 30)
+    half = side / 2 * SIZE[1] / SIZE[0]
+    place(pl, (0, 0, height), up=(0, 1, 0), parallel=half, clip=(0.5, 30))
 
 
 def worn(**settings):
@@ -66,8 +62,7 @@ def test_it_is_what_the_camera_sees():
     scene(other)
     other.camera = camera()
     other.renderer.ResetCameraClippingRange()
-    other.show(auto_close=False)
-    expected = shot(other)
+    expected = shown(other)
     off = np.abs(found - expected).max(axis=2)
     assert np.median(off) <= 1
     assert off.mean() < 3  # edges are smooth in one of them
@@ -112,7 +107,7 @@ def test_one_live_texture_in_another_and_in_itself_settle():
     ]
     for k, live in enumerate(lives):
         screen(pl, live, center=(2.0 * k - 1, 1.5, 0.5), side=1.0)
-    pl.camera.position, pl.camera.focal_point, pl.camera.up = (0, -6, 4), (0, 0, 0), (0, 0, 1)
+    place(pl, (0, -6, 4))
     pl.show(auto_close=False)
     for _ in range(3):
         shot(pl)
@@ -148,9 +143,7 @@ def test_a_mirror_shows_what_a_twin_behind_it_would():
         if mirrored:
             assert 'Mirror' in repr(hang_mirror(pl, 2, 6, 4).name)
         # From between, so that what is mirrored is not in the way.
-        pl.camera.position, pl.camera.focal_point = (0.3, 1.0, 1.0), (0, 2.5, 0.5)
-        pl.camera.up, pl.camera.view_angle = (0, 0, 1), 60
-        pl.camera.clipping_range = (0.1, 20)
+        place(pl, (0.3, 1.0, 1.0), (0, 2.5, 0.5), angle=60, clip=(0.1, 20))
         pl.show(auto_close=False)
         return shot(pl)
 
@@ -177,9 +170,7 @@ def test_mirrors_that_face_each_other_show_the_unfolded_scene(depth):
         unfolded(pl, 1 if mirrored else depth + 2)
         for y, right in ((2, 6), (-2, -6)) if mirrored else ():
             hang_mirror(pl, y, right, 6, recursion=depth)
-        pl.camera.position, pl.camera.focal_point = (0, -1.5, 0.6), (0, 2, 0.2)
-        pl.camera.up, pl.camera.view_angle = (0, 0, 1), 35
-        pl.camera.clipping_range = (0.1, 60)
+        place(pl, (0, -1.5, 0.6), (0, 2, 0.2), angle=35, clip=(0.1, 60))
         pl.show(auto_close=False)
         found.append(shot(pl))
     psnr = 10 * np.log10(255**2 / ((found[0] - found[1]) ** 2).mean())
@@ -194,8 +185,7 @@ def test_instances_are_seen_too():
     live = pl.ibr.add(pvibr.LiveTexture(camera(), actors=[trees], size=SIZE))
     screen(pl, live)
     look_down(pl, 12)
-    pl.show(auto_close=False)
-    found = shot(pl)
+    found = shown(pl)
     assert (found[..., 1] > 100).mean() > 0.03
 
 
@@ -221,8 +211,7 @@ def test_removed_and_added_again():
     ],
 )
 def test_bad_arguments(match, call):
-    with pytest.raises((TypeError, ValueError), match=match):
-        call()
+    refused(match, call, kind=(TypeError, ValueError))
 
 
 def test_seen_small_it_is_a_mean():
@@ -246,8 +235,7 @@ def test_seen_small_it_is_a_mean():
 def test_it_can_be_projected_and_read():
     pl, live, _ = worn(background=(0, 0, 1, 1))
     pl.ibr.remove(live)
-    with pytest.raises(RuntimeError, match='add it to a subplot'):
-        live.image()
+    refused('add it to a subplot', live.image, kind=RuntimeError)
     wall = pl.add_mesh(pv.Plane(center=(0, 0, 9.5), i_size=2, j_size=1.5), color='white')
     down = pv.Camera()
     down.position, down.focal_point, down.up = (0, 0, 12), (0, 0, 0), (0, 1, 0)
@@ -279,7 +267,7 @@ def test_one_that_sees_where_it_is_projected_settles():
     front = camera((0, -5, 0.5))
     front.focal_point, front.view_angle = (0, 1.5, 0.5), 18
     pl.ibr.add(pvibr.Projector(live, front, actors=[wall], occlusion=False))
-    pl.camera.position, pl.camera.focal_point, pl.camera.up = (1, -6, 3), (0, 0, 0), (0, 0, 1)
+    place(pl, (1, -6, 3))
     pl.show(auto_close=False)
     for _ in range(3):
         shot(pl)
@@ -312,10 +300,7 @@ def test_mirrors_in_parallel_projection_show_the_unfolded_scene(depth, seed, foc
         pl = plotter(window_size=(200, 150))
         pl.render_window.SetMultiSamples(0)
         in_a_room(pl, mirrors, depth, 1.2, seed)
-        pl.camera.position, pl.camera.focal_point = (0.1, -0.9, 0.25), focus
-        pl.camera.up, pl.camera.parallel_projection = (0, 0, 1), True
-        pl.camera.parallel_scale = 1.3
-        pl.camera.clipping_range = (0.01, 60)
+        place(pl, (0.1, -0.9, 0.25), focus, parallel=1.3, clip=(0.01, 60))
         pl.show(auto_close=False)
         found.append(shot(pl))
     assert (found[1] != found[1][0, 0]).any(-1).mean() > 0.1
@@ -326,9 +311,7 @@ def test_mirrors_in_parallel_projection_show_the_unfolded_scene(depth, seed, foc
 def test_a_mirror_follows_from_one_projection_to_the_other_and_when_the_view_turns():
     pl = plotter(window_size=(100, 75))
     in_a_room(pl, True, 0, 1.2, 2)
-    pl.camera.position, pl.camera.focal_point = (0.1, -3, 0.25), (0, 1.2, 0)
-    pl.camera.up = (0, 0, 1)
-    pl.camera.clipping_range = (0.01, 60)
+    place(pl, (0.1, -3, 0.25), (0, 1.2, 0), clip=(0.01, 60))
     pl.show(auto_close=False)
     (live,) = pl.ibr.effects
     seen = [shot(pl)]
@@ -355,7 +338,5 @@ def test_a_mirror_of_an_actor_lies_where_it_is():
     uv, points = plane.active_texture_coordinates, plane.points + np.array([0, 0, 7])
     found = live.corner + uv[:, :1] * live.right + uv[:, 1:] * live.up
     np.testing.assert_allclose(found, points, atol=1e-5)
-    with pytest.raises(ValueError, match='corner must'):
-        pvibr.Mirror(pl.add_mesh(pv.Sphere()))
-    with pytest.raises(TypeError, match='right and up must be given'):
-        pvibr.Mirror((0, 0, 0))
+    refused('corner must', pvibr.Mirror, pl.add_mesh(pv.Sphere()))
+    refused('right and up must be given', pvibr.Mirror, (0, 0, 0), kind=TypeError)

@@ -1,7 +1,5 @@
 """Effects beside multisampling: soft edges stay as VTK draws them, in floats too."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import pyvista as pv

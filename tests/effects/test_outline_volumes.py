@@ -1,7 +1,5 @@
 """Outlines in scenes with volumes: hidden as surfaces behind a volume are, whole before it."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import pyvista as pv

@@ -1,13 +1,13 @@
 """Billboards over the picture and behind the scene, against the same in numpy."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import pyvista as pv
 
 from pvibr import Backdrop, Flash, ImageOverlay, Iris, LiveTexture, NightVision, Sky, Vignette
-from tests.pictures import shot
+from tests.makers import ENABLED
+from tests.pictures import places, shot
+from tests.refusals import refused
 
 SIZE = (120, 80)
 IMAGE = np.random.default_rng(3).integers(0, 256, (80, 120, 4), np.uint8)
@@ -17,17 +17,10 @@ OPAQUE = IMAGE[..., :3]
 @pytest.fixture
 def pl():
     pl = pv.Plotter(window_size=SIZE)
-    pl.disable_anti_aliasing()
     pl.set_background((0.1, 0.4, 0.6))
     pl.add_mesh(pv.Sphere(), color='tan')
     pl.show(auto_close=False)
     return pl
-
-
-def places(size=SIZE):
-    """Pixel centres as shares of the subplot, row 0 at the top."""
-    u, v = (np.arange(size[0]) + 0.5) / size[0], 1 - (np.arange(size[1]) + 0.5) / size[1]
-    return np.stack(np.meshgrid(u, v), -1)
 
 
 def test_what_covers_covers_transparent_background_too(pl):
@@ -38,7 +31,7 @@ def test_what_covers_covers_transparent_background_too(pl):
 def test_vignette_is_its_formula(pl):
     before = shot(pl)
     pl.ibr.add(Vignette(intensity=0.8, radius=0.3, softness=0.5, center=(0.4, 0.6)))
-    far = np.linalg.norm((places() - (0.4, 0.6)) * SIZE, axis=-1) / (np.hypot(*SIZE) / 2)
+    far = np.linalg.norm((places(SIZE) - (0.4, 0.6)) * SIZE, axis=-1) / (np.hypot(*SIZE) / 2)
     t = np.clip((far - 0.3) / 0.5, 0, 1)
     expected = before * (1 - 0.8 * t**2 * (3 - 2 * t))[..., None]
     assert np.abs(shot(pl) - expected).max() <= 1
@@ -86,7 +79,7 @@ def test_iris_is_a_disk(pl):
     before = shot(pl)
     iris = pl.ibr.add(Iris(opening=0.4, center=(0.5, 0.25), color=(0, 0, 1)))
     reach = 0.4 * (np.hypot(60, 60) + 1)
-    inside = reach - np.linalg.norm((places() - (0.5, 0.25)) * SIZE, axis=-1)
+    inside = reach - np.linalg.norm((places(SIZE) - (0.5, 0.25)) * SIZE, axis=-1)
     open_ = np.clip(inside, 0, 1)[..., None]
     expected = open_ * before + (1 - open_) * [0, 0, 255]
     assert np.abs(shot(pl) - expected).max() <= 1
@@ -103,7 +96,7 @@ def test_iris_of_a_shape(pl):
     diamond = (at[:, None] + at <= 120).astype(float)
     pl.ibr.add(Iris(diamond, opening=0.3, color=(0, 0, 1)))
     reach = 0.3 * (np.hypot(60, 40) + 1)
-    p = np.abs((places() - 0.5) * SIZE).sum(axis=-1) / np.sqrt(2)
+    p = np.abs((places(SIZE) - 0.5) * SIZE).sum(axis=-1) / np.sqrt(2)
     closed = (shot(pl) == [0, 0, 255]).all(axis=2)
     sure = np.abs(p - reach) > 1.5
     np.testing.assert_array_equal(closed[sure], (p > reach)[sure])
@@ -111,8 +104,7 @@ def test_iris_of_a_shape(pl):
 
 
 def test_shape_without_light():
-    with pytest.raises(ValueError, match='must have bright, opaque pixels'):
-        Iris(np.zeros((4, 4)))
+    refused('must have bright, opaque pixels', Iris, np.zeros((4, 4)))
 
 
 @pytest.mark.parametrize('mode', ImageOverlay.mode.choices)
@@ -165,7 +157,7 @@ def test_backdrop_shows_where_the_scene_does_not(pl, opacity, high):
     backdrop = pl.ibr.add(Backdrop(IMAGE, opacity=0.8))
     backdrop.needs_hdr = high
     a = 0.8 * IMAGE[..., 3:] / 255
-    v = places()[..., 1:]
+    v = places(SIZE)[..., 1:]
     ground = 255 * ((1 - v) * [0.2, 0.6, 0.4] + v * [0.9, 0.1, 0.3])
     behind = ground * (1 - a) + IMAGE[..., :3] * a
     expected = black[..., :3] + (1 - black[..., 3:] / 255) * behind
@@ -200,7 +192,7 @@ def test_sky_is_where_directions_are(pl, parallel):
     forward /= np.linalg.norm(forward)
     right = np.cross(forward, camera.up)
     right /= np.linalg.norm(right)
-    ndc = (2 * places() - 1) * np.tan(np.radians(35)) * [SIZE[0] / SIZE[1], 1]
+    ndc = (2 * places(SIZE) - 1) * np.tan(np.radians(35)) * [SIZE[0] / SIZE[1], 1]
     to = forward + ndc[..., :1] * right + ndc[..., 1:] * np.cross(right, forward)
     to /= np.linalg.norm(to, axis=-1, keepdims=True)
     c, s = np.cos(np.radians(30)), np.sin(np.radians(30))
@@ -215,7 +207,7 @@ def test_gradient_sky_is_its_formula(pl):
     sky = pl.ibr.add(Sky(up=(0, 1, 0), intensity=0.5))
     pl.camera.position, pl.camera.focal_point, pl.camera.up = (0, 0, 5), (0, 0, 0), (0, 1, 0)
     pl.camera.view_angle = 90
-    ndc = (2 * places() - 1) * [1.5, 1]
+    ndc = (2 * places(SIZE) - 1) * [1.5, 1]
     rise = np.arctan2(ndc[..., 1], np.hypot(ndc[..., 0], 1)) / (np.pi / 2)
     end = np.where((rise > 0)[..., None], sky.top, sky.bottom)
     expected = 0.5 * (sky.horizon + np.abs(rise)[..., None] * (end - np.array(sky.horizon)))
@@ -233,23 +225,14 @@ def test_sky_gives_way_to_a_background_image(pl):
     assert 'another renderer' in pl.ibr.report().rows[0].why
 
 
-PASSES = {
-    'ssao': lambda pl: pl.enable_ssao(),
-    'edl': lambda pl: pl.enable_eye_dome_lighting(),
-    'peeling': lambda pl: pl.enable_depth_peeling(),
-    'ssaa': lambda pl: pl.enable_anti_aliasing('ssaa'),
-    'msaa': lambda pl: pl.enable_anti_aliasing('msaa'),
-}
-
-
-@pytest.mark.parametrize('name', PASSES)
+@pytest.mark.parametrize('name', ['ssao', 'edl', 'peeling', 'ssaa', 'msaa'])
 def test_a_plain_sky_is_the_background_itself(pl, name):
     """Whatever pass draws: a backdrop of one colour looks like a background of that colour.
 
     But for what passes do to a background itself: they darken it beside things, or round it.
     """
     pl.add_mesh(pv.Cube(center=(0.4, 0.3, 0.5)), color='blue', opacity=0.5)
-    PASSES[name](pl)
+    ENABLED[name](pl)
     pl.set_background((1.0, 1.0, 0.2))
     before = shot(pl)
     pl.set_background('purple')

@@ -1,7 +1,5 @@
 """Curves against what their authors say of them."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

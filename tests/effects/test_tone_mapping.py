@@ -1,7 +1,5 @@
 """Tone mapping: the curves as numpy has them, an eye that adapts, and nothing else touched."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import pyvista as pv
@@ -51,7 +49,6 @@ def chart_colors():
 @pytest.fixture
 def pl():
     pl = pv.Plotter(window_size=SIZE)
-    pl.disable_anti_aliasing()
     pl.add_mesh(pv.Sphere(), color='tan')
     pl.show(auto_close=False)
     return pl

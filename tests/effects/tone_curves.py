@@ -1,7 +1,5 @@
 """The curves of ``tone_mapping.glsl`` in numpy."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from pvibr.maths.tones import to_display, to_light

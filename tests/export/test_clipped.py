@@ -1,7 +1,5 @@
 """What clipping planes of handles leave is what a plain plotter has."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import pyvista as pv

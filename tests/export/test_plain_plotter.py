@@ -1,10 +1,5 @@
 """Plotters of plain actors that show what pvibr shows: pictures, numbers of triangles, files."""
 
-from __future__ import annotations
-
-import json
-import struct
-
 import numpy as np
 import pytest
 import pyvista as pv
@@ -22,6 +17,8 @@ from pvibr.meshes.parts import as_parts
 from pvibr.points.unit_meshes import balls
 from pvibr.substitutes.billboard_cloud import billboard_cloud
 from pvibr.things.frame import Frame
+from tests.animation.conftest import document
+from tests.refusals import refused
 
 SIZE = (160, 120)
 
@@ -80,9 +77,6 @@ def pictures(pl, **options):
 def differ(pl, **options):
     before, after = pictures(pl, **options)
     return np.abs(before - after).mean()
-
-
-# -- what plain things become ---------------------------------------------------------------------
 
 
 def test_a_scene_without_effects_is_copied():
@@ -144,15 +138,7 @@ def test_subplots_cameras_lights_and_sizes_are_the_same():
 )
 def test_bad_numbers(name, value, error):
     pl = plotter()
-    with pytest.raises(error, match=name):
-        pl.ibr.to_plain_plotter(**{name: value})
-
-
-def test_closed_plotters_raise():
-    pl = plotter()
-    pl.close()
-    with pytest.raises(pvibr.ClosedError):
-        pl.ibr.to_plain_plotter()
+    refused(name, pl.ibr.to_plain_plotter, kind=error, **{name: value})
 
 
 def test_what_is_lost_is_named_once():
@@ -171,9 +157,6 @@ def test_what_is_off_or_not_visible_is_left_out():
     pl.ibr.add(pvibr.Bloom()).enabled = False
     made = shown(pl).ibr.to_plain_plotter()
     assert triangles(made) == 100
-
-
-# -- effects --------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize('shift', [(0, 0, 0), (1e6, -1e6, 0)])
@@ -236,9 +219,6 @@ def test_sky_becomes_a_dome_and_outlines_lines():
     before, after = pictures(pl)
     assert np.abs(before - after).mean() < 4.5  # lines are thinner where a ball bulges before them
     assert np.abs(before - after)[:20].mean() < 1.5  # sky alone
-
-
-# -- things ---------------------------------------------------------------------------------------
 
 
 def test_instances_keep_places_colours_and_holes():
@@ -416,9 +396,6 @@ def test_a_renderer_of_plain_vtk():
         assert tuple(made.window_size) == SIZE
 
 
-# -- files ----------------------------------------------------------------------------------------
-
-
 def vertex_colours(geometry):
     """Return the colours of vertices that trimesh reads, each once."""
     found = geometry.visual.vertex_attributes.get('color', np.zeros((0, 3)))
@@ -466,24 +443,20 @@ def test_glb_of_textures_holes_and_lines(tmp_path):
     pl.add_volume(np.zeros((4, 4, 4)), show_scalar_bar=False)
     pl.show(auto_close=False)
     pl.ibr.export_glb(tmp_path / 'scene.glb')
-    data = (tmp_path / 'scene.glb').read_bytes()
-    length = struct.unpack('<I', data[12:16])[0]
-    document = json.loads(data[20 : 20 + length])
-    modes = {m.get('alphaMode', 'OPAQUE') for m in document['materials']}
+    file, _ = document(tmp_path / 'scene.glb')
+    modes = {m.get('alphaMode', 'OPAQUE') for m in file['materials']}
     assert modes == {'MASK', 'OPAQUE', 'BLEND'}
-    assert document['extensionsUsed'] == ['KHR_materials_unlit']
-    assert 1 in [p.get('mode', 4) for m in document['meshes'] for p in m['primitives']]
-    assert len(document['images']) == 1
-    assert document['cameras'][0]['type'] == 'perspective'
+    assert file['extensionsUsed'] == ['KHR_materials_unlit']
+    assert 1 in [p.get('mode', 4) for m in file['meshes'] for p in m['primitives']]
+    assert len(file['images']) == 1
+    assert file['cameras'][0]['type'] == 'perspective'
 
 
 def test_bad_names_of_files(tmp_path):
     pl = plotter(ground)
-    with pytest.raises(ValueError, match=r'must end in \.glb'):
-        pl.ibr.export_glb(tmp_path / 'scene.obj')
+    refused(r'must end in \.glb', pl.ibr.export_glb, tmp_path / 'scene.obj')
     (tmp_path / 'folder.glb').mkdir()
-    with pytest.raises(OSError, match='folder'):
-        pl.ibr.export_glb(tmp_path / 'folder.glb')
+    refused('folder', pl.ibr.export_glb, tmp_path / 'folder.glb', kind=OSError)
     assert [p.name for p in tmp_path.iterdir()] == ['folder.glb']
 
 
@@ -496,11 +469,9 @@ def test_a_page_is_whole_or_not_there(tmp_path):
     pl.ibr.export_html(tmp_path / 'page.html')
     assert 'OfflineLocalView.load' in (tmp_path / 'page.html').read_text(encoding='utf-8')
     assert pl.camera.view_angle == 50
-    with pytest.raises(ValueError, match=r'must end in \.html'):
-        pl.ibr.export_html(tmp_path / 'page.pdf')
+    refused(r'must end in \.html', pl.ibr.export_html, tmp_path / 'page.pdf')
     (tmp_path / 'folder.html').mkdir()
-    with pytest.raises(OSError, match='folder'):
-        pl.ibr.export_html(tmp_path / 'folder.html')
+    refused('folder', pl.ibr.export_html, tmp_path / 'folder.html', kind=OSError)
     assert sorted(p.name for p in tmp_path.iterdir()) == ['folder.html', 'page.html']
 
 
@@ -531,9 +502,6 @@ def test_gltf_of_pyvista_has_what_is_baked(tmp_path):
     assert sum(len(g.faces) for g in scene.geometry.values()) == triangles(made)
     # The ground has the shadow of the ball, whose lit side has none.
     assert max(len(vertex_colours(g)) for g in scene.geometry.values()) > 100
-
-
-# -- parts ----------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize('seed', range(5))

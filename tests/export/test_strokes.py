@@ -1,13 +1,11 @@
 """Lines and vertices of meshes are in plain plotters and in glTF files, where they are drawn."""
 
-from __future__ import annotations
-
-import json
-import struct
-
 import numpy as np
 import pytest
 import pyvista as pv
+
+from tests.animation.conftest import document
+from tests.pictures import shot
 
 SIZE = (150, 110)
 TURN = pv.Transform().rotate_x(30).scale(0.8).translate(2.5, 0.3, 0.0).matrix
@@ -25,16 +23,13 @@ def stage(add):
     pl = pv.Plotter(off_screen=True, window_size=SIZE)
     add(pl)
     pl.camera_position = [(2, -9, 3), (1.2, 0, 0.8), (0, 0, 1)]
-    pl.render()
-    return pl, pl.screenshot(None, return_img=True).astype(int)
+    return pl, shot(pl)
 
 
 def primitives(path):
     """Return mode, lowest and highest position, and colours or None of each primitive."""
-    data = path.read_bytes()
-    length = struct.unpack('<I', data[12:16])[0]
-    document, body = json.loads(data[20 : 20 + length]), data[28 + length :]
-    accessors, views = document['accessors'], document['bufferViews']
+    file, body = document(path)
+    accessors, views = file['accessors'], file['bufferViews']
 
     def numbers(index):
         accessor = accessors[index]
@@ -45,9 +40,9 @@ def primitives(path):
         flat = np.frombuffer(body, kind, accessor['count'] * width, start)
         return flat.reshape(-1, width)
 
-    middle = document['nodes'][document['scenes'][0]['nodes'][0]]['translation']
+    middle = file['nodes'][file['scenes'][0]['nodes'][0]]['translation']
     middle = np.array([middle[0], -middle[2], middle[1]])  # y up
-    for mesh in document['meshes']:
+    for mesh in file['meshes']:
         for primitive in mesh['primitives']:
             own = primitive['attributes']
             used = numbers(primitive['indices']).ravel()
@@ -62,8 +57,7 @@ def test_of_instances(tmp_path, colors):
     mesh = mixed()
     pl, shown = stage(lambda pl: pl.ibr.add_instances(mesh, POSES, **look, **how))
     plain = pl.ibr.to_plain_plotter()
-    plain.render()
-    found = plain.screenshot(None, return_img=True).astype(int)
+    found = shot(plain)
     plain.close()
     seen = shown[:60], found[:60]  # above the boxes
     outline = [(image != image[0, 0]).any(2) for image in seen]

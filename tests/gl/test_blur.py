@@ -1,13 +1,10 @@
 """Blurs: what they keep, where their light ends, and drawing on what is there."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
 from pvibr.gl import Quad, Target, Texture, release
 from pvibr.gl.blur import CHAINS, Blur, halving_taps
-from pvibr.gl.hidden_window import hidden_window
 
 SPOT = """void main()
 {{
@@ -15,12 +12,6 @@ SPOT = """void main()
   gl_FragData[0] = gl_FragData[1] = vec4(max(away.x, away.y) < 1.0 ? 1.0 : 0.0);
 }}
 """
-
-
-@pytest.fixture(scope='module')
-def window():
-    with hidden_window(16, 16) as (window, _):
-        yield window
 
 
 @pytest.mark.parametrize('kernel', [1, 3, 5, 9, 31])

@@ -1,7 +1,5 @@
 """Several features share an actor and leave it as it was."""
 
-from __future__ import annotations
-
 import pyvista as pv
 from hypothesis import given
 from hypothesis import strategies as st

@@ -1,18 +1,16 @@
 """Programs drawn as one do what they do one after the other."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import pyvista as pv
 
 import pvibr
 from pvibr.gl import fused
+from tests.pictures import shown
 
 
 def plotter(**options):
     pl = pv.Plotter(window_size=(120, 90), **options)
-    pl.disable_anti_aliasing()
     pl.add_mesh(pv.Sphere(), color='tan')
     image = np.random.default_rng(0).integers(0, 256, (20, 30, 4), np.uint8)
     for effect in (
@@ -28,8 +26,7 @@ def plotter(**options):
 
 
 def pictures(pl):
-    pl.show(auto_close=False)
-    return pl.screenshot().astype(int), pl.screenshot(transparent_background=True).astype(int)
+    return shown(pl), pl.screenshot(transparent_background=True).astype(int)
 
 
 @pytest.fixture
@@ -112,7 +109,6 @@ def test_light_in_a_part_of_the_picture_is_added_there_alone(tones, monkeypatch)
         )
         pl.show(auto_close=False) if not found else pl.render()
         found.append((pl.screenshot().astype(int), any(asked)))
-    pl.close()
     assert [was for _, was in found] == [True, False]
     assert np.abs(found[0][0] - found[1][0]).max() <= 1
     assert found[0][0].std() > 5

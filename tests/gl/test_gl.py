@@ -1,7 +1,5 @@
 """Textures, targets, full-screen programs: what goes in comes out, and nothing else changes."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import pyvista as pv
@@ -11,12 +9,6 @@ from pvibr.gl import Quad, Target, Texture, release, texture_limit
 from pvibr.gl.hidden_window import hidden_window, read_pixels
 
 COPY = 'uniform sampler2D image; void main() { gl_FragData[0] = texture(image, uv); }'
-
-
-@pytest.fixture(scope='module')
-def window():
-    with hidden_window(16, 16) as (window, _):
-        yield window
 
 
 def drawn(window, fragment, uniforms=None, textures=None, size=(4, 3), format='rgba32f'):

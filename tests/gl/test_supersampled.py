@@ -1,7 +1,5 @@
 """Annotations under SSAA: with an effect that does nothing they are as without it, to the bit."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import pyvista as pv

@@ -1,7 +1,5 @@
 """An inspection tells the truth about a frame, and leaves nothing behind."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 from types import SimpleNamespace
 
@@ -17,6 +15,8 @@ from pvibr.inspection.inspection import LEVELS, level_counts
 from pvibr.inspection.marks import edges, outlines, projected
 from pvibr.instances.cards import FADE
 from pvibr.maths.octahedral import view_directions
+from tests.pictures import pixel_of
+from tests.refusals import refused
 
 SIZE = (320, 240)
 ENDS = {'splat': 6.0, 'flat': 12.0, 'parallax': 24.0, 'blended': 48.0, 'fine': 48.0}  # pixels
@@ -32,13 +32,7 @@ def atlases(tmp_path_factory):
 @pytest.fixture
 def empty():
     """Return a function that makes plotters without multisampling."""
-
-    def make(**kwargs):
-        pl = pv.Plotter(**{'window_size': SIZE} | kwargs)
-        pl.render_window.SetMultiSamples(0)
-        return pl
-
-    return make
+    return lambda **kwargs: pv.Plotter(**{'window_size': SIZE} | kwargs)
 
 
 @pytest.fixture
@@ -80,10 +74,8 @@ def see(pl):
 
 def at(pl, picture, point):
     """Return the colour at a place in the world, 0 to 1."""
-    pl.renderer.SetWorldPoint(*point, 1)
-    pl.renderer.WorldToDisplay()
-    x, y, _ = pl.renderer.GetDisplayPoint()
-    return picture[picture.shape[0] - 1 - int(y), int(x)] / 255
+    x, y = pixel_of(pl, point)
+    return picture[picture.shape[0] - 1 - y, x] / 255
 
 
 def said(group, cubes, frame_scale):
@@ -174,8 +166,7 @@ def test_it_is_a_switch(row):
 def test_bad_input_changes_nothing(row, how):
     pl, *_ = row()
     view = pl.ibr.inspect()
-    with pytest.raises(TypeError, match=next(iter(how))):
-        pl.ibr.inspect(**{'on': True} | how)
+    refused(next(iter(how)), pl.ibr.inspect, kind=TypeError, **{'on': True} | how)
     assert view in pl.ibr.effects
 
 
@@ -184,8 +175,7 @@ def test_a_closed_plotter_says_so(row):
     pl.ibr.inspect()
     see(pl)
     pl.close()
-    with pytest.raises(ClosedError, match='closed'):
-        pl.ibr.inspect()
+    refused('closed', pl.ibr.inspect, kind=ClosedError)
 
 
 @pytest.mark.parametrize('number', [0, 2])
@@ -193,10 +183,8 @@ def test_the_instance_under_the_pointer_is_explained(row, number):
     pl, cubes, points = row()
     view = pl.ibr.inspect()
     see(pl)
-    pl.renderer.SetWorldPoint(*points[number], 1)
-    pl.renderer.WorldToDisplay()
-    x, y, _ = pl.renderer.GetDisplayPoint()
-    pl.iren.interactor.SetEventInformation(int(x), int(y), 0, 0)
+    x, y = pixel_of(pl, points[number])
+    pl.iren.interactor.SetEventInformation(x, y, 0, 0)
     pl.iren.interactor.InvokeEvent('MouseMoveEvent')
     pl.render()
     told = cubes.explain(number)
@@ -204,7 +192,7 @@ def test_the_instance_under_the_pointer_is_explained(row, number):
     assert any(text.startswith(f'instance {number} ') for text in words)
     assert any(text.startswith('patch') and text.endswith(str(told.patch)) for text in words)
     assert sum(text.endswith(' forced') for text in words) >= 5
-    assert not view.point_at(int(x), int(y))  # still the same one
+    assert not view.point_at(x, y)  # still the same one
     assert view.point_at(2, 2)
     pl.render()
     assert not any(row[0].startswith('instance') for row in view._text_rows)

@@ -1,7 +1,5 @@
 """The functions of ``cards.glsl``, evaluated on the GPU."""
 
-from __future__ import annotations
-
 import numpy as np
 
 import pvibr.instances.cards

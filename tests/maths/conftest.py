@@ -1,7 +1,5 @@
 """Real calibrations that several tests look at."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Blocks: neighbours together, nothing that can be seen left out."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -51,9 +49,6 @@ def cloud(seed, n, extent=10.0):
     return rng.uniform(-extent, extent, (n, 3)), rng.uniform(0.1, 0.8, n)
 
 
-# ---------------------------------------------------------------- order
-
-
 @FEW
 @given(st.integers(0, 999), st.integers(0, 300))
 def test_order_is_a_permutation(seed, n):
@@ -88,9 +83,6 @@ def test_neighbours_stay_together():
 @pytest.mark.parametrize('points', [np.zeros((0, 3)), np.ones((1, 3)), np.ones((70, 3))])
 def test_order_of_nothing_and_of_the_same(points):
     assert sorted(morton_order(points).tolist()) == list(range(len(points)))
-
-
-# ---------------------------------------------------------------- frustum
 
 
 @pytest.mark.parametrize('parallel', [False, True])

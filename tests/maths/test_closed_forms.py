@@ -1,7 +1,5 @@
 """Small formulas at values known in closed form."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

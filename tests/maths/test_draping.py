@@ -1,7 +1,5 @@
 """Draping: invariants of the blend, and gains against exposures that are known."""
 
-from __future__ import annotations
-
 import imageio.v3 as iio
 import numpy as np
 import pytest

@@ -1,7 +1,5 @@
 """FLIP, against the package of its authors."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter

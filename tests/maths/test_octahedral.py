@@ -1,7 +1,5 @@
 """The octahedral map: its own inverse, and the same on the GPU."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

@@ -1,7 +1,5 @@
 """Quaternions: against SciPy's rotations, closed forms and inverses."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given

@@ -1,7 +1,5 @@
 """Shadow volumes: what they count is what rays find, for any mesh, light, place and size."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import trimesh

@@ -1,7 +1,5 @@
 """Cut triangles: no gaps (`tests/export` has more), and places found in their pieces."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import pyvista as pv

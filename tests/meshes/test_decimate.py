@@ -1,7 +1,5 @@
 """Lighter meshes: where they lie, and what of their look they keep."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import pyvista as pv

@@ -1,7 +1,5 @@
 """``mesh.ibr.glyph`` places, chooses and colours as ``mesh.glyph`` does."""
 
-from __future__ import annotations
-
 import inspect
 import itertools
 
@@ -11,6 +9,7 @@ import pyvista as pv
 
 from pvibr.core.errors import PvibrWarning
 from tests.pictures import off, place, plotter, shot
+from tests.refusals import refused
 
 pytestmark = pytest.mark.sampled
 
@@ -137,8 +136,7 @@ BAD = [
 
 @pytest.mark.parametrize(('bad', 'kind', 'said'), BAD)
 def test_bad_values_are_named(bad, kind, said):
-    with pytest.raises(kind, match=said):
-        grid(1).ibr.glyph(**bad)
+    refused(said, grid(1).ibr.glyph, kind=kind, **bad)
 
 
 def test_it_says_what_it_did_not_choose():
@@ -146,5 +144,4 @@ def test_it_says_what_it_did_not_choose():
     mesh.set_active_vectors(None)
     with pytest.warns(PvibrWarning, match=r'(?s)orient=False is used.*Name an array'):
         mesh.ibr.glyph()
-    with pytest.raises(TypeError, match='combine'):
-        pv.MultiBlock([mesh]).ibr.glyph()
+    refused('combine', pv.MultiBlock([mesh]).ibr.glyph, kind=TypeError)

@@ -9,11 +9,11 @@ from PIL import Image
 from pvibr.meshes.mesh_files import scene_instances
 from pvibr.meshes.parts import Part, as_meshes, as_parts
 from pvibr.textures.material_textures import copy_property
+from tests.refusals import refused
 
 
 def _picture(fill):
     plotter = pv.Plotter(off_screen=True, window_size=(96, 64))
-    plotter.disable_anti_aliasing()
     try:
         fill(plotter)
         plotter.camera_position = 'iso'
@@ -137,7 +137,6 @@ def test_actors_are_copied_with_look_and_matrix():
     part.actor.mapper.lookup_table.cmap = 'gray'
     assert actor.prop.opacity == 0.5
     np.testing.assert_array_equal(_picture(lambda pl: pl.add_actor(actor)), expected)
-    plotter.close()
 
 
 def test_composite_actor_keeps_the_colours_of_its_blocks():
@@ -146,7 +145,6 @@ def test_composite_actor_keeps_the_colours_of_its_blocks():
     mapper.block_attr[1].color = 'blue'
     mapper.block_attr[2].visible = False
     parts = as_parts(actor)
-    plotter.close()
     assert [part.actor.prop.color.name for part in parts] == ['blue']
 
 
@@ -285,15 +283,12 @@ def _with_nan():
     ],
 )
 def test_bad_meshes_are_named(mesh, kwargs, error, match):
-    with pytest.raises(error, match=match):
-        as_parts(mesh, **kwargs)
+    refused(match, as_parts, mesh, kind=error, **kwargs)
 
 
 def test_bad_lists():
-    with pytest.raises(ValueError, match='at least one'):
-        as_meshes([])
-    with pytest.raises(ValueError, match=r'meshes\[1\]: mesh must have points'):
-        as_meshes([pv.Cube(), pv.PolyData()])
+    refused('at least one', as_meshes, [])
+    refused(r'meshes\[1\]: mesh must have points', as_meshes, [pv.Cube(), pv.PolyData()])
 
 
 @pytest.mark.parametrize(

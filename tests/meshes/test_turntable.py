@@ -1,7 +1,5 @@
 """Turntables: pictures from around an axis, shown to eyes that are level with it."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -19,6 +17,7 @@ from pvibr.instances.measure import LAYOUTS, side_directions
 from pvibr.maths.vectors import as_units
 from pvibr.meshes.parts import as_parts
 from pvibr.meshes.turntable import SIDE_ELEVATION, Turns
+from tests.refusals import refused
 
 pytestmark = pytest.mark.all_sizes
 
@@ -78,7 +77,6 @@ def foliage(fir):
 
 def plotter(**kwargs):
     pl = pv.Plotter(off_screen=True, window_size=(120, 120), **kwargs)
-    pl.disable_anti_aliasing()
     pl.set_background('white')
     return pl
 
@@ -143,7 +141,6 @@ def test_from_above_it_gives_way(foliage, atlases, see):
         assert (picture < 0.9).any()
         shown = [n for n in ('billboard', 'turntable', 'blended') if things.report()[n]]
         assert shown == [expected]
-    pl.close()
 
 
 def test_a_billboard_is_lit_from_where_the_light_is(foliage, atlases, see):
@@ -157,7 +154,6 @@ def test_a_billboard_is_lit_from_where_the_light_is(foliage, atlases, see):
         picture = see.grab(pl)
         seen.append(1 - picture[(picture < 0.97).any(2)].mean())
     assert seen[1] > 1.1 * seen[0]  # behind, it is darker, though the picture is the same
-    pl.close()
 
 
 def test_each_level_joins_by_its_measured_error(foliage, atlases, see):
@@ -179,7 +175,6 @@ def test_each_level_joins_by_its_measured_error(foliage, atlases, see):
     things.remove()
     mixed.remove()
     assert (see.grab(pl) == 1).all()
-    pl.close()
 
 
 def test_sizes_follow_from_errors():
@@ -217,8 +212,7 @@ def test_it_is_kept_in_files(fir, tmp_path):
         ('turns.geometry', np.zeros((25, 25, 4), np.uint8)),
         ('turns.geometry', np.zeros(0)),
     ):
-        with pytest.raises(ValueError, match='not a turntable'):
-            Atlas.from_arrays(arrays | {name: wrong})
+        refused('not a turntable', Atlas.from_arrays, arrays | {name: wrong})
 
 
 def test_a_list_of_parts_is_one_mesh(fir, atlases):
@@ -227,4 +221,3 @@ def test_a_list_of_parts_is_one_mesh(fir, atlases):
     things = pl.ibr.add_instances(both, [[0, 0, 0], [9, 0, 0]], cache=atlases)
     assert len(things.atlases) == 1
     assert replace(both[0], turns=None) == both[0]
-    pl.close()

@@ -1,7 +1,5 @@
 """Textures of photographs as data: in tiles, with an atlas, with what each texel is worth."""
 
-from __future__ import annotations
-
 import tracemalloc
 from contextlib import contextmanager
 from pathlib import Path
@@ -16,6 +14,7 @@ import pvibr
 from pvibr.photos import photo_bake, projector
 from pvibr.visibility.unwrap import tiles_of, unwrapped
 from tests.photos.test_photo_mesh import SIZE, colour_of, ground, photographs, settled
+from tests.refusals import refused
 
 
 @pytest.fixture(scope='module')
@@ -177,7 +176,6 @@ def test_gltf_has_the_baked_colours(painted, tmp_path, exporter):
     pl.add_mesh(mesh, texture=pv.Texture(image))
     path = str(tmp_path / ('site.gltf' if exporter == 'pyvista' else 'site.glb'))
     (pl.export_gltf if exporter == 'pyvista' else pl.ibr.export_glb)(path)
-    pl.close()
     (found,) = trimesh.load(path, process=False).geometry.values()
     assert len(found.faces) == mesh.n_cells
     uv = found.visual.uv[found.faces].mean(1)
@@ -214,9 +212,6 @@ def test_what_no_photograph_sees(terrain, painted, tmp_path):
         pl.close()
         (found,) = trimesh.load(str(tmp_path / 'a.glb'), process=False).geometry.values()
         assert found.visual.material.alphaMode == mode
-
-
-# -- atlases ------------------------------------------------------------------------------------
 
 
 def test_an_atlas_has_room_between_its_parts(monkeypatch):
@@ -288,12 +283,8 @@ def test_projectors_bake_in_tiles_too(tmp_path, monkeypatch):
 
 
 def test_bad_files_are_refused(painted, tmp_path, monkeypatch):
-    with pytest.raises(ValueError, match=r'file must end in .tif .*site.png'):
-        painted.bake(file='site.png')
-    with pytest.raises(TypeError, match='file'):
-        painted.bake(file=3)
-    with pytest.raises(ValueError, match=r'size must be .* got 0'):
-        painted.bake(size=0, file=tmp_path / 'site.npy')
+    refused(r'file must end in .tif .*site.png', painted.bake, file='site.png')
+    refused('file', painted.bake, kind=TypeError, file=3)
+    refused(r'size must be .* got 0', painted.bake, size=0, file=tmp_path / 'site.npy')
     monkeypatch.setitem(__import__('sys').modules, 'rasterio', None)
-    with pytest.raises(ImportError, match='geo'):
-        painted.bake(file='site.tif')
+    refused('geo', painted.bake, kind=ImportError, file='site.tif')

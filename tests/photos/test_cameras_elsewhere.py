@@ -1,7 +1,5 @@
 """Against the programs' own code, where it is installed, and against real observations."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Weights of photographs: how far from borders, and where they jump."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import pyvista as pv
@@ -70,12 +68,10 @@ def test_a_photograph_seen_from_its_camera_is_the_photograph(shrunk, least, tmp_
     photo = pvibr.Photo('a.png', camera, tmp_path / 'a.png')
     width, height = (round(side / shrunk) for side in size)
     pl = pv.Plotter(off_screen=True, window_size=(width, height), lighting='none')
-    pl.disable_anti_aliasing()
     pl.ibr.add_photos(pv.Plane(i_size=9, j_size=9), [photo])
     pl.camera = photo.to_pyvista()
     pl.show(auto_close=False)
     shown = pl.screenshot(return_img=True).astype(float)
-    pl.close()
     fine = Image.fromarray(picture).resize((16 * width, 16 * height), Image.Resampling.NEAREST)
     true = np.asarray(fine, float).reshape(height, 16, width, 16, 3).mean((1, 3))
     error = (shown - true)[4:-4, 4:-4]

@@ -1,7 +1,5 @@
 """Many photographs on one mesh: what is painted, by rays; what it looks like, by known colours."""
 
-from __future__ import annotations
-
 import re
 
 import numpy as np
@@ -18,6 +16,9 @@ from pvibr.photos.photo_sources import load_small, sources_of
 from pvibr.photos.picture_sheet import Squares
 from pvibr.things.frame import Frame
 from pvibr.visibility.embree_rays import Rays as Occlusion
+from tests.makers import turn_of
+from tests.pictures import places
+from tests.refusals import refused
 
 SIZE = (200, 150)
 
@@ -49,10 +50,7 @@ def cameras(count, seed):
     rng = np.random.default_rng(seed)
     for angle in np.linspace(0, 2 * np.pi, count, endpoint=False):
         eye = np.array([3.5 * np.cos(angle), 3.5 * np.sin(angle), 2.5]) + rng.normal(0, 0.1, 3)
-        ahead = -eye / np.linalg.norm(eye)
-        right = np.cross(ahead, [0, 0, 1])
-        right /= np.linalg.norm(right)
-        R = np.stack([right, np.cross(ahead, right), ahead])
+        R = turn_of(-eye)
         K = [[175.0, 0, 99.5], [0, 175.0, 74.5], [0, 0, 1]]
         lens = (-0.08, 0.01, 1e-3, 0)
         yield pvibr.Pinhole(K, R, -R @ eye, SIZE, lens)
@@ -61,12 +59,9 @@ def cameras(count, seed):
 def photographs(mesh, folder, count, seed, exposures=True, colors_at=None):
     """Photographs of known colours by rays, each of another exposure."""
     rng = np.random.default_rng(seed)
-    u, v = np.meshgrid(
-        (np.arange(SIZE[0]) + 0.5) / SIZE[0], 1 - (np.arange(SIZE[1]) + 0.5) / SIZE[1]
-    )
     found = []
     for k, camera in enumerate(cameras(count, seed)):
-        origins, ahead = camera.rays(np.c_[u.ravel(), v.ravel()])
+        origins, ahead = camera.rays(places(SIZE).reshape(-1, 2))
         points = first_hits(mesh, origins, ahead)
         colors = colors_at(points, camera.position) if colors_at else colour_of(points)
         colors = np.nan_to_num(colors, nan=30.0)
@@ -157,7 +152,6 @@ def test_one_surface_of_what_cameras_see(made, large, tmp_path):
         step = np.abs(np.diff(off, axis=1)).max(-1)[where[:, 1:] & where[:, :-1]]
         steps[level], losses[level] = np.percentile(step, 99), np.mean(off[where] ** 2)
     assert painted.pick(100, 60).index < mesh.n_cells
-    pl.close()
     assert steps['seams'] <= 8
     assert losses['seams'] < 0.5 * losses['none']
 
@@ -234,7 +228,6 @@ def test_a_choice_made_anew_forgets_the_view(gloss):
     pl.close()
     pl, _ = window(mesh, photos)
     np.testing.assert_array_equal(shown, pl.screenshot(return_img=True))
-    pl.close()
 
 
 def test_photographs_of_a_view_show_what_they_see_and_never_jump(gloss):
@@ -267,7 +260,6 @@ def test_photographs_of_a_view_show_what_they_see_and_never_jump(gloss):
         reach = np.linalg.norm(photos[number].position - points[rows], axis=1)
         free = Occlusion([mesh]).free(points[rows], normals[rows], toward, reach)
         assert free.mean() > 0.999
-    pl.close()
 
 
 def test_memory_holds_small_versions_and_what_the_view_needs(made):
@@ -325,7 +317,6 @@ def test_translucent_with_peeling_as_without(made):
     pictures = []
     for peels in (0, 4):
         pl = pv.Plotter(off_screen=True, window_size=SIZE, lighting='none')
-        pl.disable_anti_aliasing()
         if peels:
             pl.enable_depth_peeling(peels)
         painted = pl.ibr.add_photos(mesh, photos, color='magenta')
@@ -402,10 +393,8 @@ def test_bad_input_is_refused(made):
         (ValueError, 'masks must have', photos, [None]),
         (ValueError, 'has no picture', pvibr.Photo('a.jpg', photos[0].camera), None),
     ):
-        with pytest.raises(error, match=match):
-            pvibr.PhotoMesh(mesh, wrong, masks=masks)
-    with pytest.raises(ValueError, match=r"to must .*got 'paper'"):
-        pvibr.PhotoMesh(pv.Plane(), photos[:1]).bake('paper')
+        refused(match, pvibr.PhotoMesh, mesh, wrong, kind=error, masks=masks)
+    refused(r"to must .*got 'paper'", pvibr.PhotoMesh(pv.Plane(), photos[:1]).bake, 'paper')
 
 
 def test_that_a_mesh_is_inside_out_is_said(made):

@@ -1,13 +1,13 @@
 """Photographs that bring their cameras, with lenses of any kind, on a plane of known colours."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import pyvista as pv
 from PIL import Image
 
 import pvibr
+from tests.pictures import places
+from tests.refusals import refused
 
 SIZE = (240, 180)
 LENSES = {
@@ -33,10 +33,7 @@ def photograph(kind, seed, folder):
     eye = np.array([*rng.normal(scale=0.1, size=2), 1.2])
     K = [[focal, 0, (SIZE[0] - 1) / 2], [0, focal, (SIZE[1] - 1) / 2], [0, 0, 1]]
     camera = pvibr.LensCamera(K, R, -R @ eye, SIZE, lens)
-    x, y = np.meshgrid(
-        (np.arange(SIZE[0]) + 0.5) / SIZE[0], 1 - (np.arange(SIZE[1]) + 0.5) / SIZE[1]
-    )
-    origins, ahead = camera.rays(np.c_[x.ravel(), y.ravel()])
+    origins, ahead = camera.rays(places(SIZE).reshape(-1, 2))
     with np.errstate(all='ignore'):
         at = origins - origins[:, 2:] / ahead[:, 2:] * ahead
         colours = np.where((ahead[:, 2:] < -0.05), colour_of(at[:, 0], at[:, 1]), 90)
@@ -56,7 +53,6 @@ def test_a_photograph_brings_its_camera(kind, seed, tmp_path):
     pl.enable_parallel_projection()
     pl.camera.parallel_scale = 0.45
     shown = pl.screenshot(return_img=True).astype(float)
-    pl.close()
     x, y = np.meshgrid(
         (np.arange(200) + 0.5) / 200 * 1.2 - 0.6, 0.45 - (np.arange(150) + 0.5) / 150 * 0.9
     )
@@ -76,10 +72,8 @@ def test_several_and_their_own_masks(tmp_path):
     assert pvibr.visible(plane, photos[0], to='cells').all()
     with pytest.raises(ValueError, match='image must be 1 to 6 pictures'):
         pvibr.Projector([photograph('spherical', 3, tmp_path), *photos])
-    with pytest.raises(TypeError, match='camera must be given'):
-        pvibr.Projector(none)
-    with pytest.raises(ValueError, match='needs resampling'):
-        pvibr.Projector(photograph('equidistant', 3, tmp_path), mask=none)
+    refused('camera must be given', pvibr.Projector, none, kind=TypeError)
+    refused('needs resampling', pvibr.Projector, photograph('equidistant', 3, tmp_path), mask=none)
 
 
 def test_the_view_of_a_photograph(tmp_path):

@@ -1,7 +1,5 @@
 """Projected pictures: by closed forms, by float64 maths, and against rays."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import pyvista as pv
@@ -13,6 +11,8 @@ from pvibr.maths.draping import sample
 from pvibr.maths.orthographic import Orthographic
 from pvibr.maths.pinhole import Pinhole
 from pvibr.things.frame import Frame
+from tests.makers import turn_of
+from tests.refusals import refused
 
 pytestmark = pytest.mark.sampled
 
@@ -23,10 +23,7 @@ ABOVE = Orthographic.from_extent(-1, 1, -1, 1, zmax=5)
 
 def pinhole(eye=(1.0, -2.0, 5.0), focus=(0.0, 0.0, 0.0), size=(160, 90), lens=(), zoom=1.5):
     eye, focus = np.array(eye, float), np.array(focus, float)
-    ahead = (focus - eye) / np.linalg.norm(focus - eye)
-    right = np.cross(ahead, [0.1, 1.0, 0.05])
-    right /= np.linalg.norm(right)
-    turn = np.array([right, np.cross(ahead, right), ahead])
+    turn = turn_of(focus - eye, [0.1, 1.0, 0.05])
     K = [[zoom * size[0], 0, size[0] / 2 + 3], [0, zoom * size[0], size[1] / 2 - 2], [0, 0, 1]]
     return Pinhole(K, turn, -turn @ eye, size, lens)
 
@@ -43,7 +40,6 @@ def stage():
     def make(*meshes, window=(300, 200), eye=(-2.0, -5.0, 5.0), focus=(0, 0, 0), **settings):
         settings = {'color': 'white', 'lighting': False} | settings
         pl = pv.Plotter(off_screen=True, window_size=window)
-        pl.ren_win.SetMultiSamples(0)
         pl.set_background('black')
         for mesh in meshes:
             pl.add_mesh(mesh, **settings)
@@ -61,9 +57,6 @@ def shot(pl):
 
 def floor(size=4.0):
     return pv.Plane(i_size=size, j_size=size).triangulate()
-
-
-# -- what is shown ------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize('lens', [(), LENS])
@@ -150,9 +143,6 @@ def test_flat_angles_can_be_left_out(stage):
         photo.max_angle = angle
         areas.append((shot(pl)[..., 0] < 0.5).sum())
     assert areas[0] > areas[1] > areas[2] > 0
-
-
-# -- modes --------------------------------------------------------------------------------------
 
 
 def middle(pl):
@@ -249,9 +239,6 @@ def test_every_kind_of_surface_receives(stage, settings):
     found = shot(pl)
     assert (found[..., 1] > found[..., 0] + 0.2).sum() > 500
     assert photo.enabled
-
-
-# -- in a plotter -------------------------------------------------------------------------------
 
 
 def test_depth_is_drawn_again_only_when_a_caster_moves(stage):
@@ -357,9 +344,6 @@ def test_films_are_read_by_imageio(stage, tmp_path):
     pl.ibr.remove(photo)
 
 
-# -- several ------------------------------------------------------------------------------------
-
-
 def sides():
     left = Orthographic.from_extent(-1, 0.4, -1, 1, zmax=5)
     right = Orthographic.from_extent(-0.4, 1, -1, 1, zmax=5)
@@ -405,7 +389,6 @@ def test_no_specks_on_steep_terrain(seed, samples):
     mesh = pv.StructuredGrid(x, y, 1.5 * heights / heights.std())
     above = pvibr.Orthographic.from_extent(-10.1, 10.1, -10.1, 10.1)
     pl = pv.Plotter(off_screen=True, window_size=(300, 225))
-    pl.disable_anti_aliasing()
     if samples:
         pl.enable_anti_aliasing('msaa', multi_samples=samples)
     pl.set_background('black')
@@ -422,7 +405,6 @@ def test_no_specks_on_steep_terrain(seed, samples):
     with_depth = bare()
     photo.occlusion = False  # what is left faces away
     assert with_depth - bare() <= 15  # of 30 000; 200 and 6 000 by the receiver's plane alone
-    pl.close()
     assert (
         pvibr.Projector(green, above).bake(mesh.extract_surface(algorithm=None))['covered'].all()
     )
@@ -441,10 +423,6 @@ def test_the_first_frame_with_gains_is_right_and_they_can_be_read():
         pl.render()
     np.testing.assert_array_equal(first, pl.screenshot(return_img=True))
     assert np.abs(photos.found_gains[1] / photos.found_gains[0] - 2).max() < 0.02
-    pl.close()
-
-
-# -- as data ------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize('to', ['points', 'cells'])
@@ -492,9 +470,6 @@ def test_without_coordinates_a_texture_names_the_remedy(monkeypatch):
         pvibr.Projector(GREEN, ABOVE).bake(pv.Sphere(), to='texture')
 
 
-# -- bad input ----------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize(
     ('image', 'camera', 'error', 'message'),
     [
@@ -511,8 +486,7 @@ def test_without_coordinates_a_texture_names_the_remedy(monkeypatch):
     ],
 )
 def test_bad_input_is_named(image, camera, error, message):
-    with pytest.raises(error, match=message):
-        pvibr.Projector(image, camera)
+    refused(message, pvibr.Projector, image, camera, kind=error)
 
 
 def test_bad_numbers_of_views():
@@ -522,10 +496,8 @@ def test_bad_numbers_of_views():
         (ValueError, 'got 2, 1 and 1', [GREEN] * 2, [ABOVE]),
         (TypeError, 'must be lists', GREEN, [ABOVE]),
     ):
-        with pytest.raises(error, match=match):
-            pvibr.Projector(images, cameras)
-    with pytest.raises(ValueError, match="'texture'"):
-        pvibr.Projector(GREEN, ABOVE).bake(floor(), to='paper')
+        refused(match, pvibr.Projector, images, cameras, kind=error)
+    refused("'texture'", pvibr.Projector(GREEN, ABOVE).bake, floor(), to='paper')
 
 
 def test_pictures_above_the_limit_are_reduced_and_it_is_said(stage, monkeypatch):
@@ -534,9 +506,6 @@ def test_pictures_above_the_limit_are_reduced_and_it_is_said(stage, monkeypatch)
     photo = pl.ibr.add(pvibr.Projector(picture((300, 170)), ABOVE))
     np.testing.assert_allclose(middle(pl), picture((300, 170))[85, 150], atol=0.03)
     assert photo.report()['reduced'] == 3
-
-
-# -- real data ----------------------------------------------------------------------------------
 
 
 def test_a_photograph_lies_on_its_liver(stage, data_dir):

@@ -1,7 +1,5 @@
 """Every format against its own documented projection, written out for single points in float64."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

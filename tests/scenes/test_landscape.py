@@ -8,6 +8,7 @@ from scipy.spatial import cKDTree
 
 from pvibr.scenes.landscape import CLEARING, SCALES, landscape
 from tests.marks import slow
+from tests.refusals import refused
 
 
 @pytest.fixture(scope='module')
@@ -93,8 +94,7 @@ def test_most_frames_see_thousands_and_a_handful_near(scene):
 def test_parts_of_the_walk(scene):
     assert scene.path(1, 0.5, 0.5) == [scene.path(3)[1]]
     for bad in ({'frames': 0}, {'frames': 3, 'start': 0.7, 'stop': 0.2}):
-        with pytest.raises(ValueError, match='frames must be'):
-            scene.path(**bad)
+        refused('frames must be', scene.path, **bad)
 
 
 def test_parts_are_ready_to_draw():
@@ -106,8 +106,7 @@ def test_parts_are_ready_to_draw():
     ('kwargs', 'match'), [({'n': 0}, 'n must be.*got 0'), ({'n': 5000, 'size': 30}, 'larger size')]
 )
 def test_bad_wishes_are_named(kwargs, match):
-    with pytest.raises(ValueError, match=match):
-        landscape(**kwargs)
+    refused(match, landscape, **kwargs)
 
 
 @pytest.mark.parametrize('n', [1, 100, slow(100_000)])

@@ -78,7 +78,6 @@ def test_a_ground_with_normals_is_smooth(ground):
     bare.point_data.clear()
     bare['color_rgb'] = ground['color_rgb']
     assert add_ground(plotter, bare).prop.interpolation.name == 'FLAT'
-    plotter.close()
 
 
 def test_coverage_by_depth_and_by_two_grounds_agree(ground):

@@ -5,6 +5,7 @@ import pytest
 
 from pvibr.instances.enclosing_surfaces import winding
 from pvibr.scenes.walker import walker
+from tests.refusals import refused
 
 
 @pytest.mark.parametrize('triangles', [300, 5000])
@@ -31,5 +32,4 @@ def test_clips_go_round(clip):
 
 
 def test_too_few_triangles():
-    with pytest.raises(ValueError, match='300 or more'):
-        walker(100)
+    refused('300 or more', walker, 100)

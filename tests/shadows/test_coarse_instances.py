@@ -1,7 +1,5 @@
 """Cards that are coarser while the view moves do not shadow themselves."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import pyvista as pv
@@ -10,6 +8,7 @@ import pvibr
 from pvibr.capture.adaptive_quality import AdaptiveQuality
 from pvibr.instances.levels import make_model
 from tests.instances.scenes import quick
+from tests.makers import MATT
 
 
 def fir():
@@ -41,9 +40,8 @@ def test_lit_sides_stay_lit_at_a_lower_quality(monkeypatch, make, gaps):
     pl.add_light(pv.Light(position=(5, -2, 2.0), light_type='scene light'))
     x, y = np.meshgrid(*np.outer(gaps, np.arange(-3, 4)))
     places = np.c_[(x + 0.37 * y).ravel(), y.ravel(), np.full(x.size, 0.5)]
-    matt = {'color': 'white', 'ambient': 0.0, 'diffuse': 1.0, 'specular': 0.0}
     mesh = make().extract_surface(algorithm=None)
-    firs = pl.ibr.add_instances(mesh, places, cache=False, bake=True, force_level=level, **matt)
+    firs = pl.ibr.add_instances(mesh, places, cache=False, bake=True, force_level=level, **MATT)
     shadows = pl.ibr.add(pvibr.Shadows())
     pl.camera_position = [(-3, -30, 15), (0, 0, 0), (0, 0, 1)]
     pl.show(auto_close=False)

@@ -1,7 +1,5 @@
 """Where all lights follow the camera, one sun stands for them: as bright, and it casts."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import pyvista as pv

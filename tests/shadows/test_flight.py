@@ -1,12 +1,11 @@
 """Shadows hold still in flight: no floor point jumps where views of a light change."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import pyvista as pv
 
 import pvibr
+from tests.makers import MATT
 from tests.pictures import plotter
 
 SIZE = (120, 90)
@@ -37,11 +36,10 @@ def test_no_floor_point_jumps_in_flight(kind):
     light = pv.Light(position=tuple(300 * SUN), light_type='scene light')
     light.positional, light.cone_angle = kind == 'lamp', 80
     pl.add_light(light)
-    matt = {'color': 'white', 'ambient': 0.0, 'diffuse': 1.0, 'specular': 0.0}
-    pl.add_mesh(pv.Plane(i_size=1000, j_size=1000), **matt)
+    pl.add_mesh(pv.Plane(i_size=1000, j_size=1000), **MATT)
     places = np.stack(np.meshgrid([-6, 0, 6], [-6, 0, 6, 40, 300]), -1).reshape(-1, 2)
     for x, y in places:
-        pl.add_mesh(pv.Plane(center=(x, y, 1.0), i_size=2, j_size=2), **matt)
+        pl.add_mesh(pv.Plane(center=(x, y, 1.0), i_size=2, j_size=2), **MATT)
     shadows = pl.ibr.add(pvibr.Shadows())
     pl.show(auto_close=False)
     views, wrong, judged = set(), np.zeros(2), np.zeros(2)

@@ -1,7 +1,5 @@
 """Shadow maps stay within the memory that they are given."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import pyvista as pv

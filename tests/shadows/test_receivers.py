@@ -1,7 +1,5 @@
 """What receivers of shadows are told of a light's views, and how they read maps."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import pyvista as pv
@@ -67,7 +65,6 @@ def test_four_texels_at_once_are_those_one_by_one(monkeypatch):
     pl.render()
     found.append(pl.screenshot())
     shadows._feature.cache_clear()
-    pl.close()
     assert np.ptp(found[0].astype(int), axis=(0, 1)).max() > 100
     assert np.abs(found[0].astype(int) - found[1]).max() <= 1
 
@@ -84,6 +81,5 @@ def test_a_lamp_near_a_billboard_lights_it(away):
     pl.ibr.add(pvibr.Shadows())
     pl.render()
     shadowed = pl.screenshot(return_img=True)[30, 30]
-    pl.close()
     assert lit.min() > 50
     assert np.abs(shadowed - lit).max() <= 1

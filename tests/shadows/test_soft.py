@@ -1,7 +1,5 @@
 """Soft shadows on grounds of any size, against rays to the whole light."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import pyvista as pv
@@ -11,6 +9,7 @@ import pvibr
 from benchmarks.common.light_scenes import LightScene, bare, light_at
 from benchmarks.common.rays import Rays
 from benchmarks.shadows.errors import drawn, sight
+from tests.pictures import shown
 
 EXTENTS = {'directional': 4.0, 'spot': 0.25, 'point': 0.12}
 
@@ -70,8 +69,7 @@ def test_a_lamp_without_a_radius_is_as_large_in_every_view():
     pl.add_mesh(pv.Box((14, 16, -8, -6, 0, 3)), color='white')
     pl.camera_position = [(10, -45, 30), (5, -4, 0), (0, 0, 1)]
     shadows = pl.ibr.add(pvibr.Shadows(method='pcss'))
-    pl.show(auto_close=False)
-    found = pl.screenshot().astype(int)
+    found = shown(pl)
     views = shadows.views_of(lamp)
     assert len(views) > 1
     assert views[-1].far < 0.98 * views[0].far

@@ -1,12 +1,11 @@
 """Of shadow maps only those are drawn again that show what changed."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import pyvista as pv
 
 import pvibr
+from tests.makers import MATT
 
 SIZE = 1e4
 PLACES = {
@@ -27,13 +26,12 @@ class Land:
         lamp.cone_angle = 90.0 if kind == 'point' else 30.0
         self.lamp = lamp
         self.pl.add_light(lamp)
-        matt = {'color': 'white', 'ambient': 0.0, 'diffuse': 1.0, 'specular': 0.0}
         ground = pv.Plane(i_size=SIZE, j_size=SIZE, i_resolution=20, j_resolution=20)
-        self.pl.add_mesh(ground, **matt)
+        self.pl.add_mesh(ground, **MATT)
         rng = np.random.default_rng(seed)
         away, turn = SIZE * 10 ** rng.uniform(-3.8, -0.4, 12), rng.uniform(0, 2 * np.pi, 12)
         places = np.c_[away * np.cos(turn), away * np.sin(turn), np.full(12, 0.5)]
-        self.boxes = [self.pl.add_mesh(pv.Cube(center=c), **matt) for c in places]
+        self.boxes = [self.pl.add_mesh(pv.Cube(center=c), **MATT) for c in places]
         self.shadows = self.pl.ibr.add(pvibr.Shadows(resolution=256))
 
     def look(self, away, turn=0.6):

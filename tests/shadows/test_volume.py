@@ -7,18 +7,12 @@ from benchmarks.common.light_scenes import LightScene, measured_lit, place
 from benchmarks.common.rays import Rays, edge_band
 from pvibr.maths.views import perspective
 from pvibr.shadows.volume import safe_before, shadow_rects
-from tests.pictures import shot
+from tests.makers import lamp
+from tests.pictures import shot, shown
 
 pytestmark = pytest.mark.sampled
 
 EYE = ((1, -7, 5), (0, 0, 0.5), (0, 0, 1))
-
-
-def light_at(position, cone=None, focus=(0, 0, 0)):
-    light = pv.Light(position=position, focal_point=focus, light_type='scene light')
-    if cone is not None:
-        light.positional, light.cone_angle = True, cone
-    return light
 
 
 def floor(size=4.0):
@@ -80,7 +74,7 @@ def fins():
     'mesh', [ball(center=(0, 0, 1)), pv.Cube(center=(0, 0, 0.5)), sheet(), fins()]
 )
 @pytest.mark.parametrize(
-    'light', [light_at((3, 1, 4)), light_at((0.4, 0.3, 4), 40), light_at((-1, -2, 2.5), 90)]
+    'light', [lamp((3, 1, 4)), lamp((0.4, 0.3, 4), cone=40), lamp((-1, -2, 2.5), cone=90)]
 )
 def test_every_pixel_is_that_of_rays(mesh, light):
     assert wrong_pixels(scene_of([floor(), mesh], light))[0] == 0
@@ -89,13 +83,13 @@ def test_every_pixel_is_that_of_rays(mesh, light):
 @pytest.mark.parametrize('window', [(90, 90), (200, 60), (60, 160)])
 @pytest.mark.parametrize(('offset', 'scale'), [(0, 1), (1e6, 1), (1e9, 1), (0, 1e-9), (0, 1e9)])
 def test_any_window_place_and_size(window, offset, scale):
-    scene = place(scene_of([floor(), ball(center=(0, 0, 1))], light_at((3, 1, 4))), offset, scale)
+    scene = place(scene_of([floor(), ball(center=(0, 0, 1))], lamp((3, 1, 4))), offset, scale)
     assert wrong_pixels(scene, window)[0] == 0
 
 
 @pytest.mark.parametrize(
     'light',
-    [light_at((0, 0, 4)), light_at((0, 0, 4), 90), light_at((4, 0, 0.001)), light_at((2, 0, 2))],
+    [lamp((0, 0, 4)), lamp((0, 0, 4), cone=90), lamp((4, 0, 0.001)), lamp((2, 0, 2))],
 )
 def test_light_straight_above_and_in_the_plane_of_faces(light):
     meshes = [floor(), pv.Cube(center=(0.3, 0, 1.0), x_length=0.7, y_length=0.7, z_length=0.7)]
@@ -110,7 +104,7 @@ def test_a_ball_throws_an_ellipse():
             floor(),
             pv.Sphere(radius=0.5, center=(0, 0, 1), theta_resolution=200, phi_resolution=200),
         ],
-        light_at((3, 0, 4)),
+        lamp((3, 0, 4)),
         ((0, 0, 20), (0, 0, 0), (0, 1, 0)),
     )
     with scene.stage('it', (200, 200)) as stage:
@@ -127,7 +121,7 @@ def test_a_ball_throws_an_ellipse():
 INSIDE = ((-1.0, -0.3, 0.6), (-1.1, 0.2, 0.0), (0, 0, 1))
 
 
-@pytest.mark.parametrize('light', [light_at((3, 0, 4)), light_at((1.5, 0, 3.5), 90)])
+@pytest.mark.parametrize('light', [lamp((3, 0, 4)), lamp((1.5, 0, 3.5), cone=90)])
 @pytest.mark.parametrize(
     'mesh', [ball(center=(-0.4, -0.3, 1.4)), pv.Plane(center=(-0.4, -0.3, 1.4)).triangulate()]
 )
@@ -139,19 +133,17 @@ def test_the_eye_may_be_in_the_shadow(light, mesh):
 
 @pytest.mark.parametrize('near', [0.05, 0.3, 0.5, 0.65])
 def test_the_near_plane_may_cut_the_shadow(near):
-    scene = scene_of([floor(12.0), ball(center=(-0.4, -0.3, 1.4))], light_at((3, 0, 4)), INSIDE)
+    scene = scene_of([floor(12.0), ball(center=(-0.4, -0.3, 1.4))], lamp((3, 0, 4)), INSIDE)
     assert wrong_pixels(scene, near=(near, 50.0))[0] == 0
 
 
 def test_depth_over_a_million():
-    scene = scene_of([floor(), ball(center=(0, 0, 1))], light_at((3, 1, 4)))
+    scene = scene_of([floor(), ball(center=(0, 0, 1))], lamp((3, 1, 4)))
     assert wrong_pixels(scene, near=(1e-3, 1e3))[0] == 0
 
 
 @pytest.mark.parametrize('parallel', [False, True])
-@pytest.mark.parametrize(
-    'light', [light_at((3, 0, 4)), light_at((1, 0, 4), 90), light_at((0, 0.5, -4))]
-)
+@pytest.mark.parametrize('light', [lamp((3, 0, 4)), lamp((1, 0, 4), cone=90), lamp((0, 0.5, -4))])
 def test_both_ways_of_counting_give_one_picture(light, parallel, monkeypatch):
     meshes = [
         floor(),
@@ -182,7 +174,7 @@ def test_actors_move_turn_shrink_and_mirror_without_a_new_table(monkeypatch):
     )
     thing = pv.Cube(x_length=1.0, y_length=0.5, z_length=0.3).triangulate()
     for k in range(4):
-        scene = scene_of([floor(), thing], light_at((3, 1, 4)))
+        scene = scene_of([floor(), thing], lamp((3, 1, 4)))
         with scene.stage('it', (120, 90)) as stage:
             effect = shadows(stage)
             stage.picture()
@@ -199,16 +191,16 @@ def test_actors_move_turn_shrink_and_mirror_without_a_new_table(monkeypatch):
             made = len(tables)
             moved = measured_lit(stage, effect)
             assert len(tables) - made == (1 if k == 3 else 0)  # what is flat has another shape
-        with scene_of(
-            [floor(), thing.transform(matrix, inplace=False)], light_at((3, 1, 4))
-        ).stage('it', (120, 90)) as stage:
+        with scene_of([floor(), thing.transform(matrix, inplace=False)], lamp((3, 1, 4))).stage(
+            'it', (120, 90)
+        ) as stage:
             fixed = measured_lit(stage, shadows(stage))
         apart = np.abs(np.nan_to_num(moved, nan=0.5) - np.nan_to_num(fixed, nan=0.5)) > 0.3
         assert apart.mean() < 2e-3
 
 
 def test_nothing_is_drawn_anew_for_nothing():
-    scene = scene_of([floor(), ball(center=(0, 0, 1))], light_at((3, 1, 4)))
+    scene = scene_of([floor(), ball(center=(0, 0, 1))], lamp((3, 1, 4)))
     with scene.stage('it', (90, 60)) as stage:
         effect = shadows(stage)
         for _ in range(3):
@@ -226,7 +218,7 @@ def test_nothing_is_drawn_anew_for_nothing():
 @pytest.mark.parametrize('count', [2, 5])
 def test_several_lights_each_have_a_mask(count):
     meshes, alone = [floor(), ball(center=(0, 0, 1))], []
-    lights = [light_at((3 * np.cos(a), 3 * np.sin(a), 4)) for a in np.arange(count) * 1.2]
+    lights = [lamp((3 * np.cos(a), 3 * np.sin(a), 4)) for a in np.arange(count) * 1.2]
     for light in lights:
         light.intensity = 0.15
         with scene_of(meshes, light).stage('it', (90, 70)) as stage:
@@ -250,10 +242,9 @@ def test_subplots_resize_remove_and_add_leave_no_trace():
         pl.set_background('black')
         pl.add_mesh(floor(), color='white', ambient=0)
         pl.add_mesh(ball(center=(0, 0, 1)), color='white', ambient=0)
-        pl.add_light(light_at((3, 1, 4)))
+        pl.add_light(lamp((3, 1, 4)))
         pl.camera_position = EYE
-    pl.show(auto_close=False)
-    plain = shot(pl)
+    plain = shown(pl)
     both = pl.ibr.add(pvibr.Shadows(method='volume'))
     pl.subplot(0, 0)
     first = pl.ibr.add(pvibr.Shadows(method='volume'))
@@ -274,7 +265,7 @@ def test_subplots_resize_remove_and_add_leave_no_trace():
 
 
 def test_the_method_may_change():
-    scene = scene_of([floor(), ball(center=(0, 0, 1))], light_at((3, 1, 4)))
+    scene = scene_of([floor(), ball(center=(0, 0, 1))], lamp((3, 1, 4)))
     with scene.stage('it', (90, 70)) as stage:
         effect = shadows(stage)
         volume = stage.picture()
@@ -286,7 +277,7 @@ def test_the_method_may_change():
 
 
 def test_finer_passes_read_the_mask_where_it_is():
-    scene = scene_of([floor(), ball(center=(0, 0, 1))], light_at((3, 1, 4)))
+    scene = scene_of([floor(), ball(center=(0, 0, 1))], lamp((3, 1, 4)))
     with scene.stage('it', (120, 90)) as stage:
         shadows(stage)
         plain = stage.picture()
@@ -297,7 +288,7 @@ def test_finer_passes_read_the_mask_where_it_is():
 
 def test_translucent_things_cast_none_and_show_none():
     meshes = [floor(), ball(center=(0, 0, 1))]
-    with scene_of(meshes, light_at((0, 0, 4), None)).stage('it', (90, 70)) as stage:
+    with scene_of(meshes, lamp((0, 0, 4))).stage('it', (90, 70)) as stage:
         glass = stage.plotter.add_mesh(
             floor(1.5).translate((0, 0, 0.4)), color='white', opacity=0.5
         )

@@ -1,5 +1,3 @@
-import errno
-
 import numpy as np
 import pytest
 import pyvista as pv
@@ -11,23 +9,28 @@ from pvibr.core import _vtk
 from pvibr.maths.image_error import silhouette_iou
 from pvibr.scenes.trees import tree_parts
 from pvibr.substitutes.billboard_cloud import billboard_cloud
+from tests.makers import full_disk, lamp
 from tests.marks import slow
+from tests.refusals import refused
 
 VIEWS = [(1, 2, 0.8), (-2, 0.6, -0.7), (0.2, -1, 2)]
 
 
-def picture(add, view, bounds, **looks):
+def looked_at(pl, view, bounds):
+    """Look at the middle of what has bounds; return its middle and its size."""
     low, high = np.reshape(bounds, (3, 2)).T
     middle, size = (low + high) / 2, np.linalg.norm(high - low)
-    pl = pv.Plotter(off_screen=True, window_size=(120, 120))
-    pl.background_color = 'white'
-    add(pl, **looks)
     direction = np.array(view) / np.linalg.norm(view)
+    pl.background_color = 'white'
     pl.camera_position = [tuple(middle + 2.2 * size * direction), tuple(middle), (0, 0, 1)]
-    pl.reset_camera_clipping_range()
-    image = pl.screenshot().astype(float)
-    pl.close()
-    return image
+    return middle, size
+
+
+def picture(add, view, bounds, **looks):
+    pl = pv.Plotter(off_screen=True, window_size=(120, 120))
+    add(pl, **looks)
+    looked_at(pl, view, bounds)
+    return taken(pl)
 
 
 def coverage(image):
@@ -227,13 +230,9 @@ def test_far_from_the_origin(torus):
 
 
 def test_a_full_disk_leaves_no_part_of_a_cloud(cloud, tmp_path, monkeypatch):
-    def full(_):
-        raise OSError(errno.ENOSPC, 'No space left on device')
-
-    monkeypatch.setattr('os.fsync', full)
+    monkeypatch.setattr('os.fsync', full_disk)
     for name in ('a.obj', 'a.glb'):
-        with pytest.raises(OSError, match='the disk is full'):
-            cloud.save(tmp_path / name)
+        refused('the disk is full', cloud.save, tmp_path / name, kind=OSError)
     assert not list(tmp_path.iterdir())
 
 
@@ -253,8 +252,7 @@ def test_it_is_written_and_read_again(cloud, tmp_path):
     mesh = trimesh.load(files[0])
     assert np.allclose(mesh.bounds.T.ravel(), cloud.mesh.bounds, atol=1e-5)
     assert np.array_equal(np.asarray(mesh.visual.material.image), cloud.texture.to_array())
-    with pytest.raises(ValueError, match=r'\.glb or \.obj'):
-        cloud.save(tmp_path / 'a.stl')
+    refused(r'\.glb or \.obj', cloud.save, tmp_path / 'a.stl')
 
 
 def test_a_read_glb_looks_the_same(cloud, torus, tmp_path):
@@ -281,45 +279,30 @@ def test_a_read_glb_looks_the_same(cloud, torus, tmp_path):
     ],
 )
 def test_bad_input_is_named(torus, wrong, name):
-    with pytest.raises(ValueError, match=name):
-        torus.ibr.billboard_cloud(**wrong)
+    refused(name, torus.ibr.billboard_cloud, **wrong)
 
 
 def test_a_texture_too_small_for_its_planes_is_named():
     ball = pv.Sphere(theta_resolution=8, phi_resolution=8)
-    with pytest.raises(ValueError, match=r'size must have room.*got 16'):
-        ball.ibr.billboard_cloud(epsilon=0.01, size=16)
+    refused(r'size must have room.*got 16', ball.ibr.billboard_cloud, epsilon=0.01, size=16)
 
 
 def test_a_point_is_no_cloud():
-    with pytest.raises(ValueError, match='all coincide'):
-        pv.PolyData(np.ones((3, 3)), faces=[3, 0, 1, 2]).ibr.billboard_cloud()
-    with pytest.raises(ValueError, match='empty'):
-        pv.PolyData().ibr.billboard_cloud()
-    with pytest.raises(ValueError, match='only points or lines'):
-        pv.Line().ibr.billboard_cloud()
+    refused('all coincide', pv.PolyData(np.ones((3, 3)), faces=[3, 0, 1, 2]).ibr.billboard_cloud)
+    refused('empty', pv.PolyData().ibr.billboard_cloud)
+    refused('only points or lines', pv.Line().ibr.billboard_cloud)
 
 
 def scene(add, bounds, view, *, light=(1, -1, 2), floor=False, **kwargs):
     """Return a plotter with one light and what is added, looked at as in :func:`picture`."""
-    low, high = np.reshape(bounds, (3, 2)).T
-    middle, size = (low + high) / 2, np.linalg.norm(high - low)
     pl = pv.Plotter(off_screen=True, window_size=(120, 120), lighting='none', **kwargs)
-    pl.background_color = 'white'
-    position = tuple(middle + 5 * size * np.array(light))
-    pl.add_light(
-        pv.Light(
-            position=position,
-            focal_point=tuple(middle),
-            light_type='scene light',
-            positional=False,
-        )
-    )
+    middle, size = looked_at(pl, view, bounds)
+    pl.add_light(lamp(tuple(middle + 5 * size * np.array(light)), tuple(middle)))
     if floor:
-        pl.add_mesh(pv.Plane(center=(0, 0, low[2] - 0.1), i_size=9, j_size=9), color='lightblue')
+        below = pv.Plane(center=(0, 0, bounds[4] - 0.1), i_size=9, j_size=9)
+        pl.add_mesh(below, color='lightblue')
     add(pl)
-    direction = np.array(view) / np.linalg.norm(view)
-    pl.camera_position = [tuple(middle + 2.2 * size * direction), tuple(middle), (0, 0, 1)]
+    looked_at(pl, view, bounds)
     return pl
 
 

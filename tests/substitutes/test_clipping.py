@@ -1,7 +1,5 @@
 """The camera's clipping planes cut what impostors show as they cut the meshes."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import pyvista as pv

@@ -1,12 +1,11 @@
 """Actors that come to and go from impostors: the others keep their images."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import pyvista as pv
 
 from tests.pictures import place, plotter, shot
+from tests.refusals import refused
 
 BALL = pv.Sphere(radius=0.6, theta_resolution=40, phi_resolution=30)
 COUNT = 36
@@ -120,12 +119,9 @@ def test_who_may_not_come_or_go_changes_nothing():
         (later, 'already replaces some'),
         ([], 'got none'),
     ):
-        with pytest.raises(ValueError, match=why):
-            impostor.add(wrong)
-    with pytest.raises(TypeError, match='must be actors'):
-        impostor.add(3)
-    with pytest.raises(ValueError, match='must be one of the 36'):
-        impostor.remove([actors[0], later])
+        refused(why, impostor.add, wrong)
+    refused('must be actors', impostor.add, 3, kind=TypeError)
+    refused('must be one of the 36', impostor.remove, [actors[0], later])
     assert len(impostor.things) == COUNT
     other.remove()
     pl.remove_actor(later)

@@ -1,7 +1,5 @@
 """Impostors beside what plotters enable, and where their actors go wrong."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 
 import numpy as np
@@ -18,7 +16,6 @@ BALL = pv.Sphere(theta_resolution=120, phi_resolution=60)
 def make(*, images, size=(240, 180), **settings):
     """Return a plotter with two actors in reach of each other, and their impostor."""
     pl = pv.Plotter(off_screen=True, window_size=size)
-    pl.ren_win.SetMultiSamples(0)
     actors = [
         pl.add_mesh(BALL.copy(), color='tomato', smooth_shading=True),
         pl.add_mesh(TORUS.copy(), color='gold', smooth_shading=True),
@@ -124,18 +121,6 @@ def test_a_group_of_one_that_is_emptied_filled_and_removed(hierarchical):
     assert blank.visibility
 
 
-def test_an_actor_of_another_subplot_is_refused():
-    pl = pv.Plotter(off_screen=True, shape=(1, 2))
-    actor = pl.add_mesh(BALL)
-    pl.subplot(0, 1)
-    with pytest.raises(ValueError, match='not in this subplot'):
-        pl.ibr.add_impostor(actor)
-    assert pl.ibr.effects == ()
-    other = pl.add_mesh(BALL)
-    with pytest.raises(ValueError, match='twice'):
-        pl.ibr.add_impostor([other, other])
-
-
 def test_an_actor_that_comes_again_is_a_mesh():
     pl, actors, impostor = make(images=True)
     before = shown(pl)
@@ -146,14 +131,6 @@ def test_an_actor_that_comes_again_is_a_mesh():
     assert alike(before, shown(pl))
     assert impostor.report()['shown'] == 1
     assert actors[0].visibility
-
-
-def test_closing_in_any_state():
-    for act in (lambda pl, i: None, lambda pl, i: i.remove(), lambda pl, i: pl.clear()):
-        pl, _, impostor = make(images=True)
-        shown(pl)
-        act(pl, impostor)
-        pl.close()
 
 
 def test_a_frame_that_may_be_coarser_keeps_images_for_longer():

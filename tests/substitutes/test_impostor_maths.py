@@ -1,7 +1,5 @@
 """The error of a card against rays, closed forms and random points."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Every box is under the root once, and the cheapest cover covers each once."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

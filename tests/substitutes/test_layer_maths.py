@@ -1,7 +1,5 @@
 """Warps of pictures to other views."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given

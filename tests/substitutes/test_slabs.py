@@ -1,7 +1,5 @@
 """Thin slabs hold what they should, and as few of them as one can find."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import pyvista as pv

@@ -1,7 +1,5 @@
 """Soft layers hide what is behind them, wherever they pierce one another and other things."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import pyvista as pv

@@ -1,7 +1,5 @@
 """Parts as CAD files have them: slivers that clean() made lines of, edges, struts."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import pyvista as pv

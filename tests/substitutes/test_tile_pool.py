@@ -1,7 +1,5 @@
 """Tiles never overlap, and what is given back can be taken as one again."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from pvibr.substitutes.impostor_images import Tiles

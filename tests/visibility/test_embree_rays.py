@@ -1,7 +1,5 @@
 """Light and sight by rays: as closed forms and triangles in float64 have it, whatever casts."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import pyvista as pv
@@ -9,7 +7,7 @@ import pyvista as pv
 import pvibr
 from pvibr.maths.pinhole import Pinhole
 from tests.figures.makers import worm
-from tests.makers import grid, lamp
+from tests.makers import OVER_A_SQUARE, grid, lamp
 
 pytest.importorskip('embreex')
 
@@ -33,14 +31,7 @@ def crossed(points, ways, mesh):
 
 
 @pytest.mark.parametrize('offset', [0.0, 1e6])
-@pytest.mark.parametrize(
-    ('light', 'half'),
-    [
-        (lamp((0, 0, 9)), 0.25),
-        (lamp((0, 0, 3), cone=90), 0.375),
-        (lamp((0, 0, 3), cone=40), 0.375),
-    ],
-)
+@pytest.mark.parametrize(('light', 'half'), OVER_A_SQUARE)
 def test_shadow_of_a_square_in_closed_form(light, half, offset):
     light = light.copy()
     light.position = tuple(np.array(light.position) + offset)
@@ -115,7 +106,6 @@ def test_instances_figures_and_impostors_cast_as_their_meshes():
         np.testing.assert_array_equal(found, pvibr.shadow_mask(ground, light, meshes, **how))
         for caster, few in ((cubes, 5), (figure, 1), (impostor, 5)):
             assert (pvibr.shadow_mask(ground, light, [caster], **how) == 0).sum() >= few
-    pl.close()
 
 
 def test_a_camera_sees_what_no_ray_meets():

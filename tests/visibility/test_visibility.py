@@ -1,7 +1,5 @@
 """What cameras see and light reaches, as data: closed forms and rays."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import pyvista as pv
@@ -13,7 +11,8 @@ from pvibr.maths.orthographic import Orthographic
 from pvibr.maths.pinhole import Pinhole
 from pvibr.visibility import embree_rays
 from pvibr.visibility.surface_samples import Samples, sides_of
-from tests.makers import grid, lamp
+from tests.makers import OVER_A_SQUARE, grid, lamp, turn_of
+from tests.refusals import refused
 
 ABOVE = Orthographic.from_extent(-1, 1, -1, 1, zmax=5)
 
@@ -28,10 +27,7 @@ def bumpy(offset=0.0):
 
 def looking(eye, focus, size=(200, 150)):
     eye, focus = np.array(eye, float), np.array(focus, float)
-    ahead = (focus - eye) / np.linalg.norm(focus - eye)
-    right = np.cross(ahead, [0, 0, 1.0])
-    right /= np.linalg.norm(right)
-    turn = np.array([right, np.cross(ahead, right), ahead])
+    turn = turn_of(focus - eye)
     K = [[180.0, 0, 99.5], [0, 180.0, 74.5], [0, 0, 1]]
     return Pinhole(K, turn, -turn @ eye, size)
 
@@ -51,8 +47,7 @@ def test_intrinsics_ask_for_the_size_of_their_picture(kind):
     mesh, camera = grid(), looking((0.2, -4, 3), (0, 0, 0))
     bare = {'K': camera.K, 'R': camera.R, 't': camera.t}
     given = bare if kind is dict else kind(bare.values())
-    with pytest.raises(ValueError, match='size must be the width and height'):
-        pvibr.visible(mesh, given)
+    refused('size must be the width and height', pvibr.visible, mesh, given)
     wanted = pvibr.visible(mesh, camera)
     assert 0 < wanted.sum() < len(wanted) or wanted.all()
     np.testing.assert_array_equal(pvibr.visible(mesh, given, size=camera.size), wanted)
@@ -133,17 +128,7 @@ def test_a_pyvista_camera_and_casters_that_are_actors():
     assert np.abs(mesh.cell_centers().points[hidden]).max() < 0.36
 
 
-# -- light --------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    ('light', 'half'),
-    [
-        (lamp((0, 0, 9)), 0.25),
-        (lamp((0, 0, 3), cone=90), 0.375),
-        (lamp((0, 0, 3), cone=40), 0.375),
-    ],
-)
+@pytest.mark.parametrize(('light', 'half'), OVER_A_SQUARE)
 def test_shadow_of_a_square_in_closed_form(light, half):
     mesh = grid(2.0, 80)
     roof = pv.Plane(center=(0, 0, 1), i_size=0.5, j_size=0.5)
@@ -190,8 +175,7 @@ def test_areas_by_point_and_cell():
     mesh = pv.Sphere(radius=2.0)
     assert pvibr.shadowed_area(mesh, np.zeros(mesh.n_cells)) == pytest.approx(mesh.area, rel=1e-5)
     assert pvibr.shadowed_area(mesh, np.full(mesh.n_points, 0.5)) == pytest.approx(mesh.area / 2)
-    with pytest.raises(ValueError, match='shape'):
-        pvibr.shadowed_area(mesh, [1.0])
+    refused('shape', pvibr.shadowed_area, mesh, [1.0])
 
 
 @pytest.mark.parametrize(
@@ -206,13 +190,11 @@ def test_areas_by_point_and_cell():
     ],
 )
 def test_bad_input_is_named(call, message):
-    with pytest.raises(ValueError, match=message):
-        call()
+    refused(message, call)
 
 
 def test_what_is_no_mesh_is_named():
-    with pytest.raises(TypeError, match=r'casters must be .* got 3'):
-        pvibr.visible(grid(), ABOVE, casters=[3])
+    refused(r'casters must be .* got 3', pvibr.visible, grid(), ABOVE, kind=TypeError, casters=[3])
 
 
 @pytest.mark.parametrize('split', [False, True])

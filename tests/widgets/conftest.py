@@ -1,7 +1,5 @@
 """Presets of the tests' own, and plotters with things in them."""
 
-from __future__ import annotations
-
 import pytest
 import pyvista as pv
 
@@ -54,6 +52,13 @@ class Hand:
         for name in names:
             self._event('KeyPressEvent', (1, 1), key=name, shift=shift)
             self._event('KeyReleaseEvent', (1, 1), key=name, shift=shift)
+
+
+def colour(pl, pixel):
+    """Return the colour at a pixel, counted from below, of a new frame."""
+    pl.render()
+    x, y = (round(float(v)) for v in pixel)
+    return pl.screenshot()[pl.window_size[1] - 1 - y, x].tolist()
 
 
 @pytest.fixture

@@ -1,7 +1,5 @@
 """Handles in the scene: what mouse and keys do to projectors, lights and lenses."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import pyvista as pv
@@ -10,6 +8,8 @@ import pvibr
 from pvibr.maths.cameras import as_camera
 from pvibr_widgets import light_handles, pick_focus, projector_handles, time_bar
 from pvibr_widgets.handles_marks import HOVERED
+from tests.refusals import refused
+from tests.widgets.conftest import colour
 
 pytestmark = pytest.mark.sampled
 
@@ -74,9 +74,6 @@ def red(pl):
 
 def flat_props(renderer):
     return [p for p in renderer.GetViewProps() if p.IsA('vtkActor2D')]
-
-
-# -- projectors ------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize('kind', KINDS)
@@ -147,8 +144,7 @@ def test_a_camera_of_pyvista_is_moved_itself_and_stays_upright(hand):
 def test_a_camera_that_is_none_changes_nothing():
     photo = pvibr.Projector(PICTURE, camera_of('pinhole'))
     before = photo.cameras
-    with pytest.raises(ValueError, match=r'camera must be .* got 3'):
-        photo.set_camera(3)
+    refused(r'camera must be .* got 3', photo.set_camera, 3)
     with pytest.raises(IndexError):
         photo.set_camera(camera_of('camera'), 1)
     assert photo.cameras == before
@@ -190,8 +186,7 @@ def test_code_moves_the_handles():
     pl.render()
     after = handles.pixels
     assert not near(before['position'], after['position'], 5)
-    x, y = (round(v) for v in after['position'])
-    assert pl.screenshot()[SIZE[1] - 1 - y, x].tolist() == YELLOW
+    assert colour(pl, after['position']) == YELLOW
 
 
 def test_what_cannot_be_is_left_as_it_was(hand):
@@ -218,9 +213,6 @@ def test_callbacks_are_called_with_the_thing(hand):
     handles.callbacks.clear()
     hand(pl).drag(handles.pixels['aim'], (160, 100))
     assert told == [photo]
-
-
-# -- keys ------------------------------------------------------------------------------------
 
 
 def test_tab_goes_round_and_out(hand):
@@ -277,8 +269,7 @@ def test_a_touched_handle_has_the_keys_and_its_name_is_shown(hand):
     _, handles = projector(pl)
     hand(pl).drag(handles.pixels['roll'])
     assert handles.focused == 'roll'
-    x, y = (round(v) for v in handles.pixels['roll'])
-    assert pl.screenshot()[SIZE[1] - 1 - y, x].tolist() == BLUE
+    assert colour(pl, handles.pixels['roll']) == BLUE
 
 
 def test_two_sets_share_the_keys(hand):
@@ -294,9 +285,6 @@ def test_two_sets_share_the_keys(hand):
     second.remove()
     keys.keys('Tab')
     assert first.focused == 'position'
-
-
-# -- coming and going ------------------------------------------------------------------------
 
 
 def test_they_go_with_the_effect(hand):
@@ -328,22 +316,16 @@ def test_off_they_let_the_camera_turn_and_on_they_are_back(hand):
     pl = scene()
     photo, handles = projector(pl)
     at = handles.pixels['aim']
-    x, y = (round(v) for v in at)
-
-    def look():
-        pl.render()
-        return pl.screenshot()[SIZE[1] - 1 - y, x].tolist()
-
-    assert look() == YELLOW
+    assert colour(pl, at) == YELLOW
     handles.enabled = False
-    assert look() != YELLOW
+    assert colour(pl, at) != YELLOW
     place, aim = pl.camera_position, photo.cameras[0].focal_point
     hand(pl).drag(at, np.add(at, 20))
     assert pl.camera_position != place
     assert photo.cameras[0].focal_point == aim
     pl.camera_position = place
     handles.enabled = True
-    assert look() == YELLOW
+    assert colour(pl, at) == YELLOW
     hand(pl).drag(at, np.add(at, 20))
     assert photo.cameras[0].focal_point != aim
 
@@ -383,8 +365,7 @@ def test_a_plain_renderer_has_them_too():
     window.AddRenderer(renderer)
     with pvibr.attach(renderer) as ibr:
         photo = ibr.add(pvibr.Projector(PICTURE, camera_of('camera')))
-        with pytest.raises(ValueError, match='interactor'):
-            projector_handles(renderer, photo)
+        refused('interactor', projector_handles, renderer, photo)
         interactor = type(pv.Plotter().iren.interactor)()
         interactor.SetRenderWindow(window)
         handles = projector_handles(renderer, photo)
@@ -393,9 +374,6 @@ def test_a_plain_renderer_has_them_too():
         interactor.KeyPressEvent()
         assert handles.focused is not None
     assert not handles.enabled
-
-
-# -- where they are, and where they are not --------------------------------------------------
 
 
 def test_far_from_the_origin_they_are_at_the_same_pixels(hand):
@@ -421,8 +399,7 @@ def test_they_work_in_any_subplot(hand):
     start = handles.pixels['aim']
     hand(pl).drag(start, np.add(start, [12, 9]))
     assert near(handles.pixels['aim'], np.add(start, [12, 9]))
-    x, y = (round(v) for v in handles.pixels['aim'])
-    assert pl.screenshot()[360 - 1 - y, x].tolist() == BLUE
+    assert colour(pl, handles.pixels['aim']) == BLUE
     assert not flat_props(pl.renderers[0])
 
 
@@ -442,8 +419,7 @@ def test_effects_leave_their_colours():
     pl.ibr.add(pvibr.Bloom(threshold=0.0, intensity=2.0))
     pl.ibr.add(pvibr.DepthOfField(radius=1.0))
     for pixel in handles.pixels.values():
-        x, y = (round(v) for v in pixel)
-        assert pl.screenshot()[SIZE[1] - 1 - y, x].tolist() == YELLOW
+        assert colour(pl, pixel) == YELLOW
 
 
 def test_large_screenshots_have_them_in_their_places():
@@ -489,14 +465,9 @@ def test_bad_input_is_named_and_leaves_nothing(arguments, error, words):
     pl = scene()
     photo = pl.ibr.add(pvibr.Projector(PICTURE, camera_of('camera')))
     given = {'pl': pl, 'photo': photo} | arguments
-    with pytest.raises(error, match=words):
-        projector_handles(**given)
+    refused(words, projector_handles, kind=error, **given)
     assert not flat_props(pl.renderer)
-    with pytest.raises(ValueError, match='in no subplot'):
-        projector_handles(pl, pvibr.Projector(PICTURE, camera_of('camera')))
-
-
-# -- lights ----------------------------------------------------------------------------------
+    refused('in no subplot', projector_handles, pl, pvibr.Projector(PICTURE, camera_of('camera')))
 
 
 def lit(shift=0.0, **settings):
@@ -630,16 +601,10 @@ def test_lights_go_and_headlights_have_no_handles():
     pl.render()
     assert not handles.enabled
     head = pv.Light(light_type='headlight')
-    with pytest.raises(ValueError, match='in no subplot'):
-        light_handles(pl, head)
+    refused('in no subplot', light_handles, pl, head)
     pl.add_light(head)
-    with pytest.raises(ValueError, match='headlight'):
-        light_handles(pl, head)
-    with pytest.raises(TypeError, match='light = 4'):
-        light_handles(pl, 4)
-
-
-# -- the plane in focus ----------------------------------------------------------------------
+    refused('headlight', light_handles, pl, head)
+    refused('light = 4', light_handles, pl, 4, kind=TypeError)
 
 
 def lens_scene(parallel=False, **settings):
@@ -757,7 +722,5 @@ def test_focus_goes_with_the_lens():
     pl.ibr.remove(lens)
     pl.render()
     assert not focus.enabled
-    with pytest.raises(TypeError, match='lens = 1'):
-        pick_focus(pl, 1)
-    with pytest.raises(ValueError, match='in no subplot'):
-        pick_focus(pl, lens)
+    refused('lens = 1', pick_focus, pl, 1, kind=TypeError)
+    refused('in no subplot', pick_focus, pl, lens)

@@ -1,7 +1,5 @@
 """What panels import: toolkits when asked for, VTK by pvibr's door; and pvibr no panel."""
 
-from __future__ import annotations
-
 import ast
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """The model of a panel: it follows the plotter, and the plotter follows it."""
 
-from __future__ import annotations
-
 import gc
 import weakref
 

@@ -1,7 +1,5 @@
 """The panel of notebooks, by the messages that it gets from the page."""
 
-from __future__ import annotations
-
 import asyncio
 import sys
 import threading
@@ -12,6 +10,7 @@ import pyvista as pv
 from imageio.v3 import imread
 
 import pvibr
+from tests.refusals import refused
 
 pytest.importorskip('anywidget', reason="needs pip install 'pvibr[jupyter]'")
 
@@ -122,8 +121,7 @@ def test_without_anywidget_the_error_names_the_extra(pl, monkeypatch):
 
     notebook._widget_class.cache_clear()
     monkeypatch.setitem(sys.modules, 'anywidget', None)
-    with pytest.raises(ImportError, match=r"pip install 'pvibr\[jupyter\]'"):
-        notebook.notebook_panel(pl)
+    refused(r"pip install 'pvibr\[jupyter\]'", notebook.notebook_panel, pl, kind=ImportError)
 
 
 def test_messages_in_other_threads_are_answered_where_the_window_is(pl):

@@ -1,7 +1,5 @@
 """The panel of pages without a browser: what pages send is done once, or refused."""
 
-from __future__ import annotations
-
 import asyncio
 import itertools
 import json
@@ -13,6 +11,7 @@ import pyvista as pv
 from PIL import Image
 
 import pvibr
+from tests.refusals import refused
 
 pytest.importorskip('trame_pyvista', reason="needs trame: pip install 'pvibr[jupyter]'")
 from trame.app import get_server
@@ -191,8 +190,7 @@ def test_panel_finds_where_it_is(pl, server, monkeypatch):
         panel = pvibr_widgets.panel(pl, server=server)
     assert isinstance(panel, PagePanel)
     panel.close()
-    with pytest.raises(RuntimeError, match='no page, Qt window or notebook'):
-        pvibr_widgets.panel(pl)
+    refused('no page, Qt window or notebook', pvibr_widgets.panel, pl, kind=RuntimeError)
 
 
 @pytest.mark.parametrize('kind', ['Projector', 'Photo mesh'])
@@ -222,7 +220,6 @@ def test_the_slider_of_a_photograph_seen_from_its_camera(server, tmp_path, kind)
         pl.render()
         seen.append(pl.screenshot(return_img=True).astype(int))
     panel.close()
-    pl.close()
     assert (seen[0] == [255, 0, 255]).all()
     assert np.abs(seen[2] - picture).max(2)[:, 2:-2].mean() < 12
     assert np.abs(seen[1] - (seen[0] + seen[2]) / 2).max() <= 2

@@ -1,7 +1,5 @@
 """Pictures of plotters elsewhere: frames as they are, stills of other sizes, mouse and keys."""
 
-from __future__ import annotations
-
 import asyncio
 from types import SimpleNamespace
 

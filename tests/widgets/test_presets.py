@@ -1,7 +1,5 @@
 """Sets of settings: all supplied ones are allowed; users' own are kept in one file."""
 
-from __future__ import annotations
-
 import os
 
 import pytest
@@ -9,6 +7,7 @@ import pytest
 import pvibr
 from pvibr.core.params import params_of
 from pvibr_widgets.presets import Presets
+from tests.refusals import refused
 
 
 @pytest.fixture
@@ -51,16 +50,14 @@ def test_kept_sets_come_back_in_another_session(presets):
 
 @pytest.mark.parametrize('name', ['', '  ', 'defaults', 'strong'])
 def test_names_that_are_taken_are_refused(presets, name):
-    with pytest.raises(ValueError, match='must be a new one'):
-        presets.keep(pvibr.Bloom(), name)
+    refused('must be a new one', presets.keep, pvibr.Bloom(), name)
     assert not presets.path.exists()
 
 
 def test_unknown_and_supplied_sets_cannot_be_applied_or_forgotten(presets):
     with pytest.raises(ValueError, match="no preset 'none'; it has: defaults, subtle, strong"):
         presets.apply(pvibr.Bloom(), 'none')
-    with pytest.raises(ValueError, match='must be one that you kept'):
-        presets.forget(pvibr.Bloom(), 'strong')
+    refused('must be one that you kept', presets.forget, pvibr.Bloom(), 'strong')
 
 
 @pytest.mark.parametrize(
@@ -75,10 +72,8 @@ def test_unknown_and_supplied_sets_cannot_be_applied_or_forgotten(presets):
 )
 def test_a_broken_file_is_said_and_left(presets, text):
     presets.path.write_text(text)
-    with pytest.raises(ValueError, match=r'presets\.json'):
-        presets.names(pvibr.Bloom())
-    with pytest.raises(ValueError, match=r'presets\.json'):
-        presets.keep(pvibr.Bloom(), 'mine')
+    refused(r'presets\.json', presets.names, pvibr.Bloom())
+    refused(r'presets\.json', presets.keep, pvibr.Bloom(), 'mine')
     assert presets.path.read_text() == text
 
 

@@ -1,7 +1,5 @@
 """Code: pasted where there is a plotter, it makes the same."""
 
-from __future__ import annotations
-
 import inspect
 
 import numpy as np

@@ -1,14 +1,12 @@
 """The dock, by keys, clicks and wheels of Qt."""
 
-from __future__ import annotations
-
 import os
 
 import numpy as np
 import pytest
-import pyvista as pv
 
 import pvibr
+from tests.refusals import refused
 
 os.environ.setdefault('QT_QPA_PLATFORM', 'offscreen')
 for needed in ('PySide6.QtWidgets', 'PySide6.QtTest', 'qtpy'):
@@ -273,8 +271,5 @@ def test_a_closed_plotter_empties_the_dock(dock, pl, app):
 def test_bad_windows_and_sides(pl, window):
     from pvibr_widgets.qt import qt_dock
 
-    with pytest.raises(TypeError, match='must be the QMainWindow'):
-        qt_dock(pl)
-    with pytest.raises(ValueError, match='must be left or right'):
-        qt_dock(pl, window, side='up')
-    assert isinstance(pl, pv.Plotter)
+    refused('must be the QMainWindow', qt_dock, pl, kind=TypeError)
+    refused('must be left or right', qt_dock, pl, window, side='up')

@@ -1,7 +1,5 @@
 """Rows: what is allowed arrives in the setting, what is not is said and changes nothing."""
 
-from __future__ import annotations
-
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st

@@ -1,7 +1,5 @@
 """Sliders: every stop is allowed, no stop is lost, and wide ranges are in decades."""
 
-from __future__ import annotations
-
 import itertools
 import math
 

@@ -1,13 +1,13 @@
 """The bar for the time: by mouse, by keys, and while it plays."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import pyvista as pv
 
 import pvibr
 from pvibr_widgets import pick_focus, time_bar
+from tests.refusals import refused
+from tests.widgets.conftest import colour
 
 SIZE = 480, 160
 LOW, LEFT, RIGHT = 24, 60, SIZE[0] - 24
@@ -23,12 +23,6 @@ def pl():
 
 def at(share):
     return LEFT + share * (RIGHT - LEFT), LOW
-
-
-def colour(pl, pixel):
-    pl.render()
-    x, y = (round(v) for v in pixel)
-    return pl.screenshot()[SIZE[1] - 1 - y, x].tolist()
 
 
 def test_a_click_and_a_drag_set_the_time(pl, hand):
@@ -217,7 +211,5 @@ def test_coming_and_going(pl, hand):
 
 @pytest.mark.parametrize('ends', [(1, 1), (2, 1), (0, np.inf), (np.nan, 1)])
 def test_bad_ends_are_named(pl, ends):
-    with pytest.raises(ValueError, match='start below stop'):
-        time_bar(pl, *ends)
-    with pytest.raises(TypeError, match='callback = 1'):
-        time_bar(pl, 0, 1, callback=1)
+    refused('start below stop', time_bar, pl, *ends)
+    refused('callback = 1', time_bar, pl, 0, 1, kind=TypeError, callback=1)
