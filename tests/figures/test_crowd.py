@@ -158,7 +158,7 @@ def test_a_clip_that_is_new_is_baked_when_it_is_played(figure, show, monkeypatch
     grab(pl)
     before = crowd.atlases[0].n_poses
     with monkeypatch.context() as patch:
-        patch.setattr('pvibr.figures.crowd.bake_pose_atlas', interrupted)
+        patch.setattr('pvibr.figures.crowd_group.bake_pose_atlas', interrupted)
         with pytest.raises(KeyboardInterrupt):
             crowd.play('bend', [0], speed=2.0)
     assert [clip.name for clip in crowd.clips] == ['still', 'still']
