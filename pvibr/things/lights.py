@@ -20,6 +20,7 @@ class SceneLight:
     position: tuple[float, float, float]
     direction: tuple[float, float, float]
     cone: float
+    #: Whether it stays in the scene when the camera moves; headlights count as such.
     still: bool = True
 
     @property
