@@ -87,9 +87,8 @@ class Film:
         from PIL import Image
 
         with replacing(self._frame_path(k)) as file:
-            # Frames of a movie are read once; those of a folder are the result.
-            level = 1 if self.suffix else 6
-            Image.fromarray(np.ascontiguousarray(picture)).save(file, compress_level=level)
+            # Fast rather than small: most are read once, to encode a movie.
+            Image.fromarray(np.ascontiguousarray(picture)).save(file, compress_level=1)
 
     def finish(self):
         """Encode the movie and remove its frames, except in a folder of PNG files."""

@@ -195,8 +195,9 @@ class Quadrics(ItemSet):
 
     def _moved(self):
         """Apply changed local positions or sizes."""
-        self._set_bounds(_bounds_of(self._geometry_in(None)))
-        self.geometry = self._geometry_in(self._world)
+        geometry = self._geometry_in(None)
+        self._set_bounds(_bounds_of(geometry))
+        self.geometry = geometry if self._world is None else self._geometry_in(self._world)
         self._invalidate()
 
     def _put(self):
@@ -404,23 +405,23 @@ class Quadrics(ItemSet):
 def radius_property():
     """Return the radii of items as a property."""
 
-    def set_radius(items, radius):
-        items._own_radii = lengths_of('radius', radius, (len(items),))  # noqa: SLF001
-        items._moved()  # noqa: SLF001
+    def set_radius(self, radius):
+        self._own_radii = lengths_of('radius', radius, (len(self),))
+        self._moved()
 
     doc = 'Radius of each, shape (n,), in its own space.'
-    return property(lambda items: read_only(items._own_radii), set_radius, doc=doc)  # noqa: SLF001
+    return property(lambda self: read_only(self._own_radii), set_radius, doc=doc)
 
 
 def points_property():
     """Return the centres of items with one point each as a property."""
 
-    def set_points(items, points):
-        items._own_points = items._checked_points('points', points)  # noqa: SLF001
-        items._moved()  # noqa: SLF001
+    def set_points(self, points):
+        self._own_points = self._checked_points('points', points)
+        self._moved()
 
     doc = 'Centres, shape (n, 3), in its own space.'
-    return property(lambda items: read_only(items._own_points), set_points, doc=doc)  # noqa: SLF001
+    return property(lambda self: read_only(self._own_points), set_points, doc=doc)
 
 
 def _bounds_of(geometry) -> tuple[float, ...]:

@@ -18,9 +18,7 @@ _SIMILAR = 1e-6  # relative tolerance of a uniform scale
 
 def vector_property(name, doc):
     """Return a vector of the transform as a property, which a thing without one refuses to set."""
-
-    def vector(thing):
-        return _own(thing, getattr(pv.Actor, name).fget(thing))
+    actor_property = getattr(pv.Actor, name)
 
     def set_vector(thing, value):
         _check_has_transform(thing, name)
@@ -28,9 +26,9 @@ def vector_property(name, doc):
         valid_shapes = ((3,), ()) if name == 'scale' else ((3,),)
         if not np.isfinite(values).all() or values.shape not in valid_shapes:
             raise ValueError(f'{name} must be three finite numbers, got {value!r}')
-        getattr(pv.Actor, name).fset(thing, value)
+        actor_property.fset(thing, value)
 
-    return property(vector, set_vector, doc=doc)
+    return property(actor_property.fget, set_vector, doc=doc)
 
 
 def user_matrix_property():
@@ -62,10 +60,6 @@ def move_method(name):
     move.__name__ = name
     move.__doc__ = 'Change the transform, or raise an error if the thing has none.'
     return move
-
-
-def _own(thing, value):
-    return value if thing.moved_by is None or isinstance(value, tuple) else read_only(value)
 
 
 def _check_has_transform(thing, name):
