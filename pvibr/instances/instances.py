@@ -444,8 +444,9 @@ class Instances(ItemSet):
     def prepare(self, frame):
         """Choose levels again if the camera, size, settings, meshes or materials changed."""
         self._follow_meshes()
-        if self._is_drawn_for_picker(frame):
-            return
+        super().prepare(frame)
+
+    def _upload(self, frame):
         self._check_shaders()
         covered = self.covered if frame.own else None
         if covered is not self._applied_cover:
@@ -456,14 +457,14 @@ class Instances(ItemSet):
             self._bound()
             self._repaint()
         self.groups.upload(frame.window)
-        camera_key = (frame.view_from_world.tobytes(), frame.clip_from_view.tobytes())
-        depth = self._depth_is_read(frame)
-        drawing = frame.casting, frame.depth_map, frame.quality, depth
-        content_key = (*camera_key, frame.size, self.revision, *drawing)
-        if content_key == self._content_key:
-            return
-        self._content_key = content_key
-        if self.groups.draw(frame, self._level_choice(), depth=depth):
+
+    def _choice_key(self, frame) -> tuple:
+        depth_is_read = self._depth_is_read(frame)
+        return *super()._choice_key(frame), frame.depth_map, frame.quality, depth_is_read
+
+    def _choose(self, frame, _other_depths):
+        depth_is_read = self._depth_is_read(frame)
+        if self.groups.draw(frame, self._level_choice(), depth=depth_is_read):
             self.order = self.groups.draw_order()
 
     def _check_shaders(self):

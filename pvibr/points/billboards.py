@@ -353,8 +353,8 @@ class Billboards(ItemSet):
             raise ShaderError(failure)
         super().prepare(frame)
 
-    def _choice_key(self) -> tuple:
-        return *super()._choice_key(), self._step()
+    def _choice_key(self, frame) -> tuple:
+        return *super()._choice_key(frame), self._step()
 
     def _choose(self, frame, other_depths):
         active_draws, idle_draws, least_opacity = self._draws, self._shadow_draws, 0.5 / 255
@@ -386,15 +386,15 @@ class Billboards(ItemSet):
 
     # -- the GPU ------------------------------------------------------------------------------
 
-    def _upload(self, window):
+    def _upload(self, frame):
         if self._textures.window is None:
-            self._images.upload(window)
+            self._images.upload(frame.window)
         texels = {
             'ibr_points': (self.layout.texels, _WIDE, 4),
             'ibr_looks': (self._looks, ROW, 4),
             'ibr_rects': (self._images.rects, ROW, 4),
         }
-        if 'ibr_points' in self._textures.upload(window, texels):
+        if 'ibr_points' in self._textures.upload(frame.window, texels):
             self._uniforms |= self.layout.uniforms()
         self._uniforms |= self._images.uniforms() | {
             'ibr_cutout': float(self.cutout or 0.0),

@@ -304,9 +304,9 @@ class Quadrics(ItemSet):
 
     # -- the GPU ------------------------------------------------------------------------------
 
-    def _upload(self, window):
+    def _upload(self, frame):
         texels = {'ibr_items': (self._items, ROW, 4), 'ibr_looks': (self._looks, ROW, 4)}
-        self.item_textures.upload(window, texels)
+        self.item_textures.upload(frame.window, texels)
 
     def _repaint(self):
         self._drop('ibr_looks')

@@ -320,22 +320,22 @@ class ItemSet(Thing):
         """Choose which items are drawn, and how, if the view or anything else has changed."""
         if self._is_drawn_for_picker(frame):
             return
-        self._upload(frame.window)
+        self._upload(frame)
         other_depths: list[float] = []
         if self.blends and frame.own and not frame.casting:
             other_depths = self.pipeline.order.others(frame, self, self.pipeline.things)
         camera_key = frame.view_from_world.tobytes(), frame.clip_from_view.tobytes(), frame.size
-        choice_key = *camera_key, frame.casting, other_depths, *self._choice_key()
+        choice_key = *camera_key, frame.casting, other_depths, *self._choice_key(frame)
         if choice_key != self._content_key:
             self._choose(frame, other_depths)
             self._content_key = choice_key
 
-    def _upload(self, window):
+    def _upload(self, frame):
         """Upload what has changed; the context is current."""
         raise NotImplementedError
 
-    def _choice_key(self) -> tuple:
-        """Return what determines the choice of items, besides the camera."""
+    def _choice_key(self, frame) -> tuple:
+        """Return what determines the choice of items in a frame, besides the camera."""
         return self.blends, self._changes, self.revision, self.clipping.key()
 
     def _choose(self, frame, other_depths):
