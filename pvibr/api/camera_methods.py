@@ -11,15 +11,23 @@ def fly_to(self, camera, frames=30):
     Parameters
     ----------
     camera : Photo, pyvista.Camera, Pinhole, LensCamera or Orthographic
-        Target; in a window of its picture's aspect ratio the plotter then shows the
-        photograph's view, except for the lens (see :meth:`Photo.to_pyvista`).
+        Target; the plotter then shows the photograph's view, except for the lens (see
+        :meth:`Photo.to_pyvista`). The picture fills the height of the subplot, and is centred,
+        also when the window is resized.
     frames : int, optional
         Number of frames of the flight; 1 to jump.
 
     Raises
     ------
     TypeError, ValueError
-        If `camera` is not a camera, or `frames` is not an integer of at least 1.
+        If `camera` is not a camera, or `frames` is not an integer of at least 1; if `camera` or
+        the plotter's is a ``pyvista.Camera`` that is sheared, off axis or has other transforms.
+
+    Warns
+    -----
+    PvibrWarning
+        If leaving out the skew, which VTK's cameras lack, moves any of the picture by more than
+        0.01 pixels.
 
     Examples
     --------

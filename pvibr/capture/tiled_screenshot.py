@@ -104,6 +104,8 @@ def _look(window, cameras, tile_corner, size, scale):
         half_tangent = math.tan(math.radians(camera.GetViewAngle()) / 2)
         tile_camera.SetViewAngle(math.degrees(2 * math.atan(half_tangent * angle_share)))
         tile_camera.SetParallelScale(camera.GetParallelScale() * visible_share[1])
+        aspect_share = visible_share[0] / visible_share[1]
+        tile_camera.SetExplicitAspectRatio(camera.GetExplicitAspectRatio() * aspect_share)
         # In half sizes of the tile; the user's window centre is in half sizes of the whole.
         center_shift = (visible_rect.sum(0) - renderer_rect.sum(0)) / visible_extent
         window_center = np.array(camera.GetWindowCenter()) / visible_share + center_shift

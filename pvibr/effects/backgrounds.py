@@ -257,7 +257,8 @@ def _rays(frame):
     if frame.parallel:
         camera = frame.renderer.GetActiveCamera()
         tangent = np.tan(np.radians(camera.GetViewAngle()) / 2)
-        half_extent = tangent * np.array([frame.renderer.GetTiledAspectRatio(), 1.0])
+        x_scale, y_scale = np.diag(frame.clip_from_view)[:2]
+        half_extent = tangent * np.array([y_scale / x_scale, 1.0])
         rays = np.diag([*half_extent, -1.0])
         rays[:2, 2] = half_extent * camera.GetWindowCenter()
         return rays

@@ -6,16 +6,19 @@ import numpy as np
 import pyvista as pv
 
 from pvibr.core._vtk import address
+from pvibr.core.errors import warn
 from pvibr.core.files import with_suffix
 from pvibr.export.drawn_surfaces import albedo_of, surface_of_part
 from pvibr.export.scene import SKY, names_of
 from pvibr.export.strokes import COLORS
 from pvibr.io.glb_writer import CLAMPED, LINEAR, NEAREST, GlbWriter
+from pvibr.maths.cameras import aspect_of, vertical_angle
 from pvibr.maths.tones import to_light
 from pvibr.maths.transforms import transform_points
 from pvibr.meshes.parts import as_parts
 
 _POINTS, _LINES = 0, 1  # GL enum
+_TOLERANCE = 0.01  # pixels that a view may be off without a warning
 #: From z up to glTF's y up: a quarter turn about x.
 _UPRIGHT = [-(0.5**0.5), 0.0, 0.0, 0.5**0.5]
 
@@ -165,13 +168,19 @@ def _cells(cell_array):
 def _camera(glb, renderer, scene_center):
     camera = renderer.GetActiveCamera()
     width, height = renderer.GetSize()
-    aspect = width / max(height, 1)
+    aspect = aspect_of(camera, (width, max(height, 1)))
+    off_center = np.abs(camera.GetWindowCenter()) * (width, height) / 2
+    if off_center.max() > _TOLERANCE:
+        warn(
+            f'the view in the file is off by {off_center[0]:.3g} and {off_center[1]:.3g} px, as '
+            'glTF has no off-centre cameras: the window centre of the camera is left out'
+        )
     near, far = camera.GetClippingRange()
     if camera.GetParallelProjection():
         kind, half_height, near = 'orthographic', camera.GetParallelScale(), max(near, 0.0)
         projection = {'xmag': half_height * aspect, 'ymag': half_height}
     else:
-        kind, view_angle = 'perspective', float(np.radians(camera.GetViewAngle()))
+        kind, view_angle = 'perspective', float(np.radians(vertical_angle(camera, aspect)))
         projection = {'yfov': view_angle, 'aspectRatio': aspect}
     projection |= {'znear': near, 'zfar': far}
     camera_number = glb.add('cameras', {'type': kind, kind: projection})

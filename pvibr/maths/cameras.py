@@ -76,26 +76,41 @@ def _from_view(camera, size):
         )
     right /= np.linalg.norm(right)
     up = np.cross(right, ahead)
-    _check_plain(camera)
-    width, height = size
+    check_plain(camera)
+    aspect = aspect_of(camera, size)
     center = np.array(camera.GetWindowCenter() if hasattr(camera, 'GetWindowCenter') else (0, 0))
     if camera.parallel_projection:
         parallel_scale = checked_positive('camera.parallel_scale', camera.parallel_scale)
-        half = parallel_scale * np.array([width / height, 1.0])
+        half = parallel_scale * np.array([aspect, 1.0])
         corner = position + ((center - 1) * half) @ [right, up]
         return Orthographic(corner, right, up, 2 * half[0], 2 * half[1], near=0.0, size=size)
     view_angle = checked_positive('camera.view_angle', camera.view_angle)
     if view_angle >= 180:
         raise ValueError(f'camera.view_angle must be below 180 degrees, got {view_angle}')
-    sideways = hasattr(camera, 'GetUseHorizontalViewAngle') and camera.GetUseHorizontalViewAngle()
-    focal = 0.5 * (width if sideways else height) / np.tan(np.radians(view_angle) / 2)
-    principal = 0.5 * np.array(size) * (1 + center * [-1, 1]) - 0.5
-    K = np.array([[focal, 0.0, principal[0]], [0.0, focal, principal[1]], [0.0, 0.0, 1.0]])
+    half_tangent = np.tan(np.radians(vertical_angle(camera, aspect)) / 2)
+    half = half_tangent * np.array([aspect, 1.0])
+    K = np.diag([*(0.5 * np.array(size) / half), 1.0])
+    K[:2, 2] = 0.5 * np.array(size) * (1 + center * [-1, 1]) - 0.5
     R = np.array([right, -up, ahead])
     return Pinhole(K, R, -R @ position, size)
 
 
-def _check_plain(camera):
+def aspect_of(camera, size) -> float:
+    """Return the aspect ratio of the view that VTK's camera shows in a window of a size."""
+    if hasattr(camera, 'GetUseExplicitAspectRatio') and camera.GetUseExplicitAspectRatio():
+        return checked_positive('camera.GetExplicitAspectRatio()', camera.GetExplicitAspectRatio())
+    return size[0] / size[1]
+
+
+def vertical_angle(camera, aspect) -> float:
+    """Return the view angle of VTK's camera from bottom to top, in degrees."""
+    if not (hasattr(camera, 'GetUseHorizontalViewAngle') and camera.GetUseHorizontalViewAngle()):
+        return camera.view_angle
+    half_tangent = np.tan(np.radians(camera.view_angle) / 2) / aspect
+    return float(np.degrees(2 * np.arctan(half_tangent)))
+
+
+def check_plain(camera):
     """Raise ValueError if VTK's camera is more than a pinhole: its picture would differ."""
     identity = [float(i == j) for i in range(4) for j in range(4)]
     plain_settings = {

@@ -10,11 +10,13 @@ import numpy as np
 import pyvista as pv
 
 from pvibr.core.arguments import checked_numbers, checked_whole, naming
+from pvibr.maths._checks import size_of
 from pvibr.maths.draping import sample
 from pvibr.maths.lens_camera import LensCamera
 from pvibr.maths.orthographic import Orthographic
 from pvibr.maths.pinhole import Pinhole
 from pvibr.photos.camera_parsing import similarity
+from pvibr.photos.view_camera import view_camera
 from pvibr.textures.projected import as_rgba, decoded, resized
 
 _MAX_THUMBNAIL = 4096  # texels along a side
@@ -179,17 +181,34 @@ class Photo:
             picture = self.read()
         return [resampled(self.camera, picture, face) for face in self.camera.faces()]
 
-    def to_pyvista(self):
+    def to_pyvista(self, size=None):
         """Return PyVista's camera with this view.
 
-        In a window of the picture's aspect ratio it shows the photograph's view, except for the
-        lens: VTK has no distortion, one focal length (the vertical one) and no skew. Panoramas
-        look ahead with a view angle of 90 degrees.
+        In a window of the given size it shows the photograph's view, except for the lens and
+        skew, which VTK's cameras lack. Panoramas look ahead with a view angle of 90 degrees.
+        Pixels that are not square set an explicit aspect ratio, which VTK keeps when the window
+        is resized; :meth:`pvibr.api.plotter_component.IBRComponent.fly_to` adapts it.
+
+        Parameters
+        ----------
+        size : tuple of 2 int, optional
+            Width and height of the window in pixels; by default those of the picture. Where its
+            aspect ratio differs, the picture fills the height, and is centred.
 
         Returns
         -------
         pyvista.Camera
             For ``plotter.camera``.
+
+        Raises
+        ------
+        ValueError
+            If the size is not two whole numbers above 0.
+
+        Warns
+        -----
+        PvibrWarning
+            If leaving out the skew moves any of the picture by more than 0.01 pixels.
 
         Examples
         --------
@@ -200,25 +219,7 @@ class Photo:
         >>> camera.position, camera.up, round(camera.view_angle, 3)
         ((0.0, 0.0, -5.0), (0.0, -1.0, 0.0), 53.13)
         """
-        camera, height = pv.Camera(), self.height
-        right, down, ahead = self.camera_from_world[:3, :3]
-        camera.up = -down
-        if isinstance(self.camera, Orthographic):
-            camera.parallel_projection = True
-            camera.parallel_scale = self.camera.height / 2
-            center = self.position + (self.camera.width * right - self.camera.height * down) / 2
-            camera.position = center - self.camera.height * ahead
-            camera.focal_point = center
-            return camera
-        camera.position, camera.focal_point = self.position, self.position + ahead
-        K = self.camera.K * getattr(getattr(self.camera, 'lens', None), 'focus', 1.0)
-        if self.model in ('spherical', 'cylindrical'):
-            camera.view_angle = 90.0
-            return camera
-        camera.view_angle = np.degrees(2 * np.arctan(height / (2 * K[1, 1])))
-        shift = (2 * self.camera.K[:2, 2] + 1) / self.size - 1
-        camera.SetWindowCenter(-shift[0], shift[1])
-        return camera
+        return view_camera(self, self.size if size is None else size_of(size))
 
     def transformed(self, matrix):
         """Return the photograph transformed with the world.

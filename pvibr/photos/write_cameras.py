@@ -11,6 +11,7 @@ import numpy as np
 
 from pvibr.core.arguments import check_one_of
 from pvibr.core.files import replacing
+from pvibr.core.plotters import subplot_size
 from pvibr.maths.cameras import as_camera
 from pvibr.maths.lens_camera import LensCamera
 from pvibr.maths.orthographic import Orthographic
@@ -79,8 +80,7 @@ def _photos(cameras, size) -> list[Photo]:
             continue
         view_size = size
         if hasattr(camera, 'renderer'):
-            view_size = view_size or tuple(camera.renderer.GetSize())
-            view_size = view_size if all(view_size) else tuple(camera.window_size)
+            view_size = view_size or subplot_size(camera)
             camera = camera.camera
         view_size = view_size or getattr(camera, 'size', None)
         if view_size is None:

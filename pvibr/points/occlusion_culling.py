@@ -23,6 +23,10 @@ def on_screen(frame, centers, radii):
             low = (low / depth_range).min(0)
             high = (high / depth_range).max(0)
         offset = -clip_from_view[:2, 2]
+    with np.errstate(invalid='ignore'):
+        shift = clip_from_view[0, 1] / clip_from_view[0, 0] * np.stack([low[:, 1], high[:, 1]])
+    low[:, 0] += shift.min(0)
+    high[:, 0] += shift.max(0)
     scale, size = [clip_from_view[0, 0], clip_from_view[1, 1]], np.array(frame.size)
     return tuple(((corner * scale + offset) / 2 + 0.5) * size for corner in (low, high))
 

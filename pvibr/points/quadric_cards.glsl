@@ -30,6 +30,7 @@ uniform float ibr_margin;         // pixels: a half if multisampled
 uniform float ibr_pixel;          // a pixel in world units, in perspective at a distance of 1
 uniform float ibr_near;
 uniform vec4 ibr_ndc_from_slope;  // factors and offsets of x / -z and y / -z, or of x and y
+uniform float ibr_shear;          // x of the picture over y, of a camera with skew
 uniform vec4 ibr_zw_from_z;       // factor and offset of clip z, of clip w
 uniform mat3 ibr_eye_from_world;
 flat out vec4 ibr_look;           // alpha negated if the item is drawn as a whole pixel
@@ -85,6 +86,7 @@ vec2 ibr_span(vec3 c, float r, vec2 way)
 vec2 ibr_ndc(vec2 p, vec2 way)
 {
   vec2 slope = p.x * way + p.y * vec2(-way.y, way.x);
+  slope.x += ibr_shear * slope.y;
   return slope * ibr_ndc_from_slope.xy + ibr_ndc_from_slope.zw;
 }
 
@@ -129,9 +131,11 @@ vec2 ibr_ndc(vec2 p, vec2 way)
       // With a margin, and clamped to a little beyond the screen.
       vec2 scale = 1.0 / ibr_ndc_from_slope.xy, across = vec2(-card.way.y, card.way.x);
       float wide = HIDES == 1 ? -0.9 : 0.1 + 2.0 * ibr_margin * (abs(card.way.x) + abs(card.way.y));
-      vec2 margin = vec2(-wide, wide) * scale.y / ibr_size.y;
-      vec2 reach = 1.1 * vec2(dot(abs(card.way), scale), dot(abs(across), scale));
+      vec2 margin = vec2(-wide, wide) * max(scale.x / ibr_size.x, scale.y / ibr_size.y);
       vec2 centre = -ibr_ndc_from_slope.zw * scale;
+      centre.x -= ibr_shear * centre.y;
+      scale.x += abs(ibr_shear) * scale.y;
+      vec2 reach = 1.1 * vec2(dot(abs(card.way), scale), dot(abs(across), scale));
       centre = vec2(dot(centre, card.way), dot(centre, across));
       vec4 bounds = clamp(card.bounds + margin.xyxy,
         (centre - reach).xxyy, (centre + reach).xxyy);
@@ -146,6 +150,7 @@ vec2 ibr_ndc(vec2 p, vec2 way)
 uniform vec3 ibr_eye;              // origin of rays in VTK's eye space: not 0 in stereo
 uniform int ibr_parallel;
 uniform float ibr_near;
+uniform float ibr_shear;
 uniform vec4 ibr_slope_from_pixel; // factors and offsets of gl_FragCoord.xy
 uniform vec4 ibr_zw_from_z;
 flat in vec4 ibr_look;
@@ -167,6 +172,7 @@ vec3 ibr_roots(float a, float b, float q)
 
 //@fragment.meet
   vec2 ibr_slope = gl_FragCoord.xy * ibr_slope_from_pixel.xy + ibr_slope_from_pixel.zw;
+  ibr_slope.x -= ibr_shear * ibr_slope.y;
   vec3 ibr_from = ibr_parallel == 1 ? vec3(ibr_slope, 0.0) : vec3(0.0);
   vec3 ibr_ray = ibr_parallel == 1 ? vec3(0.0, 0.0, -1.0) : vec3(ibr_slope, -1.0);
   vec2 ibr_t;

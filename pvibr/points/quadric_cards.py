@@ -241,6 +241,7 @@ def view_uniforms(frame, count) -> dict:
         'ibr_pixel': float(frame.scale / frame.pixel_scale),
         'ibr_near': float(frame.near),
         'ibr_ndc_from_slope': (float(m[0, 0]), float(m[1, 1]), *map(float, offset)),
+        'ibr_shear': float(m[0, 1] / m[0, 0]),
         'ibr_zw_from_z': (float(m[2, 2]), float(m[2, 3]), float(m[3, 2]), float(m[3, 3])),
         'ibr_eye_from_world': frame.view_from_world[:3, :3],
     }

@@ -165,6 +165,7 @@ def _rays(frame):
     m = frame.clip_from_view
     offset = m[:2, 3] if frame.parallel else -m[:2, 2]
     slopes = (np.stack(np.meshgrid(x, y), -1) - offset) / [m[0, 0], m[1, 1]]
+    slopes[..., 0] -= m[0, 1] / m[0, 0] * slopes[..., 1]
     starts, directions = np.zeros((2, height, width, 3))
     (starts if frame.parallel else directions)[..., :2] = slopes
     directions[..., 2] = -1

@@ -12,6 +12,9 @@ from pvibr.core.passes import margins
 from pvibr.maths.sequences import pair
 from pvibr.maths.views import View
 
+#: Ratio of their sides above which pixels count as oblong.
+_OBLONG = 1.01
+
 
 @dataclass(frozen=True, eq=False)
 class Sample:
@@ -160,8 +163,9 @@ class Frame:
 
     @property
     def pixel_scale(self) -> float:
-        """Pixels per unit along y, or the larger scale where pixels may be oblong."""
-        return max(self.pixel_scales) if self.depth_map else self.pixel_scales[1]
+        """Pixels per unit along y, or the larger scale where pixels are oblong."""
+        width, height = self.pixel_scales
+        return max(width, height) if self.depth_map or width > _OBLONG * height else height
 
     @property
     def scene_size(self) -> float:

@@ -108,7 +108,7 @@ def _cascade_levels(reach, near, finest_ratio, frame, max_count, previous) -> li
         return []
     last_level = int(np.ceil(np.log2(max(finest_ratio, 1.0))))
     if frame.parallel:  # the narrowest view must contain all that is visible
-        visible_radius = 1.2 * max(frame.size) / 2 / frame.pixel_scale
+        visible_radius = 1.2 * max(np.divide(frame.size, frame.pixel_scales)) / 2
         last_level = min(last_level, int(np.log2(max(reach / visible_radius, 1.0))))
     elif any(cascade.level == last_level + 1 for cascade in previous):
         last_level += 1  # hysteresis for a moving eye
