@@ -294,11 +294,12 @@ def bundler(folder, seed):
     return folder / 'bundle' / 'bundle.out', made
 
 
-def nvm(folder, seed, fixed=''):
+def nvm(folder, seed, fixed='', *, matrix=False):
     """Wu: (1 + k |m|^2) m = f X / Z with m from the middle, k in units of the focal length."""
-    rows, made = [f'NVM_V3 {fixed}'.strip(), '', '4'], {}
+    rows, made = [f'NVM_V3{"_R9T" * matrix} {fixed}'.strip(), '', '4'], {}
     for k, (R, C) in enumerate(poses(seed)):
-        rows.append(f'day"{k}.jpg\t600 {text(quaternion(R))} {text(C)} -0.08 0')
+        pose = f'{text(R)} {text(-R @ C)}' if matrix else f'{text(quaternion(R))} {text(C)}'
+        rows.append(f'day"{k}.jpg\t600 {pose} -0.08 0')
 
         def project(point, R=R, C=C):
             x, y, z = R @ (point - C)
@@ -382,6 +383,35 @@ def metashape(folder, seed):
     rows += ['<camera id="9" sensor_id="0" label="lost"/>', '<transform>']
     rows.append(f'<rotation>{text(turn)}</rotation><translation>{text(move)}</translation>')
     rows += [f'<scale>{scale}</scale></transform>', '</chunk>', '</document>']
+    path = folder / 'cameras.xml'
+    path.write_text('\n'.join(rows))
+    return path, made
+
+
+def photoscan(folder, seed, version='1.2.0'):
+    """Of the manual of Agisoft Lens 0.4: pixels from the corner; up to 0.9 without sensors."""
+    numbers = 'fx 620,fy 600,cx 310,cy 250,skew 0.5,k1 -0.1,k2 0.02,k3 0.01,p1 0.001,p2 -0.002'
+    values = ''.join('<{0}>{1}</{0}>'.format(*pair.split()) for pair in numbers.split(','))
+    size = '<resolution width="640" height="480"/>'
+    old = version == '0.9.0'
+    sensor = f'<sensor id="0" type="frame">{size}<calibration class="adjusted">{size}{values}'
+    rows = ['<?xml version="1.0" encoding="UTF-8"?>']
+    rows += ['<collection><cameras>'] if old else [f'<document version="{version}"><chunk>']
+    rows += [] if old else [f'{sensor}</calibration></sensor>']
+    made = {}
+    for k, (R, C) in enumerate(poses(seed)):
+        matrix = f'<transform>{text(np.r_[np.c_[R.T, C], [[0, 0, 0, 1]]])}</transform>'
+        own = f'{size}<calibration><width>640</width><height>480</height>{values}</calibration>'
+        names = f'label="{k}.jpg"' if old else f'id="{k}" sensor_id="0" label="{k}.jpg"'
+        rows.append(f'<camera {names}>{own if old else ""}{matrix}</camera>')
+
+        def project(point, R=R, C=C):
+            x, y, z = R @ (point - C)
+            x, y = brown(x / z, y / z, (-0.1, 0.02, 0.01), (1e-3, -2e-3))
+            return 310 + x * 620 + y * 0.5 - HALF, 250 + y * 600 - HALF
+
+        made[f'{k}.jpg'] = project
+    rows.append('</cameras></collection>' if old else '</chunk></document>')
     path = folder / 'cameras.xml'
     path.write_text('\n'.join(rows))
     return path, made
@@ -500,8 +530,10 @@ FORMATS = {
     'bundler': bundler,
     'nvm': nvm,
     'nvm-fixed': lambda f, s: nvm(f, s, 'FixedK 600 310 600 250 -0.08'),
-    **{f'openmvs-{v}': lambda f, s, v=v: openmvs(f, s, v) for v in (0, 1, 4, 7)},
+    'nvm-matrix': lambda f, s: nvm(f, s, matrix=True),
+    **{f'openmvs-{v}': lambda f, s, v=v: openmvs(f, s, v) for v in range(8)},
     'metashape': metashape,
+    **{f'photoscan-{v}': lambda f, s, v=v: photoscan(f, s, v) for v in ('0.9.0', '1.2.0')},
     'opf': opf,
     'transforms': transforms,
     'blender': blender,

@@ -1,4 +1,14 @@
-"""Cameras of Agisoft Metashape as XML; the centre of the first pixel is at (0.5, 0.5)."""
+"""Cameras of Agisoft Metashape and PhotoScan as XML; the first pixel's centre is (0.5, 0.5).
+
+Files differ in what the numbers of a calibration mean:
+
+- ``<f>``, ``<b1>``, ``<b2>``, and the principal point from the middle of the picture: Metashape,
+  and PhotoScan from 1.3 on (manuals, appendix on camera models).
+- ``<fx>``, ``<fy>``, ``<skew>``, and the principal point from the corner: PhotoScan up to 1.2. Its
+  tangential coefficients are in OpenCV's order (manual of Agisoft Lens 0.4); f = fy,
+  b1 = fx - fy, b2 = skew (Agisoft's forum, topic 6437).
+- The same for each camera, in a ``<collection>`` without sensors: PhotoScan up to 0.9.
+"""
 
 from __future__ import annotations
 
@@ -6,7 +16,7 @@ import numpy as np
 
 from pvibr.core.errors import warn
 from pvibr.maths.lenses import Lens
-from pvibr.photos.camera_parsing import Entry, camera_of, pinhole_matrix, posed, xml_of
+from pvibr.photos.camera_parsing import Element, Entry, camera_of, pinhole_matrix, posed, xml_of
 
 _KINDS = {
     'frame': 'perspective',
@@ -21,9 +31,10 @@ _KINDS = {
 def read(path):
     """Return the entries of all chunks, in world units of their transforms."""
     document, entries, unknown_labels = xml_of(path), [], []
-    for chunk in [document] if document.tag == 'chunk' else document.all('chunk'):
+    chunks = [document] if document.tag in ('chunk', 'collection') else document.all('chunk')
+    for chunk in chunks:
         sensors = {s.get('id'): s for s in chunk.all('sensor')}
-        cameras = {c.get('id'): c for c in chunk.all('camera')}
+        cameras = {c.attributes.get('id', k): c for k, c in enumerate(chunk.all('camera'))}
         worlds_by_id = _worlds(chunk)
         for camera in cameras.values():
             matrix = _matrix(camera, cameras, sensors)
@@ -65,7 +76,10 @@ def _similarity(element):
 
 
 def _sensor(camera, sensors):
+    """Return the sensor of a camera, which up to PhotoScan 0.9 is itself."""
     key = camera.attributes.get('sensor_id')
+    if key is None and camera.find('calibration') is not None:
+        return camera
     if key not in sensors:
         raise camera.error(f'sensor {key!r} is missing')
     return sensors[key]
@@ -110,27 +124,35 @@ def _entry(camera, sensor, matrix):
 
 def _camera(sensor, calibration, pose, size):
     lens_kind = _KINDS[sensor.attributes.get('type', 'frame')]
-    center = np.array(size) / 2 - 0.5
-    if lens_kind == 'spherical':
-        focal = size[0] / (2 * np.pi)
-        if calibration is not None:
-            focal = calibration.value('f', focal)
-            center = np.add(center, [calibration.value('cx'), calibration.value('cy')])
-        K = pinhole_matrix(focal, focal, *center)
-        return camera_of(sensor, K, pose, size, lens=Lens(lens_kind))
-    if calibration is None:
+    if calibration is None and lens_kind != 'spherical':
         raise sensor.error('the sensor has no calibration')
-    value, place = calibration.value, calibration
-    fy = value('f', value('fy', 0.0))
-    fx, skew = value('fx', fy) + value('b1'), value('b2', value('skew'))
-    cx, cy = np.add(center, [value('cx'), value('cy')])
-    K = pinhole_matrix(fx, fy, cx, cy, skew)
-    if lens_kind == 'cylindrical':
-        return camera_of(place, K, pose, size, lens=Lens(lens_kind))
-    radial = [value(f'k{i}') for i in range(1, 5)]
-    p1, p2, p3, p4 = (value(f'p{i}') for i in range(1, 5))
-    if lens_kind == 'perspective' and not (
-        radial[3] or p3 or p4
-    ):  # p1 and p2 are swapped in OpenCV
-        return camera_of(place, K, pose, size, [*radial[:2], p2, p1, radial[2]])
-    return camera_of(place, K, pose, size, lens=Lens(lens_kind, (), radial, (p2, p1, p3, p4)))
+    # Panoramas may have no calibration.
+    K = _intrinsics(calibration or Element(sensor.path, sensor.number, '', {}), size, lens_kind)
+    if lens_kind in ('spherical', 'cylindrical'):
+        return camera_of(calibration or sensor, K, pose, size, lens=Lens(lens_kind))
+    radial = [calibration.value(f'k{i}') for i in range(1, 5)]
+    p1, p2, p3, p4 = (calibration.value(f'p{i}') for i in range(1, 5))
+    if not _is_absolute(calibration):
+        p1, p2 = p2, p1  # to OpenCV's order
+    if lens_kind == 'perspective' and not (radial[3] or p3 or p4):
+        return camera_of(calibration, K, pose, size, [*radial[:2], p1, p2, radial[2]])
+    lens = Lens(lens_kind, (), radial, (p1, p2, p3, p4))
+    return camera_of(calibration, K, pose, size, lens=lens)
+
+
+def _is_absolute(calibration) -> bool:
+    """Return whether a calibration is as PhotoScan up to 1.2 wrote it."""
+    return calibration.find('fx') is not None
+
+
+def _intrinsics(calibration, size, lens_kind):
+    """Return K, whose pixel centres are whole numbers."""
+    value, (width, height) = calibration.value, size
+    if _is_absolute(calibration):
+        cx, cy = value('cx', width / 2), value('cy', height / 2)
+        fx, fy, skew = value('fx'), value('fy'), value('skew')
+    else:
+        cx, cy = width / 2 + value('cx'), height / 2 + value('cy')
+        fy = value('f', width / (2 * np.pi) if lens_kind == 'spherical' else 0.0)
+        fx, skew = fy + value('b1'), value('b2')
+    return pinhole_matrix(fx, fy, cx - 0.5, cy - 0.5, skew)

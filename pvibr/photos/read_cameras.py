@@ -8,6 +8,7 @@ import numpy as np
 
 from pvibr.core.arguments import check_one_of, naming
 from pvibr.core.errors import warn
+from pvibr.maths.orthographic import Orthographic
 from pvibr.photos import camera_programs, colmap, metashape, orthophotos, photo_projects
 from pvibr.photos.photo_images import PictureFolders, size_of_picture
 from pvibr.photos.photos import Photo, Photos
@@ -47,12 +48,13 @@ _IN_FOLDERS = {
     'openmvg': ('sfm_data.json', '*/sfm_data.json'),
     'bundler': ('bundle.out', 'bundle/bundle.out', '*.out'),
 }
-#: Problems with pictures.
+#: Problems with cameras and their pictures.
 _PROBLEMS = {
     'missing': 'have no picture in the project (images= selects another folder)',
     'unreadable': 'have unreadable pictures',
     'unlike': 'have pictures of another aspect ratio, which are ignored',
     'scaled': 'have pictures of another size and are scaled to it',
+    'outside': 'have their principal point outside the picture, as only parts of pictures do',
     'unsized': 'are skipped, as neither the file nor a picture gives their size',
 }
 _COLMAP_FOLDERS = ('', 'sparse', 'dense/sparse', 'dense/0/sparse', 'colmap/sparse', 'colmap', '0')
@@ -92,7 +94,7 @@ def read_cameras(path, images=None, *, format=None):
     -----
     PvibrWarning
         If pictures are missing, unreadable or of another aspect ratio (`path` is None), or of
-        another size (the camera is scaled).
+        another size (the camera is scaled); if a principal point is outside its picture.
 
     Examples
     --------
@@ -197,7 +199,7 @@ def _by_content(header):
     start = header.lstrip(b'\xef\xbb\xbf \r\n')
     magic_numbers = {b'MVSI': 'openmvs', b'NVM_V': 'nvm', b'# Bundle file': 'bundler'}
     if start[:1] == b'<':
-        return 'metashape' if b'<chunk' in header else None
+        return 'metashape' if b'<chunk' in header or b'<collection' in header else None
     for text, format_name in magic_numbers.items():
         if start.startswith(text):
             return format_name
@@ -225,10 +227,20 @@ def _with_pictures(entries, file, path, images):
             camera = camera.resized(picture_size)
         if problem:
             names_by_problem[problem].append(entry.name)
+        if not _is_centred(camera):
+            names_by_problem['outside'].append(entry.name)
         path = picture if problem in ('', 'scaled') else None
         photos.append(Photo(entry.name, camera, path, entry.crs))
     _check(photos, names_by_problem, file)
     return Photos(photos)
+
+
+def _is_centred(camera):
+    """Return whether the principal point of a camera, if it has one, is within its picture."""
+    if isinstance(camera, Orthographic):
+        return True
+    relative_point = (camera.K[:2, 2] + 0.5) / camera.size
+    return bool((relative_point >= 0).all() and (relative_point <= 1).all())
 
 
 def _same_proportions(size, other_size):

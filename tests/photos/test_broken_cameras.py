@@ -21,7 +21,8 @@ pytestmark = pytest.mark.sampled
 CASES, SEED = int(os.environ.get('PVIBR_SOAK', '12')), os.environ.get('PVIBR_SEED', '')
 KINDS = [
     *('colmap-OPENCV', 'colmap-EUCM', 'opensfm', 'openmvg', 'openmvs-7', 'openmvs-0', 'bundler'),
-    *('nvm', 'metashape', 'opf', 'transforms', 'blender', 'binary', 'rigs', 'geotiff', 'world'),
+    *('nvm', 'metashape', 'photoscan-0.9.0', 'opf', 'transforms', 'blender', 'binary', 'rigs'),
+    *('geotiff', 'world'),
 ]
 PLACE = re.compile(r'(line \d+|byte \d+|its GeoTIFF tags)')
 

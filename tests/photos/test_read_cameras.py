@@ -36,6 +36,32 @@ def test_the_folder_of_a_project_is_enough(name, tmp_path):
     assert len(pvibr.read_cameras(tmp_path)) == len(made)
 
 
+@pytest.mark.parametrize(
+    ('name', 'old', 'new'),
+    [
+        ('colmap-PINHOLE', ' 310.0 ', ' 700.0 '),
+        ('opensfm', '"c_x": 0.01', '"c_x": 0.6'),
+        ('openmvg', '310.0', '700.0'),
+        ('nvm-fixed', '310', '700'),
+        ('metashape', '<cx>-10<', '<cx>330<'),
+        ('photoscan-0.9.0', '<cx>310<', '<cx>-9<'),
+        ('photoscan-1.2.0', '<cx>310<', '<cx>660<'),
+        ('opf', '[310,', '[700,'),
+        ('transforms', '"cx": 310', '"cx": 700'),
+    ],
+)
+def test_a_principal_point_outside_the_picture_warns(name, old, new, tmp_path):
+    """It is that of a part of a picture, or of a file whose numbers mean something else."""
+    _, made = FORMATS[name](tmp_path, 3)
+    write_pictures(tmp_path, made, {'3.jpg': (640, 320)} if name == 'opensfm' else {})
+    pvibr.read_cameras(tmp_path)  # does not warn
+    for file in tmp_path.rglob('*.*'):
+        if file.suffix in ('.txt', '.json', '.nvm', '.xml'):
+            file.write_text(file.read_text().replace(old, new))
+    with pytest.warns(pvibr.PvibrWarning, match='their principal point outside the picture'):
+        pvibr.read_cameras(tmp_path)
+
+
 @pytest.mark.parametrize('name', FORMATS)
 def test_pinholes_stand_in_for_lenses(name, tmp_path):
     """What a projector takes is the same within the bar: one pinhole, or faces of a cube."""
