@@ -8,6 +8,7 @@ from contextlib import contextmanager
 import numpy as np
 
 from pvibr.capture.montage import save
+from pvibr.core import _vtk
 from pvibr.core.arguments import naming
 from pvibr.core.errors import ClosedError
 from pvibr.core.files import in_a_folder
@@ -110,6 +111,19 @@ def _look(window, cameras, tile_corner, size, scale):
         center_shift = (visible_rect.sum(0) - renderer_rect.sum(0)) / visible_extent
         window_center = np.array(camera.GetWindowCenter()) / visible_share + center_shift
         tile_camera.SetWindowCenter(*window_center)
+        if camera.GetUseExplicitProjectionTransformMatrix():
+            matrix = _cropped(camera, visible_share, center_shift)
+            tile_camera.SetExplicitProjectionTransformMatrix(matrix)
+
+
+def _cropped(camera, visible_share, center_shift):
+    """Return the explicit projection matrix of a camera for the part that a tile shows."""
+    crop = np.diag([*(1 / visible_share), 1.0, 1.0])
+    crop[:2, 3] = -center_shift
+    projection = np.reshape(camera.GetExplicitProjectionTransformMatrix().GetData(), (4, 4))
+    matrix = _vtk.vtkMatrix4x4()
+    matrix.DeepCopy((crop @ projection).ravel().tolist())
+    return matrix
 
 
 def _margins(window, cameras, effects, size, scale):
@@ -204,6 +218,8 @@ class TiledScreenshot:
                         *c.GetViewUp(),
                         c.GetViewAngle(),
                         c.GetParallelScale(),
+                        *c.GetWindowCenter(),
+                        c.GetExplicitAspectRatio() if c.GetUseExplicitAspectRatio() else 0.0,
                     ]
                     for c in cameras
                 ],

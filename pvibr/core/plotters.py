@@ -37,6 +37,11 @@ def renderers_of(plotter) -> list:
     return list(getattr(plotter, 'renderers', [plotter.renderer]))
 
 
+def frame_callbacks(plotter) -> list:
+    """Return what a plotter calls after each frame, such as trame views."""
+    return list(getattr(plotter, '_on_render_callbacks', ()))
+
+
 def subplot_size(plotter) -> tuple[int, int]:
     """Return width and height of the active subplot in pixels, as it will be before any frame."""
     width, height = plotter.renderer.GetSize()
@@ -45,11 +50,6 @@ def subplot_size(plotter) -> tuple[int, int]:
     left, bottom, right, top = plotter.renderer.GetViewport()
     extent = np.multiply(plotter.window_size, (right - left, top - bottom))
     return tuple(np.maximum(np.rint(extent), 1).astype(int).tolist())
-
-
-def frame_callbacks(plotter) -> list:
-    """Return what a plotter calls after each frame, such as trame views."""
-    return list(getattr(plotter, '_on_render_callbacks', ()))
 
 
 def is_dragged(window) -> bool:

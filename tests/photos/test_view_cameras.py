@@ -221,6 +221,11 @@ def test_skew_is_refused_or_said():
         refused('K must have no skew', pvibr.write_cameras, 'x', [camera], format=form)
 
 
+@pytest.mark.parametrize(('name', 'finer'), [('oblong', 900), ('tall', 190), ('square', 180)])
+def test_levels_are_chosen_by_the_finer_side_of_pixels(name, finer):
+    assert Frame.of(flown(pinhole(name)).renderer).pixel_scale == pytest.approx(finer)
+
+
 def test_a_view_that_is_no_pinhole_is_refused():
     pl = flown(pinhole('square'))
     pl.camera.SetViewShear(0.1, 0, 1)
@@ -312,20 +317,30 @@ def middle_of_ball(name, *, skewed=True):
 
 
 @pytest.mark.parametrize('kind', ['mesh', 'spheres'])
-@pytest.mark.parametrize('how', ['plain', 'tiles', 'samples'])
-def test_pictures_of_oblong_views(how, kind):
+@pytest.mark.parametrize('options', [{}, {'scale': 2}, {'samples': 4}], ids=str)
+def test_pictures_of_oblong_views(options, kind):
     pl = pv.Plotter(window_size=SIZE)
     ball(pl, kind)
     pl.ibr.fly_to(pinhole('oblong off-centre'), frames=1)
-    options = {'plain': {}, 'tiles': {'scale': 2}, 'samples': {'samples': 4}}[how]
-    picture = pl.ibr.screenshot(**options)
-    found = middle(picture)
-    if how == 'tiles':
-        assert picture.shape[1::-1] == (256, 192)
-        found = (found - 0.5) / 2
+    found = (middle(pl.ibr.screenshot(**options)) + 0.5) / options.get('scale', 1) - 0.5
     assert np.abs(found - middle_of_ball('oblong off-centre')).max() < 0.15
     if kind == 'spheres':
         assert pl.ibr.pick(found[0], SIZE[1] - 1 - found[1]).index == 0
+
+
+@pytest.mark.parametrize('kind', ['mesh', 'spheres'])
+@pytest.mark.parametrize('options', [{}, {'scale': 2}, {'samples': 4}], ids=str)
+def test_views_by_a_skewed_matrix(options, kind):
+    """VTK takes whole projection matrices too; tiles and samples are parts of them."""
+    pl = pv.Plotter(window_size=SIZE)
+    ball(pl, kind)
+    pl.ibr.fly_to(pinhole('square'), frames=1)
+    matrix = pinhole('skew').clip_from_view(*pl.camera.clipping_range)
+    pl.camera.SetExplicitProjectionTransformMatrix(pv.vtkmatrix_from_array(matrix))
+    pl.camera.SetUseExplicitProjectionTransformMatrix(True)
+    scale = options.get('scale', 1)
+    found = (middle(pl.ibr.screenshot(**options)) + 0.5) / scale - 0.5
+    assert np.abs(found - middle_of_ball('skew')).max() < 0.15
 
 
 @pytest.mark.parametrize('kind', ['mesh', 'spheres'])
