@@ -116,6 +116,11 @@ def export_glb(self, path, **options):
     OSError
         If the file cannot be written; the existing file is unchanged.
 
+    Warns
+    -----
+    PvibrWarning
+        If the camera's window centre, which glTF lacks, moves the view by more than 0.01 pixels.
+
     Examples
     --------
     >>> import pathlib, tempfile
