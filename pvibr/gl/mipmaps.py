@@ -8,6 +8,7 @@ import numpy as np
 
 from pvibr.core import _vtk
 from pvibr.gl import enums as gl
+from pvibr.gl.dilation import Dilation
 from pvibr.gl.target import Target, blit
 from pvibr.gl.texture import Texture, release
 
@@ -27,6 +28,7 @@ class MipTexture(Texture):
         self._renderer = _vtk.vtkRenderer()  # vtkTexture needs one to find its window
         self._renderer.SetRenderWindow(window)
         self._levels: list = []
+        self._dilation: Dilation | None = None
 
     def upload(self, array) -> MipTexture:
         """Upload an array and generate the mip levels."""
@@ -50,6 +52,18 @@ class MipTexture(Texture):
         copy(source, self._levels[0])
         for large, small in zip(self._levels, self._levels[1:], strict=False):
             copy(large, small)
+
+    def dilate(self, image=None, *, keep):
+        """Replace all levels by those of its own image, or of premultiplied RGBA, dilated.
+
+        `keep` what the computation allocates for the next image.
+        """
+        dilation = self._dilation or Dilation(self.window, *self.size)
+        levels = dilation.levels(image or self, premultiplied=image is not None)
+        self._levels = self._levels or self._create_levels()
+        for source, level in zip(levels, self._levels, strict=True):
+            copy(source, level)
+        self._dilation = dilation if keep else release(dilation)
 
     def put_level(self, k, array):
         """Replace a smaller mip level by an array."""
@@ -75,6 +89,8 @@ class MipTexture(Texture):
     def release(self):
         """Free the GPU's memory; the context must be alive."""
         self._forget_levels()
+        release(self._dilation)
+        self._dilation = None
         self._vtk_texture.ReleaseGraphicsResources(self.window)
         self.nbytes = 0
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import pyvista as pv
 
-from pvibr.instances.foliage_quads import Groups, clusters, components, dilated, quads
+from pvibr.instances.foliage_quads import Groups, clusters, components, quads
 from pvibr.instances.mesh_pool import lendable
 from pvibr.maths.flip import flip
 from pvibr.maths.image_error import box_reduce, psnr, silhouette_iou
@@ -16,6 +16,7 @@ from pvibr.meshes.decimate import lighter
 from pvibr.meshes.parts import as_parts, check_triangles
 from pvibr.meshes.surfaces import some_triangles
 from pvibr.meshes.turntable import Turns
+from pvibr.textures.filled_texels import dilated
 from pvibr.textures.material_textures import copy_texture
 
 _SAMPLES = 4  # along a side of a texel of a turntable, and of a pixel of the reference

@@ -16,6 +16,7 @@ from pvibr.instances.mesh_pool import lendable
 from pvibr.maths.views import orthographic
 from pvibr.meshes.parts import Part, as_parts
 from pvibr.meshes.surfaces import set_active
+from pvibr.textures.filled_texels import dilated
 from pvibr.textures.material_textures import copy_property, copy_texture
 from pvibr.textures.sheet import shelves
 
@@ -234,26 +235,6 @@ def _unlit(part, mesh):
     actor.SetTexture(copy_texture(part.actor.GetTexture()))
     actor.ForceOpaqueOn()
     return actor
-
-
-def dilated(picture):
-    """Return premultiplied as straight RGBA uint8, with colours dilated into transparent texels.
-
-    Pull-push interpolation: Gortler et al., "The Lumigraph", SIGGRAPH 1996, section 3.4.
-    """
-    mip_levels = [picture]
-    while max(mip_levels[-1].shape[:2]) > 1:
-        a = mip_levels[-1]
-        a = np.pad(a, ((0, a.shape[0] % 2), (0, a.shape[1] % 2), (0, 0)))
-        mip_levels.append(0.25 * (a[::2, ::2] + a[1::2, ::2] + a[::2, 1::2] + a[1::2, 1::2]))
-    filled_colors = np.zeros((1, 1, 3), np.float32)
-    for a in reversed(mip_levels):
-        if filled_colors.shape[:2] != a.shape[:2]:
-            filled_colors = filled_colors.repeat(2, 0).repeat(2, 1)[: a.shape[0], : a.shape[1]]
-        alpha = a[..., 3:]
-        filled_colors = np.where(alpha > 0, a[..., :3] / np.maximum(alpha, 1e-6), filled_colors)
-    rgba = np.concatenate([filled_colors, picture[..., 3:]], 2)
-    return np.rint(255 * rgba.clip(0, 1)).astype(np.uint8)
 
 
 def _mean_normals(mesh, groups):

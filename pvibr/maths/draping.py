@@ -17,7 +17,10 @@ _CLIPPED = 0.02  # share of the range at either end where a camera's response is
 
 
 def sample(image, uv, filter='linear'):
-    """Return the colours (n, c) of a picture (h, w[, c]), top row first, at uv; NaN outside."""
+    """Return the colours (n, c) of a picture (h, w[, c]), top row first, at uv; NaN outside.
+
+    A fourth channel is alpha: it weights the others where it varies between texels.
+    """
     image = np.asarray(image)
     image = image[..., None] if image.ndim == 2 else image
     if image.ndim != 3 or not image.size:
@@ -40,12 +43,25 @@ def sample(image, uv, filter='linear'):
         return colors
     column_0, row_0 = np.floor(pixel_x), np.floor(pixel_y)
     across, down = (pixel_x - column_0)[:, None], (pixel_y - row_0)[:, None]
+    corners = [texel(column_0 + j, row_0 + i) for i in (0, 1) for j in (0, 1)]
     upper_colors, lower_colors = (
-        (1 - across) * texel(column_0, row) + across * texel(column_0 + 1, row)
-        for row in (row_0, row_0 + 1)
+        (1 - across) * corners[k] + across * corners[k + 1] for k in (0, 2)
     )
-    colors[inside] = (1 - down) * upper_colors + down * lower_colors
+    mixed = (1 - down) * upper_colors + down * lower_colors
+    if channels == 4:
+        shares = [v * h for v in (1 - down, down) for h in (1 - across, across)]
+        _weight_by_alpha(mixed, np.stack(corners), np.stack(shares))
+    colors[inside] = mixed
     return colors
+
+
+def _weight_by_alpha(mixed, corners, shares):
+    """Replace the colours of points between texels of different alpha by means weighted by it."""
+    rows = np.flatnonzero((corners[..., 3] != corners[0, :, 3]).any(0))
+    corners, weights = corners[:, rows], shares[:, rows] * corners[:, rows, 3:]
+    sums = np.where(weights > 0, weights * corners[..., :3], 0).sum(0)
+    total = weights.sum(0)
+    mixed[rows, :3] = np.divide(sums, total, out=mixed[rows, :3], where=total > 0)
 
 
 def border(uv, width):

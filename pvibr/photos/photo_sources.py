@@ -12,6 +12,7 @@ import numpy as np
 from pvibr.maths.lens_camera import LensCamera
 from pvibr.photos.photos import Photo, resampled
 from pvibr.photos.picture_sheet import halved
+from pvibr.textures.filled_texels import filled
 from pvibr.textures.projected import as_rgba, resized
 
 #: Longest side of the version used to compare colours and sharpness, texels.
@@ -43,13 +44,13 @@ class PhotoSource:
         size = halved(self.size, halving_count)
         if self.small is not None and self.small.shape[1::-1] == size:
             return self.small
-        picture = self.photo.read(size) if self.plain else self._resampled(self.photo.read(), size)
+        if self.plain and self.mask is None:
+            return filled(self.photo.read(size))
+        picture = self.photo.read()
         if self.mask is not None:
-            resize = resized if self.plain else self._resampled
-            mask = resize(self.mask, size)
-            mask = mask if self.plain else mask[..., 0]
+            mask = resized(self.mask, picture.shape[1::-1])
             picture[..., 3] = np.minimum(picture[..., 3], mask)
-        return picture
+        return filled(resized(picture, size) if self.plain else self._resampled(picture, size))
 
     def _resampled(self, picture, size):
         """Return the part of a wide-angle picture that the cube face sees."""

@@ -273,10 +273,9 @@ def resampled(camera, picture, face):
             is_inside = np.flatnonzero(((uv >= 0) & (uv <= 1)).all(axis=1))
         row_pixels = np.zeros((len(uv), 4), np.uint8)
         row_pixels[is_inside] = np.rint(sample(picture, uv[is_inside]))
-        row_pixels[is_inside, 3] = 255
         face_picture[row_range] = row_pixels.reshape(len(row_range), width, 4)
     mask = face_picture[..., 3].copy()
-    return face_picture, face, None if mask.all() else mask
+    return face_picture, face, None if mask.min() == 255 else mask
 
 
 class Photos(tuple):

@@ -9,10 +9,9 @@ import numpy as np
 from pvibr.gl import MipTexture, Texture, nbytes_of, texture_limit
 from pvibr.maths.camera_views import view_of
 from pvibr.maths.cameras import as_camera
-from pvibr.maths.image_error import box_reduce
 from pvibr.maths.orthographic import Orthographic
 from pvibr.photos.photos import Photo
-from pvibr.textures.projected import LivePictures, Pictures, is_live
+from pvibr.textures.projected import LivePictures, Pictures, is_live, resized, upload
 from pvibr.things.depth_view import DepthView
 from pvibr.visibility import depth_test
 
@@ -82,7 +81,8 @@ class Slide:
             self.texture = MipTexture(window)
         picture = self.pictures.weighted(*picture_key)
         self.reduced = -(-max(picture.shape[:2]) // texture_limit(window))
-        self.texture.upload(_reduced(picture, self.reduced)[::-1])
+        size = -(-picture.shape[1] // self.reduced), -(-picture.shape[0] // self.reduced)
+        upload(self.texture, resized(picture, size), keep=len(self.pictures) > 1)
         self._shown_key = picture_key
 
     def update_depth(self, frame, drawer, casters, resolution):
@@ -247,12 +247,3 @@ def _density(camera, size) -> float:
     if isinstance(camera, Orthographic):
         return size / float(camera.texel(np.zeros((1, 3)))[0])
     return float(np.sqrt(camera.K[0, 0] * camera.K[1, 1]))
-
-
-def _reduced(picture, factor):
-    """Return a picture reduced by box averages."""
-    if factor == 1:
-        return picture
-    height, width = picture.shape[:2]
-    padded = np.pad(picture, ((0, -height % factor), (0, -width % factor), (0, 0)), mode='edge')
-    return np.rint(box_reduce(padded, factor)).astype(np.uint8)

@@ -38,9 +38,7 @@ class SheetImages:
 
     def whole(self) -> tuple[np.ndarray, np.ndarray]:
         """Return all images as one, row 0 at the top, and their rectangles, y up."""
-        image = self._sheet.levels[0][::-1].astype(float)
-        image[..., :3] *= 255 / np.maximum(image[..., 3:], 1)
-        return np.rint(np.minimum(image, 255)).astype(np.uint8), self._sheet.rects
+        return self._sheet.levels[0][::-1], self._sheet.rects
 
     def alpha(self, number, uv) -> float:
         """Return the alpha of an image at texture coordinates, 0 to 1 from the lower left."""

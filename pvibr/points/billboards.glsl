@@ -4,7 +4,6 @@
 // neighbours, and discards or blends transparent texels.
 // Positions are differences of point and eye, each a pair of floats relative to the middle of all
 // points, and so exact for small differences (Ohlarik, "Precisions, Precisions", 2008).
-// Colours in the texture are premultiplied by alpha, except in a live texture.
 // ibr_first, a draw's first slot, and ibr_end, the entry after its last, are custom uniforms of the
 // actor, declared by VTK.
 
@@ -167,7 +166,7 @@ uniform sampler2D ibr_sheet;
 uniform float ibr_smallest;       // last level whose texels belong to one image each
 uniform float ibr_cutout;         // least alpha of cut-outs; 0 to blend
 uniform float ibr_least_opacity;  // least opacity that is drawn
-uniform int ibr_straight;         // 1 if colours are not premultiplied
+uniform int ibr_padded;           // 1 if images are padded to whole texels of the last level
 uniform int ibr_two_views;
 in vec4 vertexVCVSOutput;
 in vec2 ibr_texel;
@@ -178,15 +177,16 @@ flat in vec4 ibr_look;
 flat in vec3 ibr_normal;
 flat in float ibr_reach;
 
-// Samples stay half a texel of the coarser level away from neighbours, and from the padding to whole
-// texels of the last level.
+// Samples, premultiplied by alpha, stay half a texel of the coarser level away from neighbours, and
+// from the padding.
 vec4 ibr_sampled(vec4 rect, vec2 texel, float lod)
 {
   vec2 extent = rect.zw - rect.xy;
-  if (ibr_straight == 0) extent = ceil(extent * exp2(-ibr_smallest)) * exp2(ibr_smallest);
+  if (ibr_padded == 1) extent = ceil(extent * exp2(-ibr_smallest)) * exp2(ibr_smallest);
   vec2 inset = min(vec2(0.5 * exp2(ceil(lod))), 0.5 * extent);
   vec2 at = clamp(texel, rect.xy + inset, rect.xy + extent - inset);
-  return textureLod(ibr_sheet, at / vec2(textureSize(ibr_sheet, 0)), lod);
+  vec4 color = textureLod(ibr_sheet, at / vec2(textureSize(ibr_sheet, 0)), lod);
+  return vec4(color.rgb * color.a, color.a);
 }
 
 //@fragment.sample
@@ -210,9 +210,7 @@ vec4 ibr_sampled(vec4 rect, vec2 texel, float lod)
   if (ibr_cutout == 0.0) ibr_coverage *= ibr_seen.a;
   else if (ibr_seen.a < ibr_cutout) discard;
   if (ibr_coverage < ibr_least_opacity) discard;
-  vec3 ibr_base = ibr_seen.rgb;
-  if (ibr_straight == 0) ibr_base /= max(ibr_seen.a, 1.0 / 255.0);
-  ibr_base = min(ibr_base, 1.0) * ibr_look.rgb;
+  vec3 ibr_base = min(ibr_seen.rgb / max(ibr_seen.a, 1e-4), 1.0) * ibr_look.rgb;
   // For features that need the surface point: a light sees the card turned toward itself.
 #define IBR_PLACE_ERROR ibr_reach
 #define IBR_PLACE vertexVC.xyz

@@ -398,7 +398,7 @@ class Billboards(ItemSet):
             self._uniforms |= self.layout.uniforms()
         self._uniforms |= self._images.uniforms() | {
             'ibr_cutout': float(self.cutout or 0.0),
-            'ibr_straight': int(isinstance(self._images, LiveImage)),
+            'ibr_padded': int(not isinstance(self._images, LiveImage)),
         }
         for draws in self._all_draws():
             draws.textures = {**self._textures.by_name, 'ibr_sheet': self._images.texture}

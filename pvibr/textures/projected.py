@@ -154,7 +154,8 @@ class Shown:
             self._texture = MipTexture(window, repeat=self._repeat)
         if self._shown_index != index:
             step = -(-max(self.size) // texture_limit(window))
-            self._texture.upload(self.pictures.read(index)[::step, ::step][::-1])
+            picture = self.pictures.read(index)[::step, ::step]
+            upload(self._texture, picture, keep=len(self.pictures) > 1)
             self._shown_index = index
         return self._texture
 
@@ -170,6 +171,16 @@ class Shown:
         self._texture = self._shown_index = None
         if self.pictures is not None:
             self.pictures.close()
+
+
+def upload(texture, picture, keep):
+    """Upload a picture, top row first, of which no mip level shows what is transparent.
+
+    `keep` what this allocates for the next one.
+    """
+    texture.upload(picture[::-1])
+    if picture[..., 3].min() < 255:
+        texture.dilate(keep=keep)
 
 
 def is_live(image) -> bool:
@@ -250,13 +261,22 @@ def _mask(mask, size):
 
 
 def resized(picture, size):
-    """Return a picture in another size, by area averages."""
+    """Return a picture in another size, by area averages weighted by alpha."""
     from PIL import Image
 
     if picture.shape[1::-1] == tuple(size):
         return picture[..., 0] if picture.shape[2] == 1 else picture
-    pil_image = Image.fromarray(picture[..., 0] if picture.shape[2] == 1 else picture)
-    return np.array(pil_image.resize(size, Image.Resampling.BOX))
+
+    def mean(values):
+        return np.array(Image.fromarray(values).resize(size, Image.Resampling.BOX))
+
+    if picture.shape[2] == 1 or picture[..., 3].min() == 255:
+        return mean(picture[..., 0] if picture.shape[2] == 1 else picture)
+    # Pillow's own weighting rounds colours times alpha to bytes.
+    alpha = picture[..., 3].astype(np.float32)
+    mean_alpha = mean(alpha)
+    sums = np.stack([mean(picture[..., k] * alpha) for k in range(3)] + [mean_alpha**2], -1)
+    return np.rint(sums / np.maximum(mean_alpha, 1e-6)[..., None]).astype(np.uint8)
 
 
 def decoded(path, full_size, size):

@@ -8,6 +8,7 @@ import numpy as np
 
 from pvibr.core.arguments import naming
 from pvibr.gl import MipTexture, texture_limit
+from pvibr.textures.filled_texels import dilated
 from pvibr.textures.projected import as_rgba, is_live
 
 #: Largest side of a sheet in texels, as drivers of the last ten years support.
@@ -20,7 +21,8 @@ class Sheet:
     """Images side by side in one texture.
 
     Castano, "Computing Alpha Mipmaps", 2010: alpha of each level is scaled to preserve coverage;
-    here per image, by a quantile of its filtered alpha.
+    here per image, by a quantile of its filtered alpha. Colours are straight: means weighted by
+    alpha, dilated into transparent texels.
     """
 
     def __init__(self, images, cutout=None):
@@ -56,7 +58,7 @@ class Sheet:
             # If none should pass, all stay just below the cutoff.
             factor = cutoff / max(threshold_alpha, 1e-3) * (1.001 if passing_count else 0.98)
             scale = np.clip(factor, 1 / _MAX_FACTOR, _MAX_FACTOR)
-            scaled[level_window] *= np.minimum(scale, 255 / np.maximum(alpha, 1e-3))[..., None]
+            scaled[level_window][..., 3] = np.minimum(scale * alpha, 255)
         return scaled
 
     @property
@@ -151,9 +153,12 @@ class _Reduced:
             self.pixels = pairs.sum(axis + 1) / total_share.reshape(shape)
 
     def padded(self, height, width):
-        """Return the level with its border repeated."""
+        """Return the level with straight colours and its border repeated."""
         padding = (height - self.pixels.shape[0], width - self.pixels.shape[1], 0)
-        return np.pad(self.pixels, [(0, n) for n in padding], mode='edge')
+        pixels = self.pixels.copy()
+        if pixels[..., 3].min() < 255:
+            pixels[..., :3] = dilated(pixels / 255)[..., :3]
+        return np.pad(pixels, [(0, n) for n in padding], mode='edge')
 
 
 def _paired(values, axis=0):

@@ -13,11 +13,11 @@ from pvibr.instances.foliage_quads import (
     TextureLayout,
     clusters,
     components,
-    dilated,
     quads,
 )
 from pvibr.instances.levels import _levels, content_key
 from pvibr.meshes.parts import as_parts
+from pvibr.textures.filled_texels import dilated
 from tests.marks import slow
 
 
