@@ -20,6 +20,7 @@ from pvibr.maths.camera_views import view_of
 from pvibr.maths.cameras import as_camera
 from pvibr.maths.vectors import unit_vectors
 from pvibr.maths.views import View, frustum, look_along, may_see
+from pvibr.textures.filled_texels import straight
 from pvibr.things.casters import Casters, Choice
 from pvibr.things.content_key import lights_key
 from pvibr.things.draw_order import in_order
@@ -153,7 +154,8 @@ class LiveTexture(Effect):
             raise RuntimeError(f'{self.name} has no picture: add it to a subplot and render')
         whole = self._targets['whole']
         whole.window.MakeCurrent()
-        return np.ascontiguousarray(whole.colors[0].download()[::-1])
+        picture = np.ascontiguousarray(whole.colors[0].download()[::-1])
+        return picture if self._channels == 3 else straight(picture)
 
     # -- the life of an effect ----------------------------------------------------------------
 
@@ -235,9 +237,11 @@ class LiveTexture(Effect):
         ]
 
     def _clear_color(self, frame) -> tuple:
+        """Return the background, premultiplied by alpha as all that is blended over it."""
         if self.what == 'depth':
             return 0.0, 0.0, 0.0, 1.0
-        return self.background or (*frame.renderer.GetBackground(), 1.0)
+        *color, alpha = self.background or (*frame.renderer.GetBackground(), 1.0)
+        return *(alpha * channel for channel in color), alpha
 
     def _draw(self, frame, depth, light_view=None):
         """Render it, after the live textures in it, with camera lights at the view `lamp`."""
@@ -319,13 +323,16 @@ class LiveTexture(Effect):
 
     def show(self, picture):
         """Copy a picture to the texture of its actors."""
-        self._texture.take(picture)
+        if self._channels == 3:
+            self._texture.take(picture)
+        else:
+            self._texture.dilate(picture.colors[0], keep=True)
         self._shows_other_view = True
 
     def show_own(self):
         """Restore the picture of the window's view, if there is one."""
         if self._shows_other_view and 'whole' in self._targets:
-            self._texture.take(self._targets['whole'])
+            self.show(self._targets['whole'])
         self._shows_other_view = False
 
     def release(self):

@@ -63,7 +63,11 @@ class MipTexture(Texture):
         self._levels = self._levels or self._create_levels()
         for source, level in zip(levels, self._levels, strict=True):
             copy(source, level)
-        self._dilation = dilation if keep else release(dilation)
+        width, height = self.size
+        self.nbytes = width * height * 4 * 4 // 3 + keep * dilation.nbytes
+        if not keep:
+            release(dilation)
+        self._dilation = dilation if keep else None
 
     def put_level(self, k, array):
         """Replace a smaller mip level by an array."""

@@ -28,6 +28,13 @@ def premultiplied(picture):
     return values
 
 
+def straight(picture):
+    """Return a premultiplied RGBA picture, uint8, with colours that are not."""
+    alpha = np.maximum(picture[..., 3:], 1).astype(np.float32)
+    colors = np.minimum(np.rint(picture[..., :3] * (255 / alpha)), 255)
+    return np.concatenate([colors.astype(np.uint8), picture[..., 3:]], 2)
+
+
 def _quarters(picture):
     """Return the four pictures of every second row and column, padded with zeros."""
     height, width = picture.shape[:2]

@@ -101,6 +101,36 @@ def add_billboard(pl, size, garbage, color, folder):
     pl.ibr.add_billboards([[0, 0, 0]], rgba(size, garbage), **look)
 
 
+def add_live(pl, garbage):
+    """Return a live texture of a ball elsewhere, before a transparent background."""
+    elsewhere = pvibr.Orthographic.from_extent(98, 102, -1.5, 1.5, zmax=3)
+    look = {'color': [GRAY / 255] * 3, 'lighting': False}
+    ball = pl.add_mesh(pv.Sphere(center=(100, 0, 0), radius=1), **look)
+    background = (garbage / 255,) * 3 + (0.0,)
+    return pl.ibr.add(pvibr.LiveTexture(elsewhere, [ball], (64, 48), background=background))
+
+
+def add_live_mesh(pl, size, garbage, color, folder):
+    live = add_live(pl, garbage)
+    wall = pl.add_mesh(pv.Plane(i_size=4, j_size=3), color='white', lighting=False)
+    wall.texture = live.texture
+
+
+def add_live_billboard(pl, size, garbage, color, folder):
+    look = {'size': [[4, 3]], 'facing': 'screen', 'lighting': False}
+    pl.ibr.add_billboards([[0, 0, 0]], add_live(pl, garbage), **look)
+
+
+def add_live_projector(pl, size, garbage, color, folder):
+    wall = pl.add_mesh(plane(), color=color, lighting=False)
+    live = add_live(pl, garbage)
+    pl.ibr.add(pvibr.Projector(live, ABOVE, mode='decal', actors=[wall]))
+
+
+def add_live_overlay(pl, size, garbage, color, folder):
+    pl.ibr.add(pvibr.ImageOverlay(add_live(pl, garbage)))
+
+
 DRAWN = [
     add_masked_projector,
     add_decal,
@@ -109,6 +139,10 @@ DRAWN = [
     add_overlay,
     add_small_overlay,
     add_billboard,
+    add_live_mesh,
+    add_live_billboard,
+    add_live_projector,
+    add_live_overlay,
 ]
 
 
