@@ -190,7 +190,8 @@ class Sky(_Background):
         else:
             around = 0.5 - np.arctan2(sky_directions[:, 1:2], sky_directions[:, :1]) / (2 * np.pi)
             picture = self._image.picture(frame.time)
-            sky_colors = sample(picture, np.hstack([around, 0.5 + 0.5 * elevation]))[:, :3] / 255
+            uv = np.hstack([around, 0.5 + 0.5 * elevation])
+            sky_colors = sample(picture[..., :3], uv) / 255
         background = (1 - self.opacity) * np.array(frame.renderer.GetBackground())
         return np.clip(self.opacity * self.intensity * sky_colors + background, 0, 1)
 

@@ -84,7 +84,7 @@ class FullScreenImage(FullScreen):
     _image: Shown
 
     def __init__(self, image, **settings):
-        self._image = Shown(image)
+        self._image = Shown(image, has_coverage=True)
         super().__init__(**settings)
 
     @classmethod

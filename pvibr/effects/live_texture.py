@@ -18,9 +18,9 @@ from pvibr.gl.mipmaps import copy
 from pvibr.maths._checks import size_of
 from pvibr.maths.camera_views import view_of
 from pvibr.maths.cameras import as_camera
+from pvibr.maths.filled_texels import straight
 from pvibr.maths.vectors import unit_vectors
 from pvibr.maths.views import View, frustum, look_along, may_see
-from pvibr.textures.filled_texels import straight
 from pvibr.things.casters import Casters, Choice
 from pvibr.things.content_key import lights_key
 from pvibr.things.draw_order import in_order

@@ -9,6 +9,7 @@ import pyvista as pv
 
 from pvibr.instances.foliage_quads import Groups, clusters, components, quads
 from pvibr.instances.mesh_pool import lendable
+from pvibr.maths.filled_texels import dilated
 from pvibr.maths.flip import flip
 from pvibr.maths.image_error import box_reduce, psnr, silhouette_iou
 from pvibr.maths.vectors import as_units
@@ -16,7 +17,6 @@ from pvibr.meshes.decimate import lighter
 from pvibr.meshes.parts import as_parts, check_triangles
 from pvibr.meshes.surfaces import some_triangles
 from pvibr.meshes.turntable import Turns
-from pvibr.textures.filled_texels import dilated
 from pvibr.textures.material_textures import copy_texture
 
 _SAMPLES = 4  # along a side of a texel of a turntable, and of a pixel of the reference

@@ -13,10 +13,10 @@ from scipy.spatial import cKDTree
 from pvibr.core import _vtk
 from pvibr.gl.hidden_window import rasterize
 from pvibr.instances.mesh_pool import lendable
+from pvibr.maths.filled_texels import dilated
 from pvibr.maths.views import orthographic
 from pvibr.meshes.parts import Part, as_parts
 from pvibr.meshes.surfaces import set_active
-from pvibr.textures.filled_texels import dilated
 from pvibr.textures.material_textures import copy_property, copy_texture
 from pvibr.textures.sheet import shelves
 

@@ -11,7 +11,7 @@ from pvibr.maths.vectors import unit_vectors
 from pvibr.photos.photo_choice import mask_at
 from pvibr.photos.photo_sources import threads
 from pvibr.photos.texture_bake import baked_texture
-from pvibr.visibility.surface_samples import normals_and_areas
+from pvibr.visibility.surface_samples import Samples, normals_and_areas
 from pvibr.visibility.unwrap import texel_spacing
 
 #: Arrays of a quality map: dtype, and value where no photograph sees.
@@ -176,7 +176,7 @@ def texture_of(painted, mesh, size, quality, file, advance):
 
         def paint(tile, step):
             paints = painter_of_mesh.at(tile.cell, tile.share, step, quality)
-            images = {'': tile.filled(paints.colors, paints.colors[:, 3] > 0)}
+            images = {'': tile.filled(paints.colors, paints.colors[:, 3] > 0, keep_bare=True)}
             for name in QUALITY if quality else ():
                 images[name] = tile.values(getattr(paints, name), QUALITY[name][1])
             return images
@@ -207,6 +207,8 @@ def data_of(painted, mesh, to, advance):
         data[name][item_rows] = getattr(paint, name)
     colors = np.zeros((item_count, 4), np.uint8)
     colors[item_rows] = paint.colors
+    if to == 'points':
+        colors[:, :3] = Samples.of(mesh, to).filled(colors[:, :3], colors[:, 3] > 0)
     data['projected'] = colors
     mesh.set_active_scalars('projected', preference=to[:-1])
     return mesh

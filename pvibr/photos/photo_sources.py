@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
+from pvibr.maths.filled_texels import filled
 from pvibr.maths.lens_camera import LensCamera
 from pvibr.photos.photos import Photo, resampled
 from pvibr.photos.picture_sheet import halved
-from pvibr.textures.filled_texels import filled
 from pvibr.textures.projected import as_rgba, resized
 
 #: Longest side of the version used to compare colours and sharpness, texels.

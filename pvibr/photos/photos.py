@@ -178,8 +178,8 @@ class Photo:
         try:
             return [(self.path, self.camera.as_pinhole(), None)]
         except ValueError:
-            picture = self.read()
-        return [resampled(self.camera, picture, face) for face in self.camera.faces()]
+            opaque_picture = self.read() | np.array([0, 0, 0, 255], np.uint8)
+        return [resampled(self.camera, opaque_picture, face) for face in self.camera.faces()]
 
     def to_pyvista(self, size=None):
         """Return PyVista's camera with this view.
@@ -423,7 +423,9 @@ class Photos(tuple):
             row, column = divmod(k, columns)
             x, y = column * cell_width, row * cell_height
             image[y : y + h, x : x + w] = self[indices[k]].read((w, h))
-            card_uv[:] = [(x, y + h), (x + w, y + h), (x + w, y), (x, y)]
+            # From the middle of the outer texels: filters mix in no neighbour.
+            left, top, right, bottom = x + 0.5, y + 0.5, x + w - 0.5, y + h - 0.5
+            card_uv[:] = [(left, bottom), (right, bottom), (right, top), (left, top)]
         card_faces: np.ndarray = np.arange(4 * len(indices)).reshape(-1, 4)
         cards = pv.PolyData.from_regular_faces(corners.reshape(-1, 3), card_faces)
         corner_uv = corner_uv.reshape(-1, 2) / (image.shape[1], image.shape[0])

@@ -399,7 +399,10 @@ class Projector(Effect):
             painter.solve_gains(mesh)
             with baking(progress, 'Baking pictures') as advance:
                 return baked_texture(mesh, size, painter.of_tiles, file, advance, side=_TILE)
-        colors, covered, views = painter.at(Samples.of(mesh, to))
+        samples = Samples.of(mesh, to)
+        colors, covered, views = painter.at(samples)
+        if to == 'points':
+            colors[:, :3] = samples.filled(colors[:, :3], covered)
         baked_mesh = mesh.copy()
         data = baked_mesh.point_data if to == 'points' else baked_mesh.cell_data
         data['projected'], data['covered'], data['views'] = colors, covered, views

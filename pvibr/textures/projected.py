@@ -121,10 +121,11 @@ class LivePictures:
 class Shown:
     """An image as a texture for shaders: a picture, sequence or live texture."""
 
-    def __init__(self, image, *, repeat=False):
+    def __init__(self, image, *, repeat=False, has_coverage=False):
+        """Let the alpha of an image be its coverage if told so; else it is any fourth channel."""
         self.live: Any = image if is_live(image) else None
         self.pictures: Any = None if is_live(image) else Pictures(image)
-        self._repeat = repeat
+        self._repeat, self._has_coverage = repeat, has_coverage
         self._texture: MipTexture | None = None
         self._shown_index: int | None = None
 
@@ -155,7 +156,10 @@ class Shown:
         if self._shown_index != index:
             step = -(-max(self.size) // texture_limit(window))
             picture = self.pictures.read(index)[::step, ::step]
-            upload(self._texture, picture, keep=len(self.pictures) > 1)
+            if self._has_coverage:
+                upload(self._texture, picture, keep=len(self.pictures) > 1)
+            else:
+                self._texture.upload(picture[::-1])
             self._shown_index = index
         return self._texture
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from pvibr.core.arguments import naming
 from pvibr.gl import MipTexture, texture_limit
-from pvibr.textures.filled_texels import dilated
+from pvibr.maths.filled_texels import dilated
 from pvibr.textures.projected import as_rgba, is_live
 
 #: Largest side of a sheet in texels, as drivers of the last ten years support.

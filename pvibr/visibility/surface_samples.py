@@ -86,6 +86,16 @@ class Samples:
         with np.errstate(invalid='ignore', divide='ignore'):
             return np.stack(sums, 1) / weight_sums[:, None]
 
+    def filled(self, colors, is_covered) -> np.ndarray:
+        """Return the colours of points, mean ones of covered neighbours where a point is not."""
+        near = is_covered[self.corner].astype(float)
+        sums, counts = np.einsum('mk,mkc->mc', near, colors[self.corner]), near.sum(1)
+        means = self.mean(sums / np.maximum(counts, 1)[:, None], counts)
+        to_fill = ~is_covered & np.isfinite(means).all(1)
+        filled_colors = colors.copy()
+        filled_colors[to_fill] = np.rint(means[to_fill])
+        return filled_colors
+
 
 def _triangles(mesh):
     """Return the triangles of a mesh's surface, as point and cell indices of the mesh."""

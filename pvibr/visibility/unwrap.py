@@ -104,8 +104,8 @@ class TexelTile:
         image[self.inside] = values
         return self._cropped(image)
 
-    def filled(self, colors, covered) -> np.ndarray:
-        """Return the tile's RGBA image, padded around charts with the nearest colour."""
+    def filled(self, colors, covered, *, keep_bare=False) -> np.ndarray:
+        """Return the tile's RGBA image, the nearest colour beside charts, or where not covered."""
         image = np.zeros((*self.inside.shape, 4), np.uint8)
         image[self.inside] = colors
         is_known = self.inside.copy()
@@ -113,8 +113,8 @@ class TexelTile:
         if is_known.any():
             distance, nearest = ndimage.distance_transform_edt(~is_known, return_indices=True)
             margin = distance <= _PAD
-            # Mip levels average over everything outside the charts.
-            to_fill = ~is_known & (margin | ~self.inside)
+            # Mip levels average over everything that is not covered.
+            to_fill = ~is_known & (margin | ~self.inside | (not keep_bare))
             outside = ~self.inside[to_fill]
             image[to_fill, :3] = image[nearest[0][to_fill], nearest[1][to_fill], :3]
             image[to_fill, 3] = np.where(outside & margin[to_fill], 255, 0)

@@ -16,8 +16,8 @@ from pvibr.instances.foliage_quads import (
     quads,
 )
 from pvibr.instances.levels import _levels, content_key
+from pvibr.maths.filled_texels import dilated
 from pvibr.meshes.parts import as_parts
-from pvibr.textures.filled_texels import dilated
 from tests.marks import slow
 
 

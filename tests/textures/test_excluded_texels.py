@@ -14,14 +14,14 @@ from pvibr.gl import MipTexture, Target, release
 from pvibr.gl.hidden_window import hidden_window
 from pvibr.gl.mipmaps import Level, copy
 from pvibr.maths.draping import sample
-from pvibr.textures.filled_texels import filled
-from pvibr.textures.projected import resized, upload
+from pvibr.maths.filled_texels import filled
+from pvibr.textures.projected import Shown, resized, upload
 from tests.pictures import plotter, shot
 
 GRAY = 200
 SIZES = (64, 48), (61, 37)
 #: Half heights of views: from 8 pixels per texel to 60 texels per pixel.
-SCALES = 0.1, 0.5, 2.0, 8.0, 30.0
+SCALES = 0.1, 0.5, 2.0, 30.0
 EXTENT = -2, 2, -1.5, 1.5
 ABOVE = pvibr.Orthographic.from_extent(*EXTENT, zmax=3)
 
@@ -192,6 +192,55 @@ def test_baked_colours_are_of_the_object_alone(bake, to, garbage, size, tmp_path
     drawn = drawn[drawn[:, 3] > 0]
     assert len(drawn) > 20
     assert (np.abs(drawn[:, :3] - GRAY) <= 1).all()
+
+
+@pytest.mark.parametrize('garbage', [0, 255])
+@pytest.mark.parametrize('to', ['points', 'texture'])
+@pytest.mark.parametrize('bake', [bake_projector, bake_decal], ids=lambda bake: bake.__name__[5:])
+def test_baked_colours_drawn_by_vtk_are_of_the_object_alone(stage, bake, to, garbage, tmp_path):
+    stage.set_background([GRAY / 255] * 3)
+    if to == 'points':
+        baked = bake(plane(40), *cut_out(SIZES[0], garbage), tmp_path)
+        stage.add_mesh(baked, scalars='projected', rgb=True, lighting=False)
+    else:
+        where = {'to': to, 'size': (128, 96)}
+        baked, image = bake(plane(40), *cut_out(SIZES[0], garbage), tmp_path, **where)
+        texture = pv.Texture(image)
+        texture.interpolate = texture.mipmap = True
+        stage.add_mesh(baked, texture=texture, color='white', lighting=False)
+    stage.show(auto_close=False)
+    for scale in SCALES:
+        stage.camera.parallel_scale = scale
+        assert (np.abs(shot(stage) - GRAY) <= 1).all(), scale
+
+
+@pytest.mark.parametrize('garbage', [0, 255])
+def test_thumbnails_show_no_neighbour(stage, garbage, tmp_path):
+    """Nor do transparent texels of the last row."""
+    photos = []
+    for k, gray in enumerate([GRAY, garbage, garbage]):
+        (tmp_path / f'{k}').mkdir()
+        photos.append(photograph(np.full((12, 16, 3), gray, np.uint8), tmp_path / f'{k}'))
+    cards, image = pvibr.Photos(photos).thumbnails(1.0, texels=16)
+    texture = pv.Texture(image)
+    texture.interpolate = True
+    stage.set_background([GRAY / 255] * 3)
+    stage.add_mesh(cards.extract_cells([0]), texture=texture, color='white', lighting=False)
+    stage.show(auto_close=False)
+    for scale in (0.1, 0.4, 1.0):
+        stage.camera.parallel_scale = scale
+        assert (np.abs(shot(stage) - GRAY) <= 1).all(), scale
+
+
+def test_the_fourth_channel_of_data_weights_nothing():
+    """Images of effects in GLSL may be no colours; of panoramas alpha is ignored."""
+    data = np.random.default_rng(0).integers(0, 256, (8, 8, 4), dtype=np.uint8)
+    data[:4, :, 3] = 0
+    with hidden_window() as (window, _):
+        shown = Shown(data)
+        texels = shown.texture(window).download()
+        shown.release()
+    assert (texels == data[::-1]).all()
 
 
 def level_of(picture, level):

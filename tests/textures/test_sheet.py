@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from scipy.ndimage import map_coordinates
 
 from pvibr.gl.hidden_window import hidden_window
-from pvibr.textures.filled_texels import premultiplied
+from pvibr.maths.filled_texels import premultiplied
 from pvibr.textures.sheet import Sheet, as_images, shelves
 from tests.pictures import damaged_jpeg
 
