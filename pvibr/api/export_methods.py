@@ -89,6 +89,9 @@ def to_plain_plotter(self, *, triangles=1_000_000, texture=1024, detail=1 / 1024
 
     self._check_open()
     self._show()
+    window = self.pipeline.window
+    if window is not None and not window.GetNeverRendered():
+        self._screenshots.draw()  # whose clipping range is that of the scene as it is now
     options = {'triangles': triangles, 'texture': texture, 'detail': detail}
     return to_plain_plotter(self._plotter, self._pipelines, billboard_cloud, **options)
 

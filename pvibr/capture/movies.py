@@ -112,8 +112,9 @@ class Film:
             pixels = np.asarray(picture.convert('RGB'))
         if self.suffix == '.gif':
             return pixels
-        height, width = (n - n % 2 for n in pixels.shape[:2])  # most codecs require even sizes
-        return pixels[:height, :width]
+        height, width = pixels.shape[:2]
+        # Most codecs require even sizes.
+        return np.pad(pixels, ((0, height % 2), (0, width % 2), (0, 0)), mode='edge')
 
 
 def _write_gif(file, pictures, fps):
@@ -184,7 +185,9 @@ def record(
             set_moment = (
                 (lambda share: go_to(frame_time + share * open_seconds)) if shutter else None
             )
-            return screenshots.take(transparent=False, samples=samples, moments=set_moment)
+            picture = screenshots.take(transparent=False, samples=samples, moments=set_moment)
+            screenshots.call_back()
+            return picture
 
         try:
             write_movie(film, draw, progress=progress)

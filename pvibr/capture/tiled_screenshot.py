@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 
 import numpy as np
 
+from pvibr.capture.annotation_layout import kept_layout, lay_out, scaled_captions
 from pvibr.capture.montage import save
 from pvibr.core import _vtk
 from pvibr.core.arguments import naming
@@ -14,7 +15,7 @@ from pvibr.core.errors import ClosedError
 from pvibr.core.files import in_a_folder
 from pvibr.core.params import checked_flag
 from pvibr.core.passes import passes_of
-from pvibr.core.plotters import is_closed, is_never_shown
+from pvibr.core.plotters import draw_frame, frame_callbacks, is_closed, is_never_shown
 from pvibr.effects.accumulation import Accumulation
 from pvibr.gl.hidden_window import read_pixels
 from pvibr.things.frame import Frame
@@ -42,9 +43,12 @@ def spans(image_size, tile_size, margin) -> list[tuple[int, int, int]]:
 
 
 def picture(window, scale, effects, draw, *, transparent=False) -> np.ndarray:
-    """Draw a magnified window in tiles of the window's size."""
+    """Draw a window, magnified in tiles of its size."""
     size = window.GetActualSize()
-    with _own_cameras(window) as cameras:
+    if scale == 1:  # by the user's cameras, which keep what the frame sets of them
+        draw()
+        return read_pixels(window, size, alpha=transparent)[::-1]
+    with _own_cameras(window) as cameras, scaled_captions(window, scale):
         window.SetTileScale(scale, scale)
         margins = _margins(window, cameras, effects, size, scale)
         columns, rows = (spans(n * scale, n, m) for n, m in zip(size, margins, strict=True))
@@ -52,7 +56,8 @@ def picture(window, scale, effects, draw, *, transparent=False) -> np.ndarray:
         for bottom, low, high in rows:
             for left, first, last in columns:
                 _look(window, cameras, (left, bottom), size, scale)
-                draw(window)
+                lay_out(window)
+                draw()
                 tile = read_pixels(window, size, alpha=transparent)
                 inner = tile[low - bottom : high - bottom, first - left : last - left]
                 image[low:high, first:last] = inner
@@ -174,12 +179,18 @@ class TiledScreenshot:
         if transparent is None:
             theme = getattr(self._plotter, 'theme', None)
             transparent = bool(getattr(theme, 'transparent_background', False))
-        with _resized(window, tile), _transparent(window, transparent), self._full():
+        is_as_shown = scale == 1 and tuple(window.GetActualSize()) == tile
+        with (
+            nullcontext() if is_as_shown else kept_layout(window),
+            _resized(window, tile),
+            _transparent(window, transparent),
+            self._full(),
+        ):
             if scale > 1:
-                window.Render()  # light that spreads over the whole image needs a whole frame
-            with sampled(self._pipelines(), samples, moments) as draw:
+                self._draw()  # light that spreads over the whole image needs a whole frame
+            with sampled(self._pipelines(), self._draw, samples, moments) as draw:
                 image = picture(window, scale, self._effects(), draw, transparent=transparent)
-        if scale > 1 or samples > 1 or transparent or tuple(window.GetActualSize()) != tile:
+        if not is_as_shown or samples > 1 or transparent:
             self.draw()
         image = np.ascontiguousarray(image[: size[1], : size[0]])
         if filename is not None:
@@ -190,7 +201,16 @@ class TiledScreenshot:
     def draw(self):
         """Draw the window without tiles at the current time, for whatever reads it next."""
         with self._full():
-            self._window().Render()
+            self._draw()
+
+    def _draw(self):
+        """Draw a frame, which may be a tile or a sample."""
+        draw_frame(self._plotter)
+
+    def call_back(self):
+        """Call what the plotter calls after each frame, as its ``write_frame`` does."""
+        for callback in frame_callbacks(self._plotter):
+            callback(self._plotter)
 
     def _window(self):
         if is_closed(self._plotter):
@@ -203,6 +223,7 @@ class TiledScreenshot:
     def cameras_restored(self):
         """Restore the cameras afterwards; yield cameras and window size as JSON values."""
         window = self._window()
+        self.draw()  # whose clipping range is that of the scene as it is now
         cameras = [renderer.GetActiveCamera() for renderer in _renderers(window)]
         copies = [camera.NewInstance() for camera in cameras]
         notes = [dict(vars(camera)) for camera in cameras]  # PyVista's own, such as the azimuth
@@ -227,6 +248,7 @@ class TiledScreenshot:
         finally:
             for camera, copy, note in zip(cameras, copies, notes, strict=True):
                 camera.DeepCopy(copy)
+                camera.Modified()  # or VTK draws the next frame by the matrices of the last one
                 vars(camera).update(note)
 
 
@@ -291,13 +313,13 @@ def _transparent(window, is_wanted):
 
 
 @contextmanager
-def sampled(pipelines, sample_count, set_moment=None):
-    """Yield a function that draws a window as the mean of many samples in all subplots.
+def sampled(pipelines, draw_sample, sample_count, set_moment=None):
+    """Yield a function that draws a frame as the mean of many samples in all subplots.
 
     `set_moment` is called before each sample with its time in the exposure, 0 to 1.
     """
     if sample_count == 1:
-        yield lambda window: window.Render()
+        yield draw_sample
         return
     drawing = [pipeline for pipeline in pipelines if pipeline.renderer.GetDraw()]
     old_effects = [
@@ -306,14 +328,14 @@ def sampled(pipelines, sample_count, set_moment=None):
     was_enabled = [old is not None and old.enabled for old in old_effects]
     effects = [old or p.add(Accumulation()) for p, old in zip(drawing, old_effects, strict=True)]
 
-    def draw(window):
+    def draw():
         for k in range(sample_count):
             if set_moment is not None:
                 set_moment((k + 0.5) / sample_count)
             for effect in effects:
                 effect.enabled = True
                 effect.take(k, sample_count)
-            window.Render()
+            draw_sample()
 
     try:
         yield draw

@@ -34,8 +34,6 @@ def main(file, *, clip, movie, time, out, fps, size, speed, seconds, skinning):
     if movie is None and time is None and out is None:
         _show(figure, clip, file, size, speed, skinning)
         return
-    if movie is not None:
-        size = [n + n % 2 for n in size]  # most codecs need even sides
     plotter, actor = _stage(figure, clip, file, size, skinning, off_screen=True)
     if movie is not None:
         actor.play(clip, speed=speed)

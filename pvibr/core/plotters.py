@@ -37,6 +37,17 @@ def renderers_of(plotter) -> list:
     return list(getattr(plotter, 'renderers', [plotter.renderer]))
 
 
+def draw_frame(plotter):
+    """Draw a frame as the plotter's ``render`` does, even while it suppresses rendering.
+
+    Without its callbacks, which are told of whole frames only: see `frame_callbacks`.
+    """
+    for renderer in renderers_of(plotter):
+        if isinstance(renderer, pv.Renderer):
+            renderer.on_plotter_render()  # charts fit their axes to their data
+    plotter.renderer.GetRenderWindow().Render()
+
+
 def frame_callbacks(plotter) -> list:
     """Return what a plotter calls after each frame, such as trame views."""
     return list(getattr(plotter, '_on_render_callbacks', ()))

@@ -7,9 +7,12 @@ from pathlib import Path
 import numpy as np
 
 from pvibr.core.files import replacing, with_suffix
+from pvibr.things.clipping_range import is_cut, reset_clipping_range
 
 #: View angle of all vtk.js pages in degrees.
 ANGLE = 30.0
+#: Least ratio of near to far plane.
+_NEAREST = 1e-3
 
 
 def export_html(path, make_plain):
@@ -30,14 +33,18 @@ def write_html(plotter, path):
     for camera in {id(r.camera): r.camera for r in plotter.renderers}.values():
         reframe(camera, ANGLE)
     for renderer in plotter.renderers:
-        renderer.ResetCameraClippingRange()
+        if not is_cut(renderer):
+            reset_clipping_range(renderer)
     page_text = trame_component.export_html(None).getvalue()
     with replacing(path) as temporary_path:
         Path(temporary_path).write_text(page_text, encoding='utf-8')
 
 
 def reframe(camera, view_angle):
-    """Set a camera's view angle, and move it so that the focal point keeps its size."""
+    """Set a camera's view angle, and move it so that the focal point keeps its size.
+
+    The clipping planes stay where they are in the scene.
+    """
     position, focal_point = np.array(camera.position), np.array(camera.focal_point)
     old_distance = float(np.linalg.norm(position - focal_point))
     half_height = old_distance * np.tan(np.radians(camera.view_angle / 2))
@@ -48,4 +55,7 @@ def reframe(camera, view_angle):
         return
     camera.view_angle = view_angle
     new_distance = half_height / np.tan(np.radians(view_angle / 2))
+    near, far = np.array(camera.clipping_range) + new_distance - old_distance
     camera.position = tuple(focal_point + (position - focal_point) / old_distance * new_distance)
+    far = max(far, new_distance)
+    camera.clipping_range = max(near, _NEAREST * far), far

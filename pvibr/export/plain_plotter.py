@@ -13,6 +13,7 @@ from pvibr.core.errors import warn
 from pvibr.core.plotters import border_of, renderers_of
 from pvibr.export.scene import BakedScene, names_of
 from pvibr.export.web_report import web_report
+from pvibr.things.clipping_range import is_cut, reset_clipping_range
 from pvibr.things.frame import Frame
 from pvibr.things.thing import Thing
 
@@ -53,10 +54,12 @@ def to_plain_plotter(host, pipelines, make_cloud, *, triangles, texture, detail)
             _copy_view(renderer, plain_plotter.renderer, cameras)
             _copy_lights(renderer, plain_plotter.renderer, still=scene.lights_stand)
             scene.add_to(plain_plotter, _props(renderer, subplot_effects))
-            plain_plotter.renderer.ResetCameraClippingRange()
             if getattr(renderer, 'axes_enabled', False):
                 plain_plotter.renderer.add_axes()
             dropped |= scene.dropped
+        for renderer, plain_renderer in zip(renderers, plain_plotter.renderers, strict=True):
+            if not is_cut(renderer):  # baked domes and ground reach farther
+                reset_clipping_range(plain_renderer)
     except BaseException:
         plain_plotter.close()
         raise

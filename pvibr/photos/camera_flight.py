@@ -10,6 +10,7 @@ from pvibr.core.plotters import subplot_size
 from pvibr.maths.cameras import aspect_of, check_plain, vertical_angle
 from pvibr.maths.quaternions import from_matrices, slerp, to_matrices
 from pvibr.photos.photos import Photo
+from pvibr.things.clipping_range import reset_clipping_range
 
 _ROUNDING = 1e-12  # of an aspect ratio
 
@@ -34,7 +35,7 @@ def fly(plotter, camera, frames):
             k: (1 - eased) * start_state[k] + eased * end_state[k] for k in start_state
         }
         _set(moving, current_state, to_matrices(slerp(rotations[0], rotations[1], eased)), size)
-        plotter.renderer.ResetCameraClippingRange()
+        reset_clipping_range(plotter.renderer)
         plotter.render()
     if moving.GetUseExplicitAspectRatio() or moving.GetWindowCenter()[0]:
         _LensKeeper(plotter.renderer, moving, size)

@@ -89,19 +89,5 @@ def is_similar(linear) -> bool:
     return bool(np.abs(gram_matrix - mean_square * np.eye(3)).max() <= _SIMILAR * mean_square)
 
 
-def is_within_clipping_range(renderer, bounds) -> bool:
-    """Return True if bounds are not empty and lie within the clipping range."""
-    if bounds[0] > bounds[1]:
-        return False
-    camera = renderer.GetActiveCamera()
-    near, far = camera.GetClippingRange()
-    middle_depth = half_depth = 0.0  # plain floats: many figures ask in each frame
-    pairs = zip(camera.GetDirectionOfProjection(), camera.GetPosition(), strict=True)
-    for (axis, eye), low, high in zip(pairs, bounds[::2], bounds[1::2], strict=True):
-        middle_depth += axis * ((low + high) / 2 - eye)
-        half_depth += abs(axis) * (high - low) / 2
-    return near <= middle_depth - half_depth and middle_depth + half_depth <= far
-
-
 def _is_transform(matrix) -> bool:
     return hasattr(matrix, 'GetMatrix') or hasattr(matrix, 'GetElement')

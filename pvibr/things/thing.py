@@ -17,9 +17,9 @@ from pvibr.core.params import Param, checked_flag, checked_name
 from pvibr.core.plotters import adding_by_component, put_inner, set_legend_label
 from pvibr.textures.material_textures import copy_property
 from pvibr.things.appearance import read_only
+from pvibr.things.clipping_range import is_within_clipping_range, reset_clipping_range
 from pvibr.things.placing import (
     MOVES,
-    is_within_clipping_range,
     move_method,
     user_matrix_property,
     vector_property,
@@ -399,7 +399,7 @@ class Thing(Effect, pv.Actor):
         if is_within_clipping_range(renderer, bounds):
             return
         if is_within_clipping_range(renderer, last_bounds):
-            renderer.ResetCameraClippingRange()
+            reset_clipping_range(renderer)
 
     def _put_in(self, renderer):
         for actor in self._inner():

@@ -264,3 +264,17 @@ def test_what_moves_is_blurred_while_the_shutter_is_open(tmp_path, shutter):
         assert np.abs(row - expected).max() < 0.05
         assert abs(row.sum() - 16) < 0.2
     assert pl.ibr.time == 0
+
+
+@pytest.mark.parametrize('ending', ['.mp4', '.mov', '.mkv', '.webm', '.avi', '.gif'])
+@pytest.mark.parametrize('size', [(401, 301), (1, 1), (7, 2)], ids=str)
+def test_odd_sizes_are_not_cut(tmp_path, size, ending):
+    pytest.importorskip('imageio_ffmpeg')
+    pl = pv.Plotter(off_screen=True, window_size=size)
+    pl.set_background('red')
+    path = pl.ibr.movie(tmp_path / f'a{ending}', frames=1)
+    plugin = 'pillow' if ending == '.gif' else 'FFMPEG'
+    frame = np.asarray(iio.imread(path, plugin=plugin))[0]
+    expected = size if ending == '.gif' else tuple(n + n % 2 for n in size)
+    assert frame.shape[1::-1] == expected
+    assert np.abs(frame.astype(int) - [255, 0, 0]).max() < 20

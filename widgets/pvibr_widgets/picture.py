@@ -5,6 +5,7 @@ from __future__ import annotations
 import imageio.v3 as imageio
 
 from pvibr.core.plotters import is_never_shown
+from pvibr.things.clipping_range import reset_clipping_range
 
 _BUTTONS = ('Left', 'Middle', 'Right')
 #: What a page calls what is done: events of the interactor; a button's name goes in front.
@@ -88,7 +89,7 @@ class Picture:
         camera.Azimuth(azimuth)
         camera.Elevation(elevation)
         camera.OrthogonalizeViewUp()
-        self._plotter.renderer.ResetCameraClippingRange()
+        reset_clipping_range(self._plotter.renderer)
         self._plotter.render()
 
 
