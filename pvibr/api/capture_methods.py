@@ -135,7 +135,8 @@ def movie(
     ----------
     path : path
         A movie (``.mp4``, ``.mov``, ``.mkv``, ``.webm``, ``.avi``: the extra ``movie``), a
-        ``.gif``, or a folder of PNG files.
+        ``.gif``, or a folder of PNG files. Videos have even sides: an odd one gets one column
+        or row more, a repeat of its last.
     seconds : float, optional
         Duration of the movie.
     frames : int, optional

@@ -266,6 +266,9 @@ def test_what_moves_is_blurred_while_the_shutter_is_open(tmp_path, shutter):
     assert pl.ibr.time == 0
 
 
+# imageio leaves the pipes of the ffmpeg that reads to Python's collector.
+@pytest.mark.filterwarnings('ignore::pytest.PytestUnraisableExceptionWarning')
+@pytest.mark.filterwarnings('ignore::ResourceWarning')
 @pytest.mark.parametrize('ending', ['.mp4', '.mov', '.mkv', '.webm', '.avi', '.gif'])
 @pytest.mark.parametrize('size', [(401, 301), (1, 1), (7, 2)], ids=str)
 def test_odd_sizes_are_not_cut(tmp_path, size, ending):
