@@ -13,7 +13,7 @@ from pvibr.core.params import Param
 from pvibr.effects.light_spread import LightSpread
 from pvibr.gl import Quad, Target, nbytes_of, release, set_fragment_uniforms, shader_source
 from pvibr.gl.drawer import Drawer
-from pvibr.gl.feature import Feature, FeatureSet, replacements, sections
+from pvibr.gl.feature import Feature, FeatureSet, moves_vertices, sections
 from pvibr.gl.texture import filtered
 from pvibr.maths.views import covered
 from pvibr.things.thing import Thing
@@ -400,11 +400,8 @@ def _shader_version(actor) -> tuple:
 
 def _is_within_bounds(actor) -> bool:
     """Return True if an actor draws within its bounds, thick lines and points aside."""
-    shader = actor.GetShaderProperty()
-    displaces = shader.HasVertexShaderCode() or any(
-        stage == 'Vertex' for stage, _ in replacements(shader)
-    )
-    return actor.GetMapper().GetClassName() in _MAPPERS and not displaces
+    is_plain = actor.GetMapper().GetClassName() in _MAPPERS
+    return is_plain and not moves_vertices(actor.GetShaderProperty())
 
 
 def _covered_rect(view, actor_bounds, line_widths, picture_size):

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import re
-
 from pvibr.core import _vtk
 from pvibr.core._vtk import address
-from pvibr.gl.feature import replacements
+from pvibr.gl.feature import moves_vertices
 
 _SURFACE = 2  # VTK_SURFACE
 _MAPPERS = ('vtkDataSetMapper', 'vtkOpenGLPolyDataMapper')
-_ASSIGNED = re.compile(r'\bgl_Position\b[.\w]*\s*[-+*/]?=(?!=)|#define vertexMC\b')
 
 
 class Doubles:
@@ -62,7 +59,7 @@ def _plain_surface(actor):
     if (
         mapper.GetClassName() not in _MAPPERS
         or prop.GetRepresentation() != _SURFACE
-        or _moves_vertices(actor)
+        or moves_vertices(actor.GetShaderProperty())
         or is_cut_out(actor)
     ):
         return None
@@ -78,17 +75,6 @@ def is_cut_out(actor) -> bool:
     textures = [actor.GetTexture(), actor.GetProperty().GetTexture('albedoTex')]
     texture_images = [t.GetInput() for t in textures if t is not None]
     return any(i is not None and i.GetNumberOfScalarComponents() in (2, 4) for i in texture_images)
-
-
-def _moves_vertices(actor) -> bool:
-    """Return whether a shader replacement may move vertices."""
-    shader = actor.GetShaderProperty()
-    if shader.HasVertexShaderCode():
-        return True
-    return any(
-        stage != 'Fragment' and (tag not in text or _ASSIGNED.search(text))
-        for (stage, tag), text in replacements(shader).items()
-    )
 
 
 def _double():

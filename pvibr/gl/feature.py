@@ -17,6 +17,7 @@ DITHER = (
 # Placed in names that VTK may declare, and removed after its own replacements: passes such as SSAO
 # search the shader for a name to see whether it is declared.
 MAYBE = '@'
+_MOVED = re.compile(r'\bgl_Position\b[.\w]*\s*[-+*/]?=(?!=)|#define vertexMC\b')
 _SECTION = re.compile(r'^//@([\w.]+)\s*$', re.M)
 
 
@@ -38,9 +39,11 @@ def declared_samplers(samplers) -> str:
 class Feature:
     """Shader text for an actor, by stage and tag; an actor may have several features."""
 
-    def __init__(self, name, vertex=None, fragment=None):
+    def __init__(self, name, vertex=None, fragment=None, geometry=None):
         self.name = name
         self.stages = {'Vertex': vertex or {}, 'Fragment': fragment or {}}
+        # VTK ignores it except for edges and tubes, the only props with a geometry shader.
+        self.stages |= {'Geometry': geometry} if geometry else {}
 
     @property
     def mark(self) -> str:
@@ -81,7 +84,10 @@ class Feature:
             'Vertex': program.GetVertexShader().GetSource(),
             'Fragment': program.GetFragmentShader().GetSource(),
         }
-        return all(stage_sources[s].count(self.mark) == len(t) for s, t in self.stages.items())
+        return all(
+            source.count(self.mark) == len(self.stages[stage])
+            for stage, source in stage_sources.items()
+        )
 
 
 class FeatureSet:
@@ -158,6 +164,14 @@ def replacements(shader) -> dict:
         if is_first.get():
             texts[shader.GetNthShaderReplacementTypeAsString(i), tag.get()] = text.get()
     return texts
+
+
+def moves_vertices(shader) -> bool:
+    """Return whether a shader property's own code or a replacement may move vertices."""
+    return shader.HasVertexShaderCode() or any(
+        stage != 'Fragment' and (tag not in text or _MOVED.search(text))
+        for (stage, tag), text in replacements(shader).items()
+    )
 
 
 def _replace(shader, stage, tag, text):

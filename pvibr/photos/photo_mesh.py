@@ -25,7 +25,7 @@ from pvibr.photos.photo_pages import Needs, PhotoPages
 from pvibr.photos.photo_sources import load_small, sources_of
 from pvibr.photos.photo_views import VIEWS, PhotoViews
 from pvibr.photos.photos import Photo
-from pvibr.photos.slide import lens_numbers, pixel_from_view, plane_from_world
+from pvibr.photos.slide import lens_numbers, plane_from_world
 from pvibr.photos.texture_bake import checked_file
 from pvibr.things.picking import nearest_actor
 from pvibr.things.thing import Thing
@@ -364,7 +364,7 @@ class PhotoMesh(Thing):
     def _table_rows(self, frame) -> np.ndarray:
         """Return TABLE of photo_mesh.glsl, (n, 9, 4)."""
         view_from_mesh = frame.view_from_world @ self.matrix
-        mesh_from_pixel = np.linalg.inv(pixel_from_view(frame) @ view_from_mesh)
+        mesh_from_pixel = np.linalg.inv(frame.pixel_from_view @ view_from_mesh)
         table = self._cameras.copy()
         table[:, :3] @= mesh_from_pixel
         sheet_places = self._pages.places()

@@ -5,7 +5,7 @@
 // PRE is the prefix of the effect's names, SLIDE one of its images, VIEW the index of that image.
 // PRE_matrix: per image, view space to plane and to depth texture. PRE_number: 24 floats per image,
 // see slide.py. PRE_set: feather, minimum cosine, opacity, outside brightness, normal bias in
-// texels, pixels of extrapolation beyond borders of triangles.
+// texels.
 
 //@picture
 #ifndef IBR_PICTURE
@@ -28,11 +28,12 @@ vec4 ibr_picture(sampler2D map, vec2 uv, vec2 across, vec2 along)
 #endif
 
 //@slide
-vec4 PRE_slide_VIEW(vec3 p, vec3 n, float beyond, out float cover, out float score)
-{
 #define NUMBER(k) PRE_number[24 * VIEW + k]
-  vec4 q = PRE_matrix[2 * VIEW] * vec4(p, 1.0);
-  bool shown = q.w > 0.0 && abs(q.z - 0.5 * q.w) <= 0.5 * q.w;
+// Texture coordinates of a position, its place q before the lens, and whether the lens takes it in.
+vec2 PRE_at_VIEW(vec3 p, out vec4 q, out bool shown)
+{
+  q = PRE_matrix[2 * VIEW] * vec4(p, 1.0);
+  shown = q.w > 0.0 && abs(q.z - 0.5 * q.w) <= 0.5 * q.w;
   vec2 xy = q.xy / q.w;
 #if LENS
   float s = dot(xy, xy);
@@ -42,10 +43,19 @@ vec4 PRE_slide_VIEW(vec3 p, vec3 n, float beyond, out float cover, out float sco
   xy = radial * xy + 2.0 * dot(xy, vec2(NUMBER(3), NUMBER(2))) * xy
     + s * vec2(NUMBER(3), NUMBER(2));
 #endif
-  vec2 uv = vec2(dot(vec3(NUMBER(9), NUMBER(10), NUMBER(11)), vec3(xy, 1.0)),
+  return vec2(dot(vec3(NUMBER(9), NUMBER(10), NUMBER(11)), vec3(xy, 1.0)),
     dot(vec3(NUMBER(12), NUMBER(13), NUMBER(14)), vec3(xy, 1.0)));
+}
+
+// p: a position that is covered; middle: that of the pixel's middle; eyeward: see receiver.glsl.
+vec4 PRE_slide_VIEW(vec3 p, vec3 middle, vec3 eyeward, vec3 n, out float cover, out float score)
+{
+  vec4 q;
+  bool shown;
+  vec2 uv = PRE_at_VIEW(middle, q, shown);
   // Derivatives need all four fragments of a quad, so take them before any exit.
   vec2 across = dFdx(uv), along = dFdy(uv);
+  uv = PRE_at_VIEW(p, q, shown);
   vec3 toward = normalize(vec3(NUMBER(15), NUMBER(16), NUMBER(17)) - NUMBER(18) * p);
   float cosine = dot(n, toward);
   float inward = min(min(uv.x, 1.0 - uv.x), min(uv.y, 1.0 - uv.y));
@@ -57,24 +67,26 @@ vec4 PRE_slide_VIEW(vec3 p, vec3 n, float beyond, out float cover, out float sco
 #if OCCLUSION
   mat4 m = PRE_matrix[2 * VIEW + 1];
   float texel = NUMBER(23) * (NUMBER(18) > 0.0 ? (m * vec4(p, 1.0)).w : 1.0);
-  cover *= ibr_seen(PRE_depth_VIEW, m, p, cosine < 0.0 ? -n : n, PRE_set[4] * texel + beyond);
+  // A surface that faces away is behind itself.
+  if (cosine < 0.0) eyeward = vec3(0.0), n = -n;
+  cover *= ibr_seen(PRE_depth_VIEW, m, p, eyeward, n, PRE_set[4] * texel);
 #endif
   float density = NUMBER(22) / q.w;
   score = cover * max(abs(cosine), 1e-3) * density * density;
   return vec4(color.rgb * vec3(NUMBER(19), NUMBER(20), NUMBER(21)), cosine);
-#undef NUMBER
 }
+#undef NUMBER
 
 //@begin
 // The blend of all images: colour times the cosine of the light, and coverage.
-vec4 PRE_paint(vec3 p, vec3 n, float beyond)
+vec4 PRE_paint(vec3 p, vec3 middle, vec3 eyeward, vec3 n)
 {
   vec3 sum = vec3(0.0);
   float total = 0.0, most = 0.0, cover, score;
   vec4 found;
 
 //@one
-  found = PRE_slide_VIEW(p, n, beyond, cover, score);
+  found = PRE_slide_VIEW(p, middle, eyeward, n, cover, score);
   most = max(most, cover);
 #if LIGHT
   found.rgb *= max(found.a, 0.0);
@@ -96,15 +108,14 @@ vec4 PRE_paint(vec3 p, vec3 n, float beyond)
 
 //@find
 #ifdef IBR_PLACE
-  vec3 PRE_p = IBR_PLACE;
-  float PRE_beyond = 0.0;
+  vec3 PRE_p = IBR_PLACE, PRE_middle = PRE_p, PRE_eyeward = vec3(0.0);
   vec3 PRE_n = IBR_NORMAL;
 #else
-  vec3 PRE_p = ibr_place(ibr_clip);
-  float PRE_beyond = PRE_set[5] * (length(dFdx(PRE_p)) + length(dFdy(PRE_p)));
-  vec3 PRE_n = ibr_flat(PRE_p);
+  vec3 PRE_middle = ibr_middleVSOutput, PRE_p = IBR_COVERED(PRE_middle);
+  vec3 PRE_eyeward = IBR_EYEWARD(PRE_p, PRE_middle);
+  vec3 PRE_n = ibr_flat(PRE_middle);
 #endif
-  vec4 PRE_found = PRE_paint(PRE_p, PRE_n, PRE_beyond);
+  vec4 PRE_found = PRE_paint(PRE_p, PRE_middle, PRE_eyeward, PRE_n);
 
 //@lit
   ambientColor = mix(ambientColor * mix(PRE_set[3], 1.0, PRE_found.a),

@@ -17,18 +17,23 @@ from pvibr.gl.drawer import Drawer
 from pvibr.gl.feature import Feature, FeatureSet, declared_samplers, sections
 from pvibr.maths.cameras import as_camera
 from pvibr.photos.painting import SlidePainter, solved_gains
-from pvibr.photos.slide import Slide, checked_slides, pixel_from_view
+from pvibr.photos.slide import Slide, checked_slides
 from pvibr.photos.texture_bake import baked_texture, checked_file
 from pvibr.textures.projected import NO_LIVE_PICTURE
 from pvibr.things.casters import Choice
-from pvibr.things.depth_view import receiver_shader
+from pvibr.things.depth_view import (
+    receiver_declarations,
+    receiver_shader,
+    receiver_stages,
+    set_receiver_uniforms,
+)
 from pvibr.visibility.surface_samples import Samples, sides_of, surface_of
 
 #: Texels along a side of the tiles that are baked.
 _TILE = 512
 
-#: Pixels by which multisampled borders are extrapolated beyond their triangles.
-_EXTRAPOLATION = 0.5
+#: Cosine below which rounding decides to which side a surface faces.
+_GRAZING = 1e-3
 
 
 class Projector(Effect):
@@ -245,18 +250,17 @@ class Projector(Effect):
         size = _size(casters.bounds())
         uniforms = self._uniforms(frame, size, self._gains(casters, things))
         actors = list(receivers.values())
-        self._attached.match(actors, lambda actor: (self._feature(actor),))
+        feature = self._feature(frame.window.GetMultiSamples() > 1)
+        self._attached.match(actors, lambda _: (feature,))
+        set_receiver_uniforms(actors, frame)
         set_fragment_uniforms(actors, uniforms)
 
-    def _feature(self, actor) -> Feature:
-        prop = actor.GetProperty()
-        # VTK's geometry shader of edges and tubes drops varyings that are not its own.
-        by_geometry = bool(prop.GetEdgeVisibility() or prop.GetRenderLinesAsTubes())
+    def _feature(self, multisampled) -> Feature:
         lenses = tuple(slide.has_lens for slide in self._slides)
         has_depth = tuple(self.occlusion and 'depth' in slide.textures() for slide in self._slides)
         is_lit = self.lit and self.mode in ('replace', 'decal')
         best = self.blend == 'best'
-        return _feature(self.number, lenses, has_depth, self.mode, is_lit, best, by_geometry)
+        return _feature(self.number, lenses, has_depth, self.mode, is_lit, best, multisampled)
 
     def _uniforms(self, frame, size, gains) -> dict:
         prefix = f'ibr_projector_{self.number}'
@@ -270,16 +274,13 @@ class Projector(Effect):
         ]
         settings = [
             self.feather,
-            np.cos(np.radians(self.max_angle)),
+            # Surfaces along the direction of view are on neither side.
+            np.cos(np.radians(self.max_angle)) + (_GRAZING if self.max_angle <= 90 else 0.0),
             self.opacity,
             self.outside_brightness,
             self.normal_bias,
-            _EXTRAPOLATION if frame.window.GetMultiSamples() > 1 else 0.0,
         ]
         uniforms = {
-            'ibr_view_from_clip': np.linalg.inv(pixel_from_view(frame))[None],
-            'ibr_ahead': (1.0, 0.0) if frame.parallel else (0.0, 1.0),
-            'ibr_viewport': (*frame.origin, *frame.size),
             f'{prefix}_matrix': np.stack(matrices),
             f'{prefix}_number': np.reshape(numbers, (-1, 1)),
             f'{prefix}_set': np.reshape(settings, (-1, 1)),
@@ -436,15 +437,15 @@ def _size(bounds) -> float:
 
 
 @lru_cache(maxsize=64)
-def _feature(number, lenses, has_depth, mode, is_lit, best, by_geometry) -> Feature:
+def _feature(number, lenses, has_depth, mode, is_lit, best, multisampled) -> Feature:
     """Return the shader text of a projector."""
     prefix = f'ibr_projector_{number}'
     text = sections(shader_source(__file__))
     shared = receiver_shader()
     samplers = {f'{prefix}_picture_{k}': 'sampler2D' for k in range(len(lenses))}
     samplers |= {f'{prefix}_depth_{k}': 'sampler2D' for k, s in enumerate(has_depth) if s}
-    parts = [declared_samplers(samplers), shared['plane'], shared['declare']]
-    parts.append(shared['fragment.pixel' if by_geometry else 'fragment.clip'])
+    parts = [declared_samplers(samplers)]
+    parts += [receiver_declarations(multisampled), shared['plane'], shared['seen']]
     parts.append(text['picture'])
     parts.append(f'#define BEST {int(best)}\n#define LIGHT {int(mode == "modulate")}\n')
     loop_body = text['begin']
@@ -463,9 +464,5 @@ def _feature(number, lenses, has_depth, mode, is_lit, best, by_geometry) -> Feat
     else:
         end = text['add' if mode == 'add' else 'over']
         fragment['VTK::TCoord::Impl'] = color + text['find'] + end
-    vertex = {
-        'VTK::CustomUniforms::Dec': '//VTK::CustomUniforms::Dec\n' + shared['vertex.declare'],
-        'VTK::PositionVC::Impl': '//VTK::PositionVC::Impl\n  ibr_clip = gl_Position;\n',
-    }
     fragment = {tag: part.replace('PRE', prefix) for tag, part in fragment.items()}
-    return Feature(f'projector{number}', {} if by_geometry else vertex, fragment)
+    return Feature(f'projector{number}', fragment=fragment, **receiver_stages())

@@ -225,13 +225,6 @@ def plane_from_world(camera, size):
     return np.stack([camera_rows[0], camera_rows[1], 0.5 * camera_rows[2], camera_rows[2]])
 
 
-def pixel_from_view(frame):
-    """Return the matrix from view space to clip x and y, then z (parallel) or w, and 1."""
-    # A fragment's depth is exact in w of perspective views and in z of parallel ones.
-    clip = frame.clip_from_view
-    return np.stack([clip[0], clip[1], clip[2 if frame.parallel else 3], [0, 0, 0, 1.0]])
-
-
 def _depth_row(view, near, far, size):
     """Return the matrix row that maps near to far onto 0 to 1."""
     is_bounded = np.isfinite([near, far])

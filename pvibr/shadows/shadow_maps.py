@@ -231,6 +231,7 @@ def map_parts(shader_texts, method, tap_count, uses_polygon_offset, lights) -> l
         f'const vec2 ibr_shadow_disk[TAPS] = vec2[TAPS]({disk_text});\n',
         shader_texts['disk'],
         shader_texts['declare'],
+        shader_texts['blocker'] if method in ('hard', 'window', 'pcss') else '',
         shader_texts['moments'] if method in KINDS else '',
         shader_texts[method],
     ]

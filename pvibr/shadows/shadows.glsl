@@ -12,25 +12,22 @@ vec4 vertex@VC = vec4(0.0);
 // Offset of a receiver towards each light; whether it has no plane, and faces all lights.
 float ibr_shadow_lift = 0.0;
 bool ibr_shadow_thin = false;
+// From the receiver to where the eye certainly sees it.
+vec3 ibr_shadow_eyeward = vec3(0.0);
 
-vec3 ibr_shadow_flat(vec3 p)
-{
-  vec3 a = dFdx(p), b = dFdy(p);
-  vec3 n = cross(a / max(length(a), 1e-30), b / max(length(b), 1e-30));
-  return dot(n, n) > 0.0 ? normalize(n) : vec3(0.0, 0.0, 1.0);
-}
-
-// A receiver in a light's view: position and depth (0 to 1), depth per texture coordinate on its
-// plane, and the allowance for rounding; of the view, its tile in the texture, texels along a side,
-// near, far, whether it is a perspective, and the light's size as a fraction of the view's sides at a
-// distance of 1: the tangent of half its angle, or its radius.
+// A receiver in a light's view: position and depth (0 to 1), the same eyeward of it, depth per texture
+// coordinate on its plane, and the allowance for rounding; of the view, its tile in the texture, texels along a side,
+// depth of four texels' width, near, far, whether it is a perspective, and the light's size as a
+// fraction of the view's sides at a distance of 1: the tangent of half its angle, or its radius.
 struct ibr_Shadow
 {
   vec3 place;
+  vec3 eyeward;
   vec2 slope;
   float bias;
   vec4 tile;
   float side;
+  float steepest;
   float near;
   float far;
   bool perspective;
@@ -41,6 +38,18 @@ float ibr_shadow_linear(ibr_Shadow s, float d)
 {
   d = min(d, 1.0);
   return s.perspective ? s.near * d / (s.far - d * (s.far - s.near)) : d;
+}
+
+//@blocker
+// Whether the surface in a texel hides the receiver, whose plane there has a depth, too. Receivers
+// behind all casters may be beyond the far plane.
+bool ibr_shadow_hides(sampler2D map, ibr_Shadow s, vec2 texel, float plane, float depth)
+{
+  if (depth >= 1.0) return false;
+  vec3 bias = vec3(0.0, 0.0, s.bias);
+  vec2 tile = s.tile.xy * vec2(textureSize(map, 0));
+  return ibr_hides(map, tile, s.side, s.steepest, s.place - bias, s.eyeward - bias, texel, plane,
+    depth);
 }
 
 //@disk
@@ -56,7 +65,7 @@ float ibr_shadow_test(sampler2D map, ibr_Shadow s)
   vec2 texel = floor(clamp(s.place.xy * s.side, vec2(0.0), vec2(s.side - 1.0)));
   float depth = texelFetch(map, ivec2(s.tile.xy * vec2(textureSize(map, 0)) + texel), 0).r;
   float plane = s.place.z + dot(s.slope, (texel + 0.5) / s.side - s.place.xy);
-  return plane - s.bias > depth && depth < 1.0 ? 0.0 : 1.0;
+  return ibr_shadow_hides(map, s, texel, plane - s.bias, depth) ? 0.0 : 1.0;
 }
 
 //@window
@@ -74,10 +83,15 @@ float ibr_shadow_test(sampler2D map, ibr_Shadow s)
   vec4 depth = textureGather(map, s.tile.xy + (first + 1.0) * s.tile.zw / s.side);
   vec4 plane = row + vec4(slope.y, slope.x + slope.y, slope.x, 0.0);
   vec4 hides = vec4(greaterThan(plane, depth)) * vec4(lessThan(depth, vec4(1.0)));
-  begin = clamp(begin, 0.0, 1.0);
-  vec2 across = mix(hides.xw, hides.yz, begin.x);
-  return 1.0 - mix(across.y, across.x, begin.y);
+  float count = dot(hides, vec4(1.0));
+  if (count == 0.0) return 1.0;
+#ifdef IBR_MULTISAMPLED
+  float sure = min(s.place.z, s.eyeward.z) - s.bias - 8.0 * s.steepest;
+  if (count == 4.0 && all(lessThan(depth, vec4(sure)))) return 0.0;
 #else
+  if (count == 4.0) return 0.0;
+#endif
+#endif
   // How much of each texel the square covers, along either axis.
   vec2 end = begin + 2.0 * ibr_shadow_filter_radius;
   ivec2 origin = ivec2(s.tile.xy * vec2(textureSize(map, 0)) + 0.5) + ivec2(first);
@@ -90,14 +104,12 @@ float ibr_shadow_test(sampler2D map, ibr_Shadow s)
     {
       float wide = clamp(min(float(i + 1) - begin.x, end.x - float(i)), 0.0, 1.0);
       float depth = texelFetch(map, origin + ivec2(i, j), 0).r;
-      // Receivers behind all casters may be beyond the far plane.
-      hidden += plane > depth && depth < 1.0 ? high * wide : 0.0;
+      if (ibr_shadow_hides(map, s, first + vec2(i, j), plane, depth)) hidden += high * wide;
       plane += slope.x;
     }
     row += slope.y;
   }
   return 1.0 - hidden / (4.0 * ibr_shadow_filter_radius * ibr_shadow_filter_radius);
-#endif
 }
 
 //@pcf
@@ -128,7 +140,7 @@ float ibr_shadow_blocker(sampler2D map, ibr_Shadow s, vec2 d)
   vec2 texel = floor(clamp((s.place.xy + d) * s.side, vec2(0.0), vec2(s.side - 1.0)));
   float depth = texelFetch(map, ivec2(s.tile.xy * vec2(textureSize(map, 0)) + texel), 0).r;
   float plane = s.place.z + dot(s.slope, (texel + 0.5) / s.side - s.place.xy);
-  return plane - s.bias > depth && depth < 1.0 ? depth : 2.0;
+  return ibr_shadow_hides(map, s, texel, plane - s.bias, depth) ? depth : 2.0;
 }
 
 float ibr_shadow_distance(ibr_Shadow s, float d)
@@ -378,11 +390,22 @@ vec3 ibr_shadow_map_lit_NUMBER(vec3 toward, vec3 p, vec3 n, float facing)
 #endif
   ivec2 cell = ivec2((view - FIRST) % COLUMNS, (view - FIRST) / COLUMNS);
   ibr_Shadow receiver;
-  receiver.place = s;
+  receiver.place = receiver.eyeward = s;
+#ifdef IBR_MULTISAMPLED
+#if POSITIONAL
+  vec3 e = ibr_shadow_at_NUMBER(view, p + ibr_shadow_eyeward);
+  receiver.eyeward += vec3(e.xy - q.xy, deep / q.z - deep / max(e.z, 0.5 * q.z));
+#else
+  vec3 e = ibr_shadow_eyeward;
+  e = vec3(dot(e, axes[0].xyz), dot(e, axes[1].xyz), -dot(e, toward));
+  receiver.eyeward += e * vec3(wide, deep);
+#endif
+#endif
   receiver.slope = slope;
   receiver.bias = bias;
   receiver.tile = vec4(vec2(cell) / vec2(COLUMNS, ROWS), 1.0 / vec2(COLUMNS, ROWS));
   receiver.side = side;
+  receiver.steepest = 4.0 * deep / (q.z * side * min(wide.x, wide.y));
   receiver.near = v[3].x;
   receiver.far = v[3].y;
   receiver.size = v[3].zw;
@@ -425,20 +448,20 @@ vec3 ibr_shadow_NUMBER(vec3 p, vec3 n)
   // The shape is not that of the triangles: its shader gives position and normal.
   vec3 ibr_shadow_n = normalize(IBR_NORMAL);
   vec3 ibr_shadow_p = IBR_PLACE;
-#elif defined(IBR_BEND)
+#else
+  vec3 ibr_shadow_p = IBR_COVERED(vertex@VC.xyz);
+  ibr_shadow_eyeward = IBR_EYEWARD(ibr_shadow_p, vertex@VC.xyz);
+#ifdef IBR_BEND
   // Facets of a curved surface: shade the surface, without steps at the terminator.
   vec3 ibr_shadow_n = normal@VCVSOutput;
-  vec3 ibr_shadow_p = vertex@VC.xyz;
   float ibr_shadow_curve = max(
-    length(dFdx(ibr_shadow_n)) / max(length(dFdx(ibr_shadow_p)), 1e-30),
-    length(dFdy(ibr_shadow_n)) / max(length(dFdy(ibr_shadow_p)), 1e-30));
+    length(dFdx(ibr_shadow_n)) / max(length(dFdx(vertex@VC.xyz)), 1e-30),
+    length(dFdy(ibr_shadow_n)) / max(length(dFdy(vertex@VC.xyz)), 1e-30));
   if (IBR_BEND > 2e-6)
     ibr_shadow_p += ibr_shadow_n * min(IBR_BEND, 0.3) / max(ibr_shadow_curve, 1e-30);
 #else
-  vec3 ibr_shadow_p = vertex@VC.xyz;
-  vec3 ibr_shadow_n = ibr_shadow_flat(ibr_shadow_p);
-  if (dot(ibr_shadow_n, cameraParallel == 1 ? vec3(0.0, 0.0, -1.0) : ibr_shadow_p) > 0.0)
-    ibr_shadow_n = -ibr_shadow_n;
+  vec3 ibr_shadow_n = ibr_flat(vertex@VC.xyz);
+#endif
 #endif
 #ifdef IBR_THIN
   ibr_shadow_lift = 2.0 * IBR_THIN;

@@ -25,6 +25,11 @@ from pvibr.shadows.shadow_maps import (
 )
 from pvibr.shadows.volume import ShadowVolumes, receiver_text
 from pvibr.things.casters import Casters, Choice, set_surface_uniforms, surface_features
+from pvibr.things.depth_view import (
+    receiver_declarations,
+    receiver_stages,
+    set_receiver_uniforms,
+)
 from pvibr.things.lights import SceneLight, lights_of
 
 _GATHER = """//VTK::System::Dec
@@ -282,23 +287,25 @@ class Shadows(Effect):
 
         for actor in self._receiver_features.match(receivers, features_of, version_of):
             set_surface_uniforms(actor, casts=address(actor) in self._caster_addresses)
+        set_receiver_uniforms(receivers, frame)
         set_fragment_uniforms(receivers, uniforms)
 
     def _receiver_shader(self, frame):
         """Return the receivers' feature, None without shadows, and its uniforms."""
+        multisampled = frame.window.GetMultiSamples() > 1
         if self.method == 'volume':
             volume_lights = tuple((light.number, light.positional) for light in self._casting())
             uniforms = self._volumes.uniforms(frame)
             uniforms['ibr_shadow_strength'] = float(self.strength)
             for light in self._casting():
                 uniforms |= _place(frame, light)
-            return _feature('volume', 0, False, volume_lights), uniforms
+            return _feature('volume', 0, False, multisampled, volume_lights), uniforms
         light_maps = [m for m in self._light_maps if m.view is not None]
         if not light_maps:
             return None, {}
         uses_polygon_offset = self.bias == 'polygon_offset'
         signatures = tuple(m.signature() for m in light_maps)
-        feature = _feature(*filter_of(self), uses_polygon_offset, signatures)
+        feature = _feature(*filter_of(self), uses_polygon_offset, multisampled, signatures)
         return feature, self._uniforms(frame, light_maps)
 
     def _uniforms(self, frame, light_maps):
@@ -400,7 +407,7 @@ def _place(frame, light) -> dict:
 
 
 @lru_cache(maxsize=16)
-def _feature(method, tap_count, uses_polygon_offset, lights) -> Feature:
+def _feature(method, tap_count, uses_polygon_offset, multisampled, lights) -> Feature:
     """Return the receivers' shader for these lights, around VTK's own light code."""
     shader_texts = sections(shader_source(__file__))
     if method == 'volume':
@@ -408,6 +415,7 @@ def _feature(method, tap_count, uses_polygon_offset, lights) -> Feature:
         declarations = [declared_samplers(samplers), shader_texts['declare'], body]
     else:
         declarations = map_parts(shader_texts, method, tap_count, uses_polygon_offset, lights)
+    declarations.insert(1, receiver_declarations(multisampled))  # after samplers
     light_prefix, light_suffix = shader_texts['apply'], ''
     for number, *_ in lights:
         hidden = f'(1.0 - ibr_shadow_{number}(ibr_shadow_p, ibr_shadow_n))'
@@ -421,4 +429,5 @@ def _feature(method, tap_count, uses_polygon_offset, lights) -> Feature:
         'VTK::CustomUniforms::Dec': ''.join(declarations),
         'VTK::Light::Impl': f'{light_prefix}//VTK::Light::Impl\n{light_suffix}',
     }
-    return Feature('shadows', fragment=fragment_texts)
+    stages = receiver_stages() if multisampled else {}
+    return Feature('shadows', fragment=fragment_texts, **stages)

@@ -8,7 +8,7 @@ import numpy as np
 
 from pvibr.core import _vtk
 from pvibr.core._vtk import address
-from pvibr.gl.feature import replacements
+from pvibr.gl.feature import moves_vertices, replacements
 from pvibr.things.content_key import parts_of
 
 #: Reason for an actor whose points or matrix are not finite.
@@ -200,10 +200,9 @@ def _not_relit(actor, data) -> str:
 
 
 def _has_shaders(shader) -> bool:
-    if shader.HasVertexShaderCode() or shader.HasFragmentShaderCode():
+    if shader.HasFragmentShaderCode() or moves_vertices(shader):
         return True
-    shader_texts = replacements(shader).items()
-    return any(stage != 'Fragment' or '// pvibr:' not in text for (stage, _), text in shader_texts)
+    return any('// pvibr:' not in text for text in replacements(shader).values())
 
 
 def has_strays_only(data) -> bool:

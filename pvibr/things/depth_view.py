@@ -11,6 +11,7 @@ from pvibr.gl import (
     nbytes_of,
     release,
     set_fragment_uniforms,
+    set_vertex_uniforms,
     shader_source,
     texture_limit,
 )
@@ -163,5 +164,30 @@ class DepthView:
 
 
 def receiver_shader() -> dict[str, str]:
-    """Return the sections of ``receiver.glsl``, which samples depth views."""
+    """Return the sections of ``receiver.glsl``: where receivers are, and who sees them."""
     return sections(shader_source(__file__, 'receiver'))
+
+
+def receiver_declarations(multisampled) -> str:
+    """Return what fragments declare for the positions of receivers."""
+    return '#define IBR_MULTISAMPLED\n' * multisampled + receiver_shader()['fragment.declare']
+
+
+def receiver_stages() -> dict[str, dict]:
+    """Return the texts before the fragment stage, which hand positions on, for a feature."""
+    text, names = receiver_shader(), {'Dec': 'declare', 'Impl': 'position'}
+    return {
+        stage: {
+            f'VTK::PositionVC::{tag}': f'//VTK::PositionVC::{tag}\n{text[f"{stage}.{name}"]}'
+            for tag, name in names.items()
+        }
+        for stage in ('vertex', 'geometry')
+    }
+
+
+def set_receiver_uniforms(actors, frame):
+    """Set the uniforms of :func:`receiver_stages`."""
+    view_from_clip = np.linalg.inv(frame.pixel_from_view)[None]
+    ahead = {'ibr_ahead': (1.0, 0.0) if frame.parallel else (0.0, 1.0)}
+    set_vertex_uniforms(actors, {'ibr_view_from_clip': view_from_clip} | ahead)
+    set_fragment_uniforms(actors, ahead)

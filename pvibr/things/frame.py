@@ -126,6 +126,13 @@ class Frame:
         return self.view.clip_from_view
 
     @property
+    def pixel_from_view(self) -> np.ndarray:
+        """Matrix from view space to clip x and y, then z (parallel) or w, and 1."""
+        # A fragment's depth is exact in w of perspective views and in z of parallel ones.
+        clip = self.clip_from_view
+        return np.stack([clip[0], clip[1], clip[2 if self.parallel else 3], [0, 0, 0, 1.0]])
+
+    @property
     def parallel(self) -> bool:
         """Whether the projection is parallel."""
         return self.view.parallel
