@@ -20,11 +20,9 @@ def kept_layout(window):
 
 
 def lay_out(window):
-    """Lay out scalar bars for the next frame.
-
-    VTK measures a bar's title in the font of its last frame, that of another tile scale, and
-    chooses the font only then: so the layout is the right one the second time.
-    """
+    """Lay out scalar bars for the next frame."""
+    # VTK measures a bar's title in the font of its last frame, that of another tile scale, and
+    # chooses the font only then: so the layout is the right one the second time.
     for renderer in window.GetRenderers():
         for bar in _bars(renderer) if renderer.GetDraw() else ():
             bar.Modified()

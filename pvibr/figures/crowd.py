@@ -7,6 +7,7 @@ from functools import partial
 import numpy as np
 
 from pvibr.core.arguments import check_one_of
+from pvibr.core.nan_rows import NanRows
 from pvibr.core.signatures import takes
 from pvibr.figures.crowd_group import ClipModels, CrowdGroup, CrowdState, Playback
 from pvibr.figures.mesh_actors import as_mesh_actors, drawn_figure, moved_figure
@@ -47,6 +48,8 @@ class Crowd(Instances):
         Values per figure, mapped by `cmap`; a name selects an array of the meshes.
     colors : array_like, shape (n, 3), optional
         Colours per figure, uint8 or float.
+    nan : {'raise', 'hide'}
+        Refuse figures with NaN in their poses, or hide them.
     **mesh_kwargs
         Keywords of :meth:`pyvista.Plotter.add_mesh`, which override the looks of the meshes.
 
@@ -98,11 +101,13 @@ class Crowd(Instances):
         cache=True,
         progress=None,
         theme=None,
+        nan='raise',
         **mesh_kwargs,
     ):
         ItemSet.__init__(self, max_error=max_error)
         self.name = name
-        poses = posed(poses)
+        nan_rows = NanRows(nan)
+        poses = posed(poses, nan_rows=nan_rows)
         member_count = len(poses)
         mesh_kwargs |= {'cmap': cmap, 'clim': clim}
         self._theme = theme
@@ -121,7 +126,7 @@ class Crowd(Instances):
         models = ClipModels(state, all_clips, **baking)
         if member_count:
             models.remake()
-        items = PosedItems(poses, poses, np.zeros(member_count, int))
+        items = PosedItems(poses, poses, np.zeros(member_count, int), nan_rows=nan_rows)
         self.pickable, self._shown_material = pickable, 0
         self._begin(items, models, MeshGroups(partial(CrowdGroup, state)), scalars, colors)
 
@@ -236,7 +241,7 @@ class Crowd(Instances):
 
     def bake_into(self, scene):
         """Hand each figure as it is now to a scene without pvibr."""
-        for i in np.flatnonzero(self.visible):
+        for i in np.flatnonzero(self.drawn_items()):
             member_color = None if self._colors is None else self._colors[i]
             matrix = _matrix(self._items.poses[i])
             for part in self._crowd_state.parts(int(i), self._now(), matrix):

@@ -117,7 +117,7 @@ def explain(self, index) -> Explanation:
         raise RuntimeError(
             'instances must be in a plotter, whose camera decides the level; add them first'
         )
-    hidden = not (self.visible[index] and self.GetVisibility())
+    hidden = not (self.drawn_items()[index] and self.GetVisibility())
     group, slot = self.groups.slot_of(index)
     frame, choice = self.pipeline.view(), self._level_choice()
     return _explanation(index, group, slot, frame, choice, hidden=hidden)

@@ -14,7 +14,7 @@ from pvibr.maths.transforms import trs
 from pvibr.meshes.glyphs import Glyphs
 from pvibr.meshes.mesh_files import scene_instances
 from pvibr.meshes.parts import are_parts
-from pvibr.meshes.posed import Source, names_in, posed_source, source_of
+from pvibr.meshes.posed import Source, array_names, posed_source, source_of
 from pvibr.meshes.poses import as_poses
 from pvibr.things.appearance import TABLE_OPTIONS
 from pvibr.things.keywords import OF_MESH_SCALARS
@@ -28,17 +28,16 @@ def placed(mesh, poses, index, phase, scalars, **options) -> tuple:
     return meshes, poses, checked_index(index, len(poses), len(meshes)), scalars
 
 
-def _placed(mesh, poses, index, scalars, pbr=False, plain=False, **placing) -> tuple:
+def _placed(mesh, poses, index, scalars, nan_rows, pbr=False, plain=False, **placing) -> tuple:
     if isinstance(mesh, Glyphs) and poses is None:
         shown_scalars = mesh.scalars if scalars is None and not plain else scalars
-        source = Source(as_poses(mesh.poses), mesh.arrays)
+        source = Source(as_poses(mesh.poses, nan_rows), mesh.arrays)
         return mesh.meshes, source.poses, mesh.index, _scalars_of(source, shown_scalars)
     meshes, poses, index = _meshes_and_poses(mesh, poses, index, pbr)
-    names = [
-        n for n in (scalars, placing.get('orient'), placing.get('scale')) if isinstance(n, str)
-    ]
-    source = source_of(poses, *names, *names_in(placing.get('orient')))
-    return meshes, posed_source(source, **placing), index, _scalars_of(source, scalars)
+    names = array_names(poses, placing.get('orient'), placing.get('scale'), scalars)
+    source = source_of(poses, *names, nan_rows=nan_rows)
+    poses = posed_source(source, nan_rows=nan_rows, **placing)
+    return meshes, poses, index, _scalars_of(source, scalars)
 
 
 def _scalars_of(source, scalars):

@@ -10,6 +10,7 @@ import pyvista as pv
 from pvibr.core.arguments import check_one_of, naming
 from pvibr.core.determinism import is_deterministic
 from pvibr.core.errors import warn
+from pvibr.core.nan_rows import NanRows
 from pvibr.core.params import Param
 from pvibr.core.signatures import takes
 from pvibr.instances import explain as explaining
@@ -88,6 +89,9 @@ class Instances(ItemSet):
         Level of detail to draw at every size, or the range of on-screen diameters, in pixels, of
         each level: 'splat', 'flat', 'parallax', 'blended', 'fine', 'mesh', 'mesh1' and on (lighter
         meshes), 'billboard' or 'turntable'. By default levels are chosen by measured error.
+    nan : {'raise', 'hide'}
+        Refuse instances with NaN among their poses, vectors and scales, or hide them. NaN scalars
+        have ``nan_color`` and ``nan_opacity``.
     **mesh_kwargs
         As in :meth:`pyvista.Plotter.add_mesh`, for the mesh itself.
 
@@ -165,22 +169,17 @@ class Instances(ItemSet):
         views='full',
         theme=None,
         force_level=None,
+        nan='raise',
         **mesh_kwargs,
     ):
         super().__init__(max_error=max_error)
         self.name = name
         self._forced, self._force_level = checked_force(force_level), force_level
-        placing = {'orient': orient, 'scale': scale, 'factor': factor}
-        meshes, poses, index, scalars = placed(
-            mesh,
-            poses,
-            index,
-            phase,
-            scalars,
-            pbr=mesh_kwargs.get('pbr'),
-            plain=colors is not None or mesh_kwargs.get('color') is not None,
-            **placing,
-        )
+        placing, nan_rows = {'orient': orient, 'scale': scale, 'factor': factor}, NanRows(nan)
+        is_plain = colors is not None or mesh_kwargs.get('color') is not None
+        options: dict = {'pbr': mesh_kwargs.get('pbr'), 'plain': is_plain, 'nan_rows': nan_rows}
+        arguments = mesh, poses, index, phase, scalars
+        meshes, poses, index, scalars = placed(*arguments, **options | placing)
         self._theme = theme
         mesh_kwargs |= {'opacity': opacity, 'cmap': cmap, 'clim': clim}
         mesh_options = self._begin_looks_of(len(poses), scalars, colors, blend, mesh_kwargs)
@@ -192,7 +191,8 @@ class Instances(ItemSet):
         if phase is not None:
             models.require_all()
         self.pickable = pickable
-        items = PosedItems(poses, poses, index, max(len(meshes), 1), placing)
+        mesh_count = max(len(meshes), 1)
+        items = PosedItems(poses, poses, index, mesh_count, placing, nan_rows=nan_rows)
         self._begin(items, models, MeshGroups(), scalars, colors)
 
     def _begin_looks_of(self, count, scalars, colors, blend, mesh_options) -> dict:
@@ -230,6 +230,8 @@ class Instances(ItemSet):
 
     # -- poses and meshes ----------------------------------------------------------------------
 
+    _nan_rows = property(lambda self: self._items.nan_rows)
+
     def __len__(self):
         return len(self._items)
 
@@ -241,7 +243,7 @@ class Instances(ItemSet):
     @property
     def poses(self) -> np.ndarray:
         """Points (n, 3) or matrices (n, 4, 4) in set space, read-only; see :meth:`update`."""
-        return look.read_only(self._items.local_poses)
+        return look.read_only(self._items.given_poses())
 
     @poses.setter
     def poses(self, poses):
@@ -267,14 +269,14 @@ class Instances(ItemSet):
             self.update(phase=phase)
 
     def _places(self) -> np.ndarray:
-        poses = self._items.poses
-        return poses[:, :3, 3] if poses.ndim == 3 else poses
+        return self._items.centers()
 
     def _put(self):
         updates.show_items(self, self._items.placed(self._world), keeps_bounds=True)
 
     def _bound(self):
-        self._set_bounds(self.groups.bounds(None if self._world is None else self.poses))
+        local_poses = None if self._world is None else self._items.local_poses
+        self._set_bounds(self.groups.bounds(local_poses))
 
     def _rebuild(self, *, keeps_bounds=False):
         """Replace the groups."""
@@ -374,7 +376,7 @@ class Instances(ItemSet):
     @property
     def is_translucent(self) -> bool:
         """Whether instance colours have alpha."""
-        return self._colors is not None and self._colors.shape[1] == 4
+        return look.blend(self._colors)
 
     def _as_colors(self, colors, count=None):
         return look.as_rgba(colors, len(self) if count is None else count)
@@ -389,11 +391,11 @@ class Instances(ItemSet):
     def _apply_looks(self, covered):
         """Apply the looks, hiding instances that another thing draws."""
         self._applied_cover = covered
-        visible = self._visible
+        drawn = self.drawn_items()
         if covered is not None:
-            visible = self.visible.copy()
-            visible[covered] = False
-        self.groups.set_looks(look.merge(len(self), self._colors, visible), self.multiplies)
+            drawn[covered] = False
+        looks = look.merge(len(self), self._colors, None if drawn.all() else drawn)
+        self.groups.set_looks(looks, self.multiplies)
 
     def scalar_mapper(self):
         """Return a mapper with the lookup table of the scalars, None without scalars."""
@@ -493,4 +495,5 @@ class Instances(ItemSet):
         """Return the nearest instance under a pixel."""
         if not self._can_pick():
             return None
-        return nearest_hit(self.groups, self.pipeline.renderer, x, y, self.visible, self._planes)
+        renderer, drawn = self.pipeline.renderer, self.drawn_items()
+        return nearest_hit(self.groups, renderer, x, y, drawn, self._planes)

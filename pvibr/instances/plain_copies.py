@@ -8,7 +8,7 @@ import numpy as np
 def bake_into(self, scene):
     """Add the instances to a scene exported without pvibr."""
     for k, model in self._models.by_mesh.items():
-        ids = np.flatnonzero((self._items.index == k) & self.visible)
+        ids = np.flatnonzero((self._items.index == k) & self.drawn_items())
         poses = self._items.poses[ids]
         colors = None if self._colors is None else self._colors[ids]
         limits = model.limits(self.max_error) if model.atlas.errors else None

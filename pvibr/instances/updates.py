@@ -82,10 +82,11 @@ def _update_some(self, ids, poses, index):
     if index is not None:
         items = items.with_index(ids, index)
     if poses is not None:
-        poses = repeated('poses', items.checked(poses), len(ids))
+        poses, nan_rows = items.checked(poses)
+        poses = repeated('poses', poses, len(ids))
         moves_in_place = index is None and items.can_move(poses)
         moves_in_place = moves_in_place and self._models.can_move(items.in_world(poses))
-        items = items.with_poses(ids, poses, in_place=moves_in_place)
+        items = items.with_poses(ids, poses, nan_rows, in_place=moves_in_place)
     if moves_in_place:
         _move_items(self, items, ids)
     elif items is not self._items:
@@ -113,11 +114,12 @@ def show_items(self, items, *, keeps_bounds=False):
 
 def _move_items(self, items, ids):
     """Move some items within their groups."""
+    has_new_looks = items.nan_rows is not self._items.nan_rows
     self._items = items
     has_new_slots = self.groups.move(items.poses, ids)
     self._bound()
     self._touch()
-    if has_new_slots:
+    if has_new_slots or has_new_looks:
         self._repaint()
 
 

@@ -39,7 +39,7 @@ class Table:
         raise NotImplementedError
 
     def numbers(self, column_indices, finite_columns):
-        """Return columns as (n, len(indices)) float64; those in `needed` must be finite."""
+        """Return columns as (n, len(indices)) float64; `finite_columns` must be finite."""
         for index in column_indices:
             if self.kind(index) != 'number':
                 raise ValueError(f'{self.path}: column {self.names[index]!r} must hold numbers')
@@ -121,7 +121,7 @@ class _TextTable(Table):
         return 'number' if value.strip().lower() in MISSING or _is_number(value) else 'text'
 
     def numbers(self, column_indices, finite_columns):
-        """Return columns as (n, len(indices)) float64; those in `needed` must be finite."""
+        """Return columns as (n, len(indices)) float64; `finite_columns` must be finite."""
         if self.empty:
             return np.empty((0, len(column_indices)))
         self._check_counts()

@@ -61,16 +61,17 @@ def glyph(
     index_array = dataset.active_scalars  # before `scale` activates others
     is_scaled, is_turned = _activate(dataset, 'scale', scale), _activate(dataset, 'orient', orient)
     points = _Points(dataset, is_scaled, is_turned, tolerance, absolute)
-    sizes = points.sizes(is_scaled, scale_range if clamping else None)
+    sizes = points.sizes(scale_range if clamping else None)
     factors = nonzero_scales(sizes * factor) if is_scaled else np.full(len(sizes), factor)
     poses = trs(points.points, scales=factors)
     if is_turned:
         poses[:, :3, :3] = toward(points.vectors) * factors[:, None, None]
+        poses[np.isnan(points.vectors).any(1)] = np.nan  # instances refuse them, or hide them
     index = np.zeros(len(poses), int)
     if len(meshes) > 1 and index_array is not None:
         values = points.lengths if index_array.ndim > 1 else points.first
-        index = np.trunc((values - scale_range[0]) * len(meshes) / _width(scale_range)).astype(int)
-    index = index.clip(0, len(meshes) - 1)
+        places = (values - scale_range[0]) * len(meshes) / _width(scale_range)
+        index = np.nan_to_num(places).clip(0, len(meshes) - 1).astype(int)
     return Glyphs(meshes, poses, index, points.colors(color_mode, is_scaled, sizes), points.arrays)
 
 
@@ -107,16 +108,11 @@ class _Points:
         length_source = self.scalars if self.vectors is None and is_vector else self.vectors
         self.lengths = zeros if length_source is None else np.linalg.norm(length_source, axis=1)
 
-    def sizes(self, is_scaled, size_range) -> np.ndarray:
+    def sizes(self, size_range) -> np.ndarray:
         """Return the sizes before the factor, mapped to a range if there is one."""
         sizes = np.asarray(self.lengths if self.by_length else self.first, float)
         if self.scalars is None:
             sizes = np.ones(len(self.points))
-        invalid = np.flatnonzero(~np.isfinite(sizes) & is_scaled)
-        if len(invalid):
-            raise ValueError(
-                f'scale must be finite, got {sizes[invalid[0]]} at {self.name!r}[{invalid[0]}]'
-            )
         if size_range is None:
             return sizes
         return (sizes.clip(*size_range) - size_range[0]) / _width(size_range)

@@ -6,6 +6,7 @@ import numpy as np
 
 from pvibr.core.arguments import checked_each, naming
 from pvibr.core.files import existing
+from pvibr.core.nan_rows import advising, filled
 from pvibr.io.tables import table_of
 from pvibr.maths.transforms import trs
 from pvibr.meshes.poses import as_poses
@@ -67,48 +68,51 @@ def read_poses(path, columns=None, *, others=None):
     return _poses_of(table_of(path), columns, others)
 
 
-def read_poses_and(path, names):
+def read_poses_and(path, names, nan_rows=None):
     """Read poses, and those of the named columns that the file has."""
     path = existing(path, 'poses file')
     if path.suffix.lower() == '.npy':
-        return _read_npy(path), {}
-    return table_poses(table_of(path), names)
+        return _read_npy(path, nan_rows), {}
+    return table_poses(table_of(path), names, nan_rows=nan_rows)
 
 
-def table_poses(table, names, columns=None, *, oriented=True):
+def table_poses(table, names, columns=None, *, oriented=True, nan_rows=None):
     """Return poses of a table, and those of the named columns that it has, by these names."""
     present = [name for name in names if table.find(name) is not None]
-    poses, columns_by_name = _poses_of(table, columns, present, oriented=oriented)
+    reading = {'oriented': oriented, 'nan_rows': nan_rows}
+    poses, columns_by_name = _poses_of(table, columns, present, **reading)
     requested = {name: columns_by_name.get(table.names[table.find(name)]) for name in present}
     return poses, {name: values for name, values in requested.items() if values is not None}
 
 
-def _read_npy(path):
+def _read_npy(path, nan_rows=None):
     try:
         # Memory-mapped: a header may declare more than the file holds.
         array = np.load(path, mmap_mode='r', allow_pickle=False)
     except Exception as error:  # its parser raises various kinds
         raise ValueError(f'{path}: not a readable .npy file of numbers ({error})') from error
     try:
-        return as_poses(np.array(array))
+        return as_poses(np.array(array), nan_rows)
     except (TypeError, ValueError) as error:
         raise ValueError(f'{path}: {error}') from error
 
 
-def _poses_of(table, columns, other_names, *, oriented=True):
+def _poses_of(table, columns, other_names, *, oriented=True, nan_rows=None):
     axes = _axis_columns(table, columns)
     spin_columns, scale_columns = _orientation(table) if oriented else ([], [])
     pose_columns = [index for index in axes if index is not None] + spin_columns + scale_columns
     other_indices = _others(table, pose_columns, other_names)
     text_columns = [index for index in other_indices if table.kind(index) == 'text']
     number_columns = [index for index in other_indices if table.kind(index) == 'number']
-    values = table.numbers([*pose_columns, *number_columns], set(pose_columns)).T
+    finite_columns = () if nan_rows is not None and nan_rows.hides else pose_columns
+    with advising(nan_rows):
+        values = table.numbers([*pose_columns, *number_columns], set(finite_columns)).T
     columns_read = dict(zip([*pose_columns, *number_columns], values, strict=True))
     zeros = np.zeros(len(columns_read[pose_columns[0]]))
     points = np.stack([zeros if index is None else columns_read[index] for index in axes], axis=1)
     spins, scales = ([columns_read[i] for i in ids] for ids in (spin_columns, scale_columns))
     try:
-        poses = as_poses(_compose(points, spins, scales))
+        poses = as_poses(_compose(points, spins, scales, nan_rows), nan_rows)
     except ValueError as error:
         raise ValueError(f'{table.path}: {error}') from error
     texts = table.texts(text_columns) if text_columns else []
@@ -173,8 +177,10 @@ def _group(table, names):
     return [index for index in indices if index is not None]
 
 
-def _compose(points, quaternion_parts, scale_parts):
+def _compose(points, quaternion_parts, scale_parts, nan_rows):
     if not quaternion_parts and not scale_parts:
         return points
-    quaternions = np.stack(quaternion_parts, axis=1) if quaternion_parts else None
+    quaternions = None
+    if quaternion_parts:
+        quaternions = filled(nan_rows, 'quaternions', np.stack(quaternion_parts, axis=1))
     return trs(points, quaternions, np.stack(scale_parts, axis=1) if scale_parts else None)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from itertools import permutations
 from pathlib import Path
 from typing import NamedTuple
 
@@ -12,6 +13,7 @@ import pyvista as pv
 from pvibr.core import _vtk
 from pvibr.core.arguments import as_array, check_finite, checked_number, naming
 from pvibr.core.errors import warn
+from pvibr.core.nan_rows import filled
 from pvibr.core.spelling import nearest
 from pvibr.io.tables import columns_table
 from pvibr.maths.quaternions import to_matrices
@@ -46,9 +48,11 @@ class Source(NamedTuple):
                 'table with this array'
             )
         available = self.columns or tuple(arrays)
+        if self.dataset is not None:
+            available = *self.dataset.point_data, *self.dataset.cell_data
         names = ', '.join(map(repr, available)) or 'none'
         raise ValueError(
-            f'{argument} must name an array of the points, which are {names}, got {name!r}'
+            f'{argument} must name an array of points or cells, which are {names}, got {name!r}'
             + nearest(name, available)
         )
 
@@ -75,15 +79,15 @@ def named(values, name):
     return copy
 
 
-def source_of(poses, *names, argument='poses', oriented=True) -> Source:
+def source_of(poses, *names, argument='poses', oriented=True, nan_rows=None) -> Source:
     """Return the poses of a file, table or dataset, and its arrays of these names.
 
     Unless oriented, columns of rotations and scales are arrays like any other.
     """
     if isinstance(poses, str | Path):
-        return Source(*read_poses_and(poses, names))
+        return Source(*read_poses_and(poses, names, nan_rows))
     if isinstance(poses, _vtk.vtkDataSet):
-        dataset = poses if isinstance(poses, pv.DataSet) else pv.wrap(poses)
+        dataset = _at_arrays(poses if isinstance(poses, pv.DataSet) else pv.wrap(poses), names)
         return Source(dataset.points, dataset.point_data, dataset)
     with naming(argument, poses):
         table = columns_table(poses)
@@ -91,22 +95,37 @@ def source_of(poses, *names, argument='poses', oriented=True) -> Source:
             # Three columns of any other names are positions, as those of an array.
             are_positions = len(table.names) == 3 and table.find('x') is None
             axes = table.names if are_positions else None
-            table_matrices, arrays = table_poses(table, names, axes, oriented=oriented)
+            reading = {'oriented': oriented, 'nan_rows': nan_rows}
+            table_matrices, arrays = table_poses(table, names, axes, **reading)
             return Source(table_matrices, arrays, columns=tuple(table.names))
     return Source(_plain(poses))
 
 
-def posed(poses, orient=None, scale=None, factor=1.0):
+def _at_arrays(dataset, names):
+    """Return a dataset, or the centres of its cells if names are those of arrays of its cells."""
+    on_points, on_cells = (
+        [name for name in names if name in data and name not in others]
+        for data, others in permutations((dataset.point_data, dataset.cell_data))
+    )
+    if on_points and on_cells:
+        raise ValueError(
+            'orient, scale and scalars must be arrays of either points or cells, got '
+            f'{on_points[0]!r} of the points and {on_cells[0]!r} of the cells'
+        )
+    return dataset.cell_centers() if on_cells else dataset
+
+
+def posed(poses, orient=None, scale=None, factor=1.0, nan_rows=None):
     """Return checked poses, scaled, then turned, then placed, shape (n, 3) or (n, 4, 4)."""
-    array_names = [name for name in (orient, scale) if isinstance(name, str)]
-    return posed_source(source_of(poses, *array_names, *names_in(orient)), orient, scale, factor)
+    source = source_of(poses, *array_names(poses, orient, scale), nan_rows=nan_rows)
+    return posed_source(source, orient, scale, factor, nan_rows)
 
 
-def posed_source(source, orient=None, scale=None, factor=1.0):
+def posed_source(source, orient=None, scale=None, factor=1.0, nan_rows=None):
     """Return the same for the poses of a source."""
-    poses = as_poses(source.poses)
-    rotations = _turns(source, orient, len(poses))
-    sizes = _sizes(source, scale, factor, len(poses))
+    poses = as_poses(source.poses, nan_rows)
+    rotations = _turns(source, orient, len(poses), nan_rows)
+    sizes = _sizes(source, scale, factor, len(poses), nan_rows)
     if rotations is None and sizes is None:
         return poses
     poses = trs(poses) if poses.ndim == 2 else poses.copy()
@@ -197,6 +216,15 @@ def _is_vectors(array):
     return array.ndim == 2 and array.shape[1] == 3 and array.dtype.kind == 'f'
 
 
+def array_names(poses, orient, scale, scalars=None) -> list:
+    """Return the names of the arrays that arguments select."""
+    names = [name for name in (scalars, orient, scale) if isinstance(name, str)]
+    if isinstance(poses, pv.DataSet):
+        active = (poses.active_scalars_name, scale), (poses.active_vectors_name, orient)
+        names += [name for name, selected in active if selected is True and name is not None]
+    return names + names_in(orient)
+
+
 def names_in(orient) -> list:
     """Return the names of columns that form vectors or quaternions."""
     are_names = isinstance(orient, list | tuple) and all(isinstance(n, str) for n in orient)
@@ -228,7 +256,7 @@ def _is_transform(pose):
     return isinstance(pose, kinds) or hasattr(pose, 'as_matrix')
 
 
-def _turns(source, orient, count):
+def _turns(source, orient, count, nan_rows):
     """Return matrices, shape (n, 3, 3) or (1, 3, 3), None if nothing is turned."""
     if orient is None or orient is True:
         name = None if source.dataset is None else vectors_of(source.dataset)
@@ -238,17 +266,17 @@ def _turns(source, orient, count):
     if orient is None or orient is False:
         return None
     if isinstance(orient, str):
-        return _turned('orient', source.array('orient', orient), count)
+        return _turned('orient', source.array('orient', orient), count, nan_rows)
     if names_in(orient):
         columns = [source.array('orient', name) for name in orient]
-        return _turned('orient', np.stack(columns, 1), count)
+        return _turned('orient', np.stack(columns, 1), count, nan_rows)
     if hasattr(orient, 'as_matrix'):
         orient = orient.as_matrix()
-    return _turned('orient', orient, count)
+    return _turned('orient', orient, count, nan_rows)
 
 
-def _turned(name, values, count):
-    values = _numbers(name, values)
+def _turned(name, values, count, nan_rows):
+    values = _numbers(name, values, nan_rows if np.shape(values)[:1] == (count,) else None)
     shapes = [(n, *rest) for n in (count, 1) for rest in ((3,), (4,), (3, 3))]
     if values.shape in ((3,), (4,), (3, 3)) and values.shape not in shapes:
         values = values[None]
@@ -269,7 +297,7 @@ def _turned(name, values, count):
     return to_matrices(unit_vectors(values))
 
 
-def _sizes(source, scale, factor, count):
+def _sizes(source, scale, factor, count, nan_rows):
     """Return factors, shape (n,) or (), None if nothing is scaled."""
     factor = checked_factor(factor)
     if scale is True:
@@ -282,7 +310,7 @@ def _sizes(source, scale, factor, count):
     if isinstance(scale, str) and scale.lower() == 'scale' and source.dataset is None:
         return None if factor == 1 else np.array(factor)  # the table's poses contain this column
     values = source.array('scale', scale) if isinstance(scale, str) else scale
-    values = _numbers('scale', values)
+    values = _numbers('scale', values, nan_rows)
     if values.shape == (count, 3):
         values = np.linalg.norm(values, axis=1)
     if values.shape not in ((), (count,)):
@@ -305,11 +333,12 @@ def checked_factor(factor) -> float:
     return checked_number('factor', factor, -_MAX_SCALE, _MAX_SCALE) or _MIN_SCALE
 
 
-def _numbers(name, values):
+def _numbers(name, values, nan_rows):
     try:
         array = as_array(name, values, np.float64)
     except (TypeError, ValueError) as error:
         raise TypeError(f'{name} must be numbers, got {values!r:.80}') from error
+    array = filled(nan_rows, name, array)
     check_finite(name, array)
     return array
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from pvibr.core.arguments import as_array
+from pvibr.core.nan_rows import filled
 
 #: Smallest |det| / (product of column lengths) of an invertible matrix: tiny scales pass,
 #: collapsed axes fail.
@@ -12,9 +13,9 @@ SINGULAR = 1e-12
 _CHUNK = 8192  # matrices that fit the processor's cache
 
 
-def as_poses(poses):
+def as_poses(poses, nan_rows=None):
     """Return poses as a checked float64 array, (n, 3) or (n, 4, 4)."""
-    array = _as_array(getattr(poses, 'points', poses))
+    array = filled(nan_rows, 'poses', _as_array(getattr(poses, 'points', poses)))
     _check_finite(array)
     if array.ndim == 3:
         _check_matrices(array)

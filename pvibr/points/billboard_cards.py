@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from pvibr.core.arguments import as_array, check_one_of, checked_lengths, checked_number, naming
+from pvibr.core.nan_rows import filled
 from pvibr.core.params import checked_flag
-from pvibr.io.tables import columns_table
 from pvibr.maths.blocks import BLOCK, Blocks, morton_order
 from pvibr.maths.facing import FACINGS, TOWARDS, azimuths, cards, turned_azimuths
 from pvibr.maths.quaternions import from_matrices, multiply
 from pvibr.maths.vectors import as_units, unit_vectors
-from pvibr.meshes.posed import source_of
+from pvibr.points.point_arguments import as_floats, as_points
 from pvibr.things.draw_order import depths_of
 from pvibr.things.frame import Frame
 from pvibr.things.placing import scale_of
@@ -20,6 +22,25 @@ ANCHORS = {'center': (0.5, 0.5), 'bottom': (0.5, 0.0), 'top': (0.5, 1.0)}
 UNITS = ('world', 'pixel')
 #: Corners of cards in shares of width and height.
 CORNERS = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
+
+
+class Neighbours(NamedTuple):
+    """Cards in the order of blocks of neighbours, which are culled together."""
+
+    points: np.ndarray
+    radii: np.ndarray
+    order: np.ndarray
+    blocks: Blocks
+
+    @classmethod
+    def of(cls, points, radii):
+        """Return points with reaches, sorted along a curve."""
+        order = morton_order(points)
+        return cls(points, radii, order, Blocks.of(points[order], radii[order], BLOCK))
+
+    def are(self, points, radii) -> bool:
+        """Return True if these are points with these reaches."""
+        return np.array_equal(self.points, points) and np.array_equal(self.radii, radii)
 
 
 class BillboardLayout:
@@ -42,8 +63,10 @@ class BillboardLayout:
         views=1,
         blend_views=False,
         yaw=0.0,
+        nan_rows=None,
+        neighbours=None,
     ):
-        self.points = self.own_points = as_points(points)
+        self.points = self.own_points = as_points('points', points, nan_rows)
         check_one_of('facing', facing, FACINGS)
         check_one_of('towards', towards, TOWARDS)
         check_one_of('size_unit', size_unit, UNITS)
@@ -52,15 +75,19 @@ class BillboardLayout:
         self.views = _checked_views(views, facing, len(images))
         self.blend_views = checked_flag('blend_views', blend_views)
         self._images = images[:: self.views]
-        self.yaw = self._own_yaw = _numbers('yaw', yaw, len(self))
-        self.local_size = _checked_size(size, len(self))
-        self.rotation = _numbers('rotation', rotation, len(self))
-        self.turn = self._own_turn = _turn(facing, axis, orientation, len(self))
+        self.yaw = self._own_yaw = _numbers('yaw', yaw, len(self), nan_rows)
+        self.size = _checked_size(size, len(self), nan_rows)
+        self.rotation = _numbers('rotation', rotation, len(self), nan_rows)
+        self.turn = self._own_turn = _turn(facing, axis, orientation, len(self), nan_rows)
         self._world: np.ndarray | None = None
         self.own_up = facing == 'spherical' and axis is not None
         self._camera_frame: Frame | None = None  # the camera's last frame, for sizes in pixels
-        self.set_index(index)
-        self._arrange()
+        if index is None:
+            index = np.arange(len(self)) % self.n_images
+        self.index = _checked_index(index, len(self), self.n_images)
+        #: Cards in blocks, of this layout or of one before.
+        self.neighbours: Neighbours | None = neighbours
+        self._measure()
 
     def __len__(self):
         return len(self.own_points)
@@ -69,8 +96,7 @@ class BillboardLayout:
         """Set the matrix from local to world space; None for the identity."""
         self._world = world
         self._move()
-        self.sizes = self._sizes()
-        self._arrange()
+        self._measure()
 
     def _move(self):
         points, self.turn, self.yaw = self.own_points, self._own_turn, self._own_yaw
@@ -88,7 +114,7 @@ class BillboardLayout:
         self.points = points
 
     def _sizes(self):
-        sizes = _full_sizes(self.local_size, self._images[self.index])
+        sizes = _full_sizes(self.size, self._images[self.index])
         if self._world is None or self.size_unit == 'pixel':
             return sizes
         if self.facing != 'cylindrical':
@@ -102,44 +128,32 @@ class BillboardLayout:
         """Number of images; views of one object count once."""
         return len(self._images)
 
-    def set_index(self, index):
-        """Set the image of each."""
-        if index is None:
-            index = np.arange(len(self)) % self.n_images
-        self.index = _checked_index(index, len(self), self.n_images)
-        self.sizes = self._sizes()
-
-    def resize(self, size):
-        """Set the size."""
-        self.local_size = _checked_size(size, len(self))
-        self.set_index(self.index)
-        self._arrange()
-
-    def rotate(self, rotation):
-        """Set the rotation in the plane of the card."""
-        self.rotation = _numbers('rotation', rotation, len(self))
-
-    def move(self, points):
-        """Set the points; their number must not change."""
-        points = as_points(points)
-        if len(points) != len(self):
-            raise ValueError(
-                f'points must keep its number, {len(self)} billboards, got {len(points)}'
-            )
-        self.own_points = points
-        self._move()
-        self._arrange()
-
-    def _arrange(self):
-        """Sort neighbours into blocks that are culled together."""
-        self.order = morton_order(self.points)
+    def _measure(self):
+        """Adopt the sizes and reach of cards."""
+        self.sizes, self._is_sorted = self._sizes(), False
         card_reach = np.maximum(self.anchor, 1 - self.anchor) * self.sizes
         self.radii = np.hypot(*card_reach.T) if self.size_unit == 'world' else np.zeros(len(self))
+        self.origin = np.zeros(3)
         if len(self):
-            self._blocks = Blocks.of(self.points[self.order], self.radii[self.order], BLOCK)
             self.origin = (self.points.min(0) + self.points.max(0)) / 2
-        else:
-            self.origin = np.zeros(3)
+
+    def _sorted(self) -> Neighbours:
+        """Return the cards in blocks, as before if they have neither moved nor grown."""
+        neighbours = self.neighbours
+        if not self._is_sorted or neighbours is None:
+            if neighbours is None or not neighbours.are(self.points, self.radii):
+                neighbours = self.neighbours = Neighbours.of(self.points, self.radii)
+            self._is_sorted = True
+        return neighbours
+
+    @property
+    def order(self) -> np.ndarray:
+        """Order of the cards on the GPU, neighbours together, shape (n,)."""
+        return self._sorted().order
+
+    @property
+    def _blocks(self) -> Blocks:
+        return self._sorted().blocks
 
     @property
     def bounds(self) -> np.ndarray:
@@ -321,29 +335,6 @@ class BillboardLayout:
         return [(int(indices[k]), float(distances[k]), uv[k]) for k in hit_order]
 
 
-def as_points(points, name='points') -> np.ndarray:
-    """Return points as a checked float64 array."""
-    if columns_table(points) is not None:
-        points = source_of(points, argument=name, oriented=False).poses
-    point_array = _floats(name, getattr(points, 'points', points))
-    if point_array.shape not in ((0,), (3,)) and point_array.shape[1:] != (3,):
-        raise ValueError(f'{name} must be of shape (n, 3), got {point_array.shape}')
-    point_array = point_array.reshape(-1, 3)
-    bad_rows = np.flatnonzero(~np.isfinite(point_array).all(1))
-    if len(bad_rows):
-        raise ValueError(
-            f'{name} must be finite, got {point_array[bad_rows[0]].tolist()} in row {bad_rows[0]}'
-        )
-    return point_array
-
-
-def _floats(name, values) -> np.ndarray:
-    try:
-        return as_array(name, values, float)
-    except (TypeError, ValueError) as error:
-        raise TypeError(f'{name} must be numbers, got {values!r}') from error
-
-
 def _as_anchor(anchor) -> np.ndarray:
     """Return the position of the point on the card, in shares of its sides."""
     is_name = isinstance(anchor, str)
@@ -361,18 +352,8 @@ def checked_cutout(cutout):
     return cutout
 
 
-def checked_opacity(opacity, count, cut) -> np.ndarray:
-    """Return the checked opacity of all items, shape (), or of each, shape (n,)."""
-    values = _floats('opacity', opacity)
-    if values.shape not in ((), (count,)) or not ((values >= 0) & (values <= 1)).all():
-        raise ValueError(f'opacity must be one number or {count}, from 0 to 1, got {values}')
-    if values.ndim and cut:
-        raise ValueError('opacity must be one number for cut-outs, got an array: use cutout=None')
-    return values
-
-
-def _numbers(name, values, count):
-    number_array = _floats(name, values)
+def _numbers(name, values, count, nan_rows):
+    number_array = filled(nan_rows, name, as_floats(name, values))
     if number_array.shape not in ((), (count,)) or not np.isfinite(number_array).all():
         raise ValueError(f'{name} must be one finite number or {count}, got {number_array}')
     return np.broadcast_to(number_array, (count,))
@@ -388,13 +369,15 @@ def _checked_views(views, facing, image_count):
     return int(views)
 
 
-def _checked_size(size, count):
-    size_array = _floats('size', size)
+def _checked_size(size, count, nan_rows):
+    size_array = as_floats('size', size)
     if size_array.shape not in ((), (count,), (count, 2), (1, 2)):
         raise ValueError(
             f'size must be one number or of shape ({count},), ({count}, 2) or (1, 2), got shape '
             f'{size_array.shape}'
         )
+    if len(size_array.shape) and len(size_array) == count:
+        size_array = filled(nan_rows, 'size', size_array)
     return checked_lengths('size', size_array)
 
 
@@ -406,7 +389,7 @@ def _full_sizes(size, image_sizes):
     return np.stack([heights * image_sizes[:, 0] / image_sizes[:, 1], heights], 1)
 
 
-def _turn(facing, axis, orientation, count):
+def _turn(facing, axis, orientation, count, nan_rows):
     """Return the axis or quaternion of all cards, shape (4,), or of each, (n, 4)."""
     if facing != 'world' and orientation is not None:
         raise ValueError(
@@ -415,21 +398,21 @@ def _turn(facing, axis, orientation, count):
     if facing in ('world', 'screen') and axis is not None:
         raise ValueError(f"axis requires facing='cylindrical' or 'spherical', got {facing!r}")
     if facing == 'world':
-        turn = as_units('orientation', (1.0, 0, 0, 0) if orientation is None else orientation)
-        return _of_shape('orientation', turn, 4, count)
-    axis = _floats('axis', (0.0, 0, 1) if axis is None else axis)
+        turn = (1.0, 0, 0, 0) if orientation is None else orientation
+        return as_units('orientation', _of_shape('orientation', turn, 4, count, nan_rows))
+    axis = _of_shape('axis', (0.0, 0, 1) if axis is None else axis, 3, count, nan_rows)
     with naming('axis', axis):
         unit_axis = as_units('axis', axis)
-    unit_axis = _of_shape('axis', unit_axis, 3, count)
     return np.concatenate([unit_axis, np.zeros((*unit_axis.shape[:-1], 1))], -1)
 
 
-def _of_shape(name, array, width, count):
+def _of_shape(name, values, width, count, nan_rows):
+    array = as_floats(name, values)
     if array.shape not in ((width,), (count, width)):
         raise ValueError(
             f'{name} must be of shape ({width},) or ({count}, {width}), got {array.shape}'
         )
-    return array
+    return filled(nan_rows, name, array) if array.ndim > 1 else array
 
 
 def _checked_index(index, count, image_count):

@@ -2,23 +2,26 @@
 
 from __future__ import annotations
 
+from typing import Any, cast
+
 import numpy as np
 import pyvista as pv
 
 from pvibr.core.errors import ShaderError
 from pvibr.core.params import Param
 from pvibr.core.signatures import takes
-from pvibr.gl import nbytes_of, shader_source
+from pvibr.gl import nbytes_of
 from pvibr.gl.binder import Binder
-from pvibr.gl.feature import Feature, sections
 from pvibr.maths.blocks import BLOCK
-from pvibr.meshes.posed import scalars_of
-from pvibr.points.billboard_cards import CORNERS, BillboardLayout, checked_cutout, checked_opacity
+from pvibr.points import replaced_items
+from pvibr.points.billboard_cards import CORNERS, BillboardLayout, checked_cutout
 from pvibr.points.billboard_images import LiveImage, SheetImages
+from pvibr.points.billboard_shader import billboard_feature
+from pvibr.points.point_arguments import checked_opacity
+from pvibr.points.replaced_items import item_property
 from pvibr.textures.projected import is_live
 from pvibr.textures.sheet import as_images
-from pvibr.things.appearance import TABLE_OPTIONS, read_only
-from pvibr.things.clipping import KEPT
+from pvibr.things.appearance import TABLE_OPTIONS, alphas_of, blend
 from pvibr.things.draw_order import PARTS, interleaved
 from pvibr.things.frame import Frame
 from pvibr.things.item_set import ItemSet
@@ -91,6 +94,9 @@ class Billboards(ItemSet):
         Name in the plotter and in reports.
     theme : pyvista.plotting.themes.Theme, optional
         Defaults of the colour map.
+    nan : {'raise', 'hide'}
+        Refuse items with NaN among their positions, sizes and turns, or hide them. NaN scalars
+        have ``nan_color`` and ``nan_opacity``.
     **table
         Colour map of the scalars, as in ``add_mesh``.
 
@@ -122,8 +128,14 @@ class Billboards(ItemSet):
 
     web = 'baked', 'quads, turned to the current camera'
     fps = Param(None, 'Frame rate of a flipbook.', range='(-inf, inf)', unit='1/s', kind=float)
+    FOR_USERS: tuple[str, ...] = ('update',)
     _noun = 'points'
     cutout: float | None
+    _arranged: BillboardLayout | None = None
+    #: Number of items for which the draws have room.
+    _room = 0
+    _draws: Any = None
+    _shadow_draws: Any = None
 
     @takes(table=TABLE_OPTIONS)
     def __init__(
@@ -154,11 +166,13 @@ class Billboards(ItemSet):
         pickable=True,
         name=None,
         theme=None,
+        nan='raise',
         **table,
     ):
         super().__init__(fps=fps)
         self.name = name
         self.cutout = checked_cutout(cutout)
+        self.is_cut_out = self.cutout is not None
         self._images: LiveImage | SheetImages
         if is_live(image):
             self._images = LiveImage(image)
@@ -166,24 +180,13 @@ class Billboards(ItemSet):
             self._images = SheetImages(as_images(image, frames), cutout)
         if index is None and fps is not None:
             index = 0
-        self.layout = BillboardLayout(
-            points,
-            self._images.sizes,
-            size,
-            facing=facing,
-            axis=axis,
-            towards=towards,
-            orientation=orientation,
-            rotation=rotation,
-            index=index,
-            size_unit=size_unit,
-            anchor=anchor,
-            views=views,
-            blend_views=blend_views,
-            yaw=yaw,
-        )
-        self._opacity = checked_opacity(opacity, len(self.layout), self.cutout is not None)
-        self._begin_looks(table, scalars_of(points, scalars), colors, visible, theme)
+        self._settings = {'facing': facing, 'towards': towards, 'size_unit': size_unit}
+        self._settings |= {'anchor': anchor, 'views': views, 'blend_views': blend_views}
+        given = {'points': points, 'size': size, 'axis': axis, 'orientation': orientation}
+        given |= {'rotation': rotation, 'index': index, 'yaw': yaw}
+        looks = replaced_items.adopt(self, nan, given, {'scalars': scalars})
+        self._opacity = checked_opacity(opacity, len(self), self.is_cut_out)
+        self._begin_looks(table, looks['scalars'], colors, visible, theme)
         self.pickable = pickable
         self._begin(lighting)
 
@@ -191,19 +194,13 @@ class Billboards(ItemSet):
         self._binder, self._textures = Binder(), ItemTextures()
         self._uniforms: dict = {}
         self._drawn_count = 0
-        opacity = float(self._opacity) if np.ndim(self._opacity) == 0 else 1.0
-        look = {'lighting': bool(lighting), 'opacity': opacity, 'interpolation': 'Gouraud'}
-        self.prop = pv.Property(color='white', **look)
-        slot_count = max(-(-len(self) // BLOCK), 1) * BLOCK
-        self._chunk, draw_count = min(slot_count, _CHUNK), -(-slot_count // _CHUNK)
-        # Blended billboards have other draws for shadows, of texels at least half opaque.
-        self._draws = self._new_draws(draw_count + PARTS * self.blends, self.blends)
-        self._shadow_draws = self._new_draws(draw_count, False) if self.blends else None
-        self._lead_materials()
+        self.prop = pv.Property(color='white', lighting=bool(lighting), interpolation='Gouraud')
+        self._share_opacity()
         self._fit()
 
     def _new_draws(self, draws, blends) -> ShaderDraws:
-        look = {'prop': self.prop, 'feature': _feature(False), 'translucent': blends}
+        feature = billboard_feature(bool(self.clipping))
+        look = {'prop': self.prop, 'feature': feature, 'translucent': blends}
         return ShaderDraws(draws=draws, chunk=self._chunk, binder=self._binder, **look)
 
     def _materials_of_all(self):
@@ -211,19 +208,48 @@ class Billboards(ItemSet):
 
     def _switch_clipping(self):
         for draws in self._all_draws():
-            draws.set_feature(_feature(bool(self.clipping)))
+            draws.set_feature(billboard_feature(bool(self.clipping)))
 
     def _all_draws(self) -> list:
         return [draws for draws in (self._draws, self._shadow_draws) if draws is not None]
 
     def _fit(self):
-        """Apply changed local positions or sizes."""
-        if self._world is not None:
-            self.layout.place(None)
+        """Adopt the bounds of local positions and sizes, then the transform."""
         self._set_bounds(self.layout.bounds)
         if self._world is not None:
             self.layout.place(self._world)
         self._fit_draws()
+
+    def _moved(self):
+        """Apply changed local positions or sizes."""
+        if len(self) > self._room:
+            self._remake_draws()
+        self._fit()
+        self._drop('ibr_points', 'ibr_looks')
+
+    def _remake_draws(self):
+        """Make draws with room for all items, and those that blend if they do."""
+        pipeline = self.pipeline
+        if pipeline is not None:
+            pipeline.make_current()
+            self._take_out(pipeline.renderer)
+        self.release()
+        if len(self) > self._room:
+            self._room = max(len(self), 2 * self._room)
+        slot_count = max(-(-self._room // BLOCK), 1) * BLOCK
+        self._chunk, draw_count = min(slot_count, _CHUNK), -(-slot_count // _CHUNK)
+        # Blended billboards have other draws for shadows, of texels at least half opaque.
+        self._draws = self._new_draws(draw_count + PARTS * self.blends, self.blends)
+        self._shadow_draws = self._new_draws(draw_count, False) if self.blends else None
+        self._lead_materials()
+        self._fit_draws()
+        if pipeline is not None:
+            self._put_in(pipeline.renderer)
+
+    def _share_opacity(self):
+        self.prop.SetOpacity(1.0 if np.ndim(self._opacity) else float(self._opacity))
+        if self._draws is None or self.blends != (self._shadow_draws is not None):
+            self._remake_draws()
 
     def _fit_draws(self):
         for draws in self._all_draws():
@@ -246,6 +272,22 @@ class Billboards(ItemSet):
 
     def __len__(self):
         return len(self.layout)
+
+    update = replaced_items.update
+
+    @property
+    def layout(self) -> BillboardLayout:
+        """Where the cards are, and how they are turned."""
+        return cast('BillboardLayout', self._arranged)
+
+    def _arranged_from(self, given, nan_rows) -> BillboardLayout:
+        """Return the checked layout of the cards."""
+        neighbours = None if self._arranged is None else self._arranged.neighbours
+        kept = {'images': self._images.sizes, 'nan_rows': nan_rows, 'neighbours': neighbours}
+        return BillboardLayout(**given, **kept, **self._settings)
+
+    def _arranged_values(self, name):
+        return getattr(self.layout, 'own_points' if name == 'points' else name)
 
     def _places(self) -> np.ndarray:
         return self.layout.points
@@ -271,47 +313,22 @@ class Billboards(ItemSet):
         """Whether images are translucent and therefore drawn from far to near."""
         return self.cutout is None or self.prop.GetOpacity() < 1
 
-    @property
-    def points(self) -> np.ndarray:
-        """Positions, shape (n, 3), in its own space."""
-        return read_only(self.layout.own_points)
+    points = item_property('points', 'Positions, shape (n, 3), in its own space.')
+    size = item_property(
+        'size', 'Height, or width and height, of all cards or each, in world units or pixels.'
+    )
+    rotation = item_property('rotation', 'Rotation in the plane of the card, shape (n,), radians.')
+    index = item_property('index', "Index of each card's image, shape (n,).")
+    opacity = replaced_items.opacity_property()
 
-    @points.setter
-    def points(self, points):
-        self.layout.move(points)
-        self._fit()
-        self._drop('ibr_points', 'ibr_looks')
-
-    @property
-    def size(self) -> np.ndarray:
-        """Height, or width and height, of all cards or each, in world units or pixels."""
-        return read_only(self.layout.local_size)
-
-    @size.setter
-    def size(self, size):
-        self.layout.resize(size)
-        self._fit()
-        self._drop('ibr_points', 'ibr_looks')
-
-    @property
-    def rotation(self) -> np.ndarray:
-        """Rotation in the plane of the card, shape (n,), radians."""
-        return read_only(self.layout.rotation)
-
-    @rotation.setter
-    def rotation(self, rotation):
-        self.layout.rotate(rotation)
-        self._drop('ibr_points')
-
-    @property
-    def index(self) -> np.ndarray:
-        """Index of each card's image, shape (n,)."""
-        return read_only(self.layout.index)
-
-    @index.setter
-    def index(self, index):
-        self.layout.set_index(index)
-        self._drop('ibr_points')
+    def _mapped(self, table, scalars):
+        colors = super()._mapped(table, scalars)
+        if self.is_cut_out and blend(colors):
+            alpha = table.nan_opacity / 255
+            raise ValueError(
+                f'nan_opacity must be 0 or 1 for cut-outs, got {alpha:g}: use cutout=None'
+            )
+        return colors
 
     # -- frames -------------------------------------------------------------------------------
 
@@ -413,7 +430,7 @@ class Billboards(ItemSet):
 
     def _looks(self):
         looks = self._tints(1.0)
-        looks[~self.visible, 3] = 0
+        looks[~self.drawn_items(), 3] = 0
         return looks[self.layout.order]
 
     def release(self):
@@ -436,7 +453,7 @@ class Billboards(ItemSet):
 
     def bake_into(self, scene):
         """Add the cards as quads, turned to the camera, to a scene without pvibr."""
-        indices = np.flatnonzero(self.visible)
+        indices = np.flatnonzero(self.drawn_items())
         frame = scene.frame
         corners = self.layout.corners(frame, indices)
         image, rects = self._images.whole()
@@ -456,9 +473,10 @@ class Billboards(ItemSet):
 
     def _tints(self, opacity):
         looks = np.empty((len(self), 4), np.uint8)
-        looks[:, :3] = 255 if self._colors is None else self._colors
-        opacity = self._opacity if np.ndim(self._opacity) else opacity
-        looks[:, 3] = np.rint(255 * np.asarray(opacity))
+        looks[:, :3] = 255 if self._colors is None else self._colors[:, :3]
+        opacity = np.asarray(self._opacity if np.ndim(self._opacity) else opacity)
+        alphas = alphas_of(self._colors)
+        looks[:, 3] = np.rint(opacity * (255 if alphas is None else alphas))
         return looks
 
     # -- picking ------------------------------------------------------------------------------
@@ -469,28 +487,12 @@ class Billboards(ItemSet):
             return None
         renderer = self.pipeline.renderer
         start, direction = pixel_ray(renderer, x, y)
-        is_visible, frame = self.visible, Frame.of(renderer)
+        is_drawn, frame = self.drawn_items(), Frame.of(renderer)
         for i, distance, uv in self.layout.hits(frame, start, direction):
             point = start + distance * direction
-            if not (is_visible[i] and self.clipping.kept(point)):
+            if not (is_drawn[i] and self.clipping.kept(point)):
                 continue
             (number,) = self._shown_images(frame, [i])
             if self._images.alpha(number, uv) >= (self.cutout or _MIN_PICK_ALPHA):
                 return Hit(int(i), tuple(point.tolist()), float(distance))
         return None
-
-
-def _feature(clips) -> Feature:
-    shader_parts = sections(shader_source(__file__))
-    vertex = {
-        'VTK::PositionVC::Dec': shader_parts['vertex.declare'],
-        'VTK::PositionVC::Impl': shader_parts['vertex.position'],
-    }
-    fragment = {
-        'VTK::PositionVC::Dec': clips * f'#define CLIPS 1\n{KEPT}'
-        + shader_parts['fragment.declare'],
-        'VTK::PositionVC::Impl': shader_parts['fragment.sample'],
-        'VTK::Color::Impl': '//VTK::Color::Impl\n' + shader_parts['fragment.color'],
-        'VTK::Normal::Impl': 'vec3 normalVCVSOutput = ibr_normal;\n',
-    }
-    return Feature('billboards' + '_clipped' * clips, vertex, fragment)

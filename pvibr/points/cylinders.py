@@ -7,12 +7,12 @@ import numpy as np
 from pvibr.core.arguments import check_one_of, naming
 from pvibr.core.params import checked_flag
 from pvibr.core.signatures import takes
-from pvibr.points.billboard_cards import as_points
+from pvibr.points.point_arguments import as_points, lengths_of
 from pvibr.points.quadric_geometry import CylinderGeometry
 from pvibr.points.quadric_rays import CAPS
-from pvibr.points.quadrics import Quadrics, lengths_of, radius_property, with_scalars
+from pvibr.points.quadrics import Quadrics
+from pvibr.points.replaced_items import item_property
 from pvibr.things import appearance as look
-from pvibr.things.appearance import read_only
 from pvibr.things.placing import lengths_in, points_in
 
 
@@ -55,45 +55,27 @@ class Cylinders(Quadrics):
     >>> pl.close()
     """
 
-    radius = radius_property()
+    points_a = item_property('points_a', 'First ends, shape (n, 3), in its own space.')
+    points_b = item_property('points_b', 'Second ends, shape (n, 3), in its own space.')
+    radius = item_property('radius', 'Radius of each, shape (n,), in its own space.')
     caps: str | None
     blend: bool
 
     @takes(looks=Quadrics)
     def __init__(self, points_a, points_b, radius=0.5, *, caps='flat', blend=False, **looks):
-        self._own_ends = as_points(points_a, 'points_a'), as_points(points_b, 'points_b')
-        if len(self._own_ends[1]) != len(self):
-            raise ValueError(
-                f'points_b must have {len(self)} rows, as points_a, got {len(self._own_ends[1])}'
-            )
         check_one_of('caps', caps, CAPS)
-        self._own_radii = lengths_of('radius', radius, (len(self),))
         self.caps, self.blend = caps, bool(checked_flag('blend', blend))
         self._shape = CylinderGeometry.shape_of(self.caps, self.blend)
-        super().__init__(**with_scalars(points_a, looks))
+        super().__init__({'points_a': points_a, 'points_b': points_b, 'radius': radius}, **looks)
 
-    def __len__(self):
-        return len(self._own_ends[0])
-
-    @property
-    def points_a(self) -> np.ndarray:
-        """First ends, shape (n, 3), in its own space."""
-        return read_only(self._own_ends[0])
-
-    @points_a.setter
-    def points_a(self, points):
-        self._own_ends = self._checked_points('points_a', points), self._own_ends[1]
-        self._moved()
-
-    @property
-    def points_b(self) -> np.ndarray:
-        """Second ends, shape (n, 3), in its own space."""
-        return read_only(self._own_ends[1])
-
-    @points_b.setter
-    def points_b(self, points):
-        self._own_ends = self._own_ends[0], self._checked_points('points_b', points)
-        self._moved()
+    def _arranged_from(self, given, nan_rows) -> dict:
+        ends = {name: as_points(name, given[name], nan_rows) for name in ('points_a', 'points_b')}
+        count, other_count = map(len, ends.values())
+        if other_count != count:
+            raise ValueError(
+                f'points_b must have {count} rows, as points_a, got {other_count}; give both'
+            )
+        return {**ends, 'radius': lengths_of('radius', given['radius'], (count,), nan_rows)}
 
     def _check_linear(self, linear):
         super()._check_linear(linear)
@@ -102,9 +84,9 @@ class Cylinders(Quadrics):
         )
 
     def _geometry_in(self, world):
-        first_ends, second_ends = (points_in(world, ends) for ends in self._own_ends)
-        radii, shape = lengths_in(world, self._own_radii), self._shape
-        return CylinderGeometry((first_ends, second_ends), radii, self.caps, shape)
+        first_ends, second_ends, radii = self._arranged.values()
+        ends = points_in(world, first_ends), points_in(world, second_ends)
+        return CylinderGeometry(ends, lengths_in(world, radii), self.caps, self._shape)
 
     # -- looks of both ends -------------------------------------------------------------------
 

@@ -5,12 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from pvibr.core.arguments import as_array
+from pvibr.core.nan_rows import filled
 from pvibr.core.signatures import takes
 from pvibr.maths.quaternions import to_matrices
-from pvibr.points.billboard_cards import as_points
+from pvibr.points.point_arguments import as_points, lengths_of
 from pvibr.points.quadric_geometry import EllipsoidGeometry
-from pvibr.points.quadrics import Quadrics, lengths_of, points_property, with_scalars
-from pvibr.things.appearance import read_only
+from pvibr.points.quadrics import Quadrics
+from pvibr.points.replaced_items import item_property
 from pvibr.things.placing import points_in
 
 
@@ -52,39 +53,24 @@ class Ellipsoids(Quadrics):
     >>> pl.close()
     """
 
-    points = points_property()
+    points = item_property('points', 'Centres, shape (n, 3), in its own space.')
+    radii = item_property('radii', 'Semi-axes, shape (n, 3), in its own space.')
+    # Overrides the actor's, which its methods and user matrix still set.
+    orientation = item_property(
+        'orientation', 'Directions of the axes in columns, (n, 3, 3); set matrices or quaternions.'
+    )
     geometry: EllipsoidGeometry
 
     @takes(looks=Quadrics)
     def __init__(self, points, radii=0.5, orientation=None, **looks):
-        self._own_points = as_points(points)
-        self._radii = lengths_of('radii', radii, (len(self), 3))
-        self._turns = _checked_turns(orientation, len(self))
-        super().__init__(**with_scalars(points, looks))
+        given = {'points': points, 'radii': radii, 'orientation': orientation}
+        super().__init__(given, **looks)
 
-    def __len__(self):
-        return len(self._own_points)
-
-    @property
-    def radii(self) -> np.ndarray:
-        """Semi-axes, shape (n, 3), in its own space."""
-        return read_only(self._radii)
-
-    @radii.setter
-    def radii(self, radii):
-        self._radii = lengths_of('radii', radii, (len(self), 3))
-        self._moved()
-
-    @property  # type: ignore[override]
-    def orientation(self) -> np.ndarray:
-        """Directions of the axes in columns, (n, 3, 3); set matrices or quaternions."""
-        # Overrides the actor's, which its methods and user matrix still set.
-        return read_only(self._turns)
-
-    @orientation.setter
-    def orientation(self, orientation):
-        self._turns = _checked_turns(orientation, len(self))
-        self._moved()
+    def _arranged_from(self, given, nan_rows) -> dict:
+        points = as_points('points', given['points'], nan_rows)
+        radii = lengths_of('radii', given['radii'], (len(points), 3), nan_rows)
+        turns = _checked_turns(given['orientation'], len(points), nan_rows)
+        return {'points': points, 'radii': radii, 'orientation': turns}
 
     def axes(self) -> np.ndarray:
         """Return the semi-axes as drawn, in columns.
@@ -98,13 +84,12 @@ class Ellipsoids(Quadrics):
         return self.geometry.axes
 
     def _geometry_in(self, world):
-        centers, linear_map = points_in(world, self._own_points), None
-        if world is not None:
-            linear_map = world[:3, :3]
-        return EllipsoidGeometry.of_turned(centers, self._radii, self._turns, linear_map)
+        points, radii, turns = self._arranged.values()
+        linear_map = None if world is None else world[:3, :3]
+        return EllipsoidGeometry.of_turned(points_in(world, points), radii, turns, linear_map)
 
 
-def _checked_turns(orientation, count):
+def _checked_turns(orientation, count, nan_rows):
     turns = (1.0, 0, 0, 0) if orientation is None else orientation
     turns = as_array('orientation', turns, float)
     quaternion_shapes = (4,), (count, 4)
@@ -113,6 +98,8 @@ def _checked_turns(orientation, count):
             f'orientation must be quaternions, (4,) or ({count}, 4), or matrices, (3, 3) or '
             f'({count}, 3, 3), got shape {turns.shape}'
         )
+    if len(turns) == count and turns.shape not in ((4,), (3, 3)):
+        turns = filled(nan_rows, 'orientation', turns)
     if turns.shape in quaternion_shapes:
         length = np.linalg.norm(turns, axis=-1, keepdims=True)
         if not (np.isfinite(length) & (length > 0)).all():

@@ -117,7 +117,7 @@ class Layer(ShaderDraws):
 
     def __init__(self, quadrics, mode):
         self._owner, self.mode = weakref.proxy(quadrics), mode
-        slot_count = max(-(-len(quadrics) // BLOCK), 1) * BLOCK
+        slot_count = max(-(-quadrics.room // BLOCK), 1) * BLOCK
         chunk = min(mode.chunk, slot_count)
         draw_count = 1 if mode is GIANTS else -(-slot_count // chunk)
         super().__init__(

@@ -7,15 +7,14 @@ from functools import cached_property
 import numpy as np
 import pyvista as pv
 
-from pvibr.core.arguments import as_array, checked_lengths
 from pvibr.core.colors import as_rgb
 from pvibr.core.params import checked_flag
 from pvibr.core.signatures import takes
 from pvibr.gl import nbytes_of
 from pvibr.gl.binder import Binder
 from pvibr.maths.blocks import BLOCK, Blocks, morton_order
-from pvibr.meshes.posed import scalars_of
-from pvibr.points.billboard_cards import as_points, checked_opacity
+from pvibr.points import replaced_items
+from pvibr.points.point_arguments import checked_opacity
 from pvibr.points.quadric_cards import (
     BLENDED,
     DRAW_MODES,
@@ -30,7 +29,7 @@ from pvibr.points.quadric_cards import (
 )
 from pvibr.points.quadric_geometry import Geometry
 from pvibr.points.quadric_occlusion import Occlusion
-from pvibr.things.appearance import TABLE_OPTIONS, as_rgba, read_only
+from pvibr.things.appearance import TABLE_OPTIONS, alphas_of, as_rgba, blend
 from pvibr.things.draw_order import depths_of, interleaved
 from pvibr.things.item_set import ItemSet
 from pvibr.things.item_textures import ItemTextures
@@ -45,18 +44,26 @@ _OPAQUE = 127
 class Quadrics(ItemSet):
     """Quadrics of one shape by the million, ray-cast per pixel, without triangles.
 
-    Parameters are those of :class:`pvibr.Spheres`. A subclass sets its positions, then calls
-    ``super().__init__``; it has ``_geometry_in``.
+    Parameters are those of :class:`pvibr.Spheres`, without positions and sizes, which a subclass
+    passes as `given`; it has ``_arranged_from`` and ``_geometry_in``.
     """
 
+    FOR_USERS: tuple[str, ...] = ('update',)
     web = 'baked', 'meshes'
+    is_cut_out = False
+    #: Positions and sizes of the items by name, a row per item, in its own space.
+    _arranged: dict
+    #: Number of items for which the layers have room.
+    room = 0
     #: Of the items in world space.
     geometry: Geometry
 
     @takes(table=TABLE_OPTIONS)
     def __init__(
         self,
+        given,
         *,
+        nan='raise',
         color=None,
         colors=None,
         scalars=None,
@@ -77,8 +84,9 @@ class Quadrics(ItemSet):
     ):
         super().__init__()
         self.name = name
+        looks = replaced_items.adopt(self, nan, given, {'scalars': scalars})
         self._opacity = checked_opacity(opacity, len(self), cut=False)
-        self._begin_looks(table, scalars, colors, visible, theme)
+        self._begin_looks(table, looks['scalars'], colors, visible, theme)
         self.pickable = pickable
         physical = checked_flag('pbr', pbr, optional=True)
         self.prop = pv.Property(
@@ -102,7 +110,21 @@ class Quadrics(ItemSet):
         self._make_layers()
         self._share_opacity()
 
+    update = replaced_items.update
+
+    def __len__(self):
+        return len(next(iter(self._arranged.values())))
+
+    def _arranged_from(self, given, nan_rows) -> dict:
+        """Return checked positions and sizes by name, a row per item."""
+        raise NotImplementedError
+
+    def _arranged_values(self, name):
+        return self._arranged[name]
+
     def _make_layers(self):
+        if len(self) > self.room:
+            self.room = max(len(self), 2 * self.room)
         self._layers = [Layer(self, mode) for mode in (*DRAW_MODES, BLENDED)]
         self._lead_materials()
         self._occlusion = Occlusion()
@@ -133,10 +155,10 @@ class Quadrics(ItemSet):
     def _alphas(self):
         """Return the items' opacities without the material's, shape (n,), or None if all are 1."""
         item_opacity = self._opacity if self._opacity.ndim else None
-        if self._colors is None or self._colors.shape[-1] == 3:
+        alphas = alphas_of(self._colors)
+        if alphas is None:
             return item_opacity
-        alphas = self._colors[:, 3] / 255
-        return alphas if item_opacity is None else item_opacity * alphas
+        return alphas / 255 if item_opacity is None else item_opacity * alphas / 255
 
     def item_spheres(self) -> tuple[np.ndarray, np.ndarray]:
         """Return centres, shape (n, 3), and radii of the items' bounding spheres."""
@@ -152,16 +174,7 @@ class Quadrics(ItemSet):
 
     # -- looks and positions ------------------------------------------------------------------
 
-    @property
-    def opacity(self):
-        """Opacity of all items, a number, or of each, shape (n,)."""
-        return self.prop.GetOpacity() if self._opacity.ndim == 0 else read_only(self._opacity)
-
-    @opacity.setter
-    def opacity(self, opacity):
-        self._opacity = checked_opacity(opacity, len(self), cut=False)
-        self._share_opacity()
-        self._repaint()
+    opacity = replaced_items.opacity_property()
 
     def _share_opacity(self):
         self.prop.SetOpacity(1.0 if self._opacity.ndim else float(self._opacity))
@@ -169,9 +182,8 @@ class Quadrics(ItemSet):
     @property
     def blends(self) -> bool:
         """Whether items are translucent and therefore drawn from far to near."""
-        has_alpha = self._colors is not None and self._colors.shape[-1] == 4
         varies = self._opacity.ndim and len(self) and self._opacity.min() < 1
-        return bool(has_alpha or varies) or self.prop.GetOpacity() < 1
+        return bool(varies) or blend(self._colors) or self.prop.GetOpacity() < 1
 
     @property
     def clips(self) -> bool:
@@ -183,7 +195,7 @@ class Quadrics(ItemSet):
             layer.clip()
 
     def _become(self, geometry):
-        """Switch to the geometry of another shape."""
+        """Switch to a geometry of another shape, or of more items than there is room for."""
         if self.pipeline is not None:
             self.pipeline.make_current()
             super()._take_out(self.pipeline.renderer)
@@ -197,12 +209,11 @@ class Quadrics(ItemSet):
         """Apply changed local positions or sizes."""
         geometry = self._geometry_in(None)
         self._set_bounds(_bounds_of(geometry))
-        self.geometry = geometry if self._world is None else self._geometry_in(self._world)
-        self._invalidate()
+        self._put(geometry if self._world is None else None)
 
-    def _put(self):
-        geometry = self._geometry_in(self._world)
-        if geometry.shape == self.shape:
+    def _put(self, geometry=None):
+        geometry = self._geometry_in(self._world) if geometry is None else geometry
+        if geometry.shape == self.shape and len(self) <= self.room:
             self.geometry = geometry
         else:
             self._become(geometry)
@@ -216,15 +227,6 @@ class Quadrics(ItemSet):
         for layer in (*self._layers, *self._occlusion.layers):
             layer.bound(bounds)
         self._drop('ibr_items', 'ibr_looks')
-
-    def _checked_points(self, name, new_points):
-        """Return checked points; their number must not change."""
-        new_points = as_points(new_points, name)
-        if len(new_points) != len(self):
-            raise ValueError(
-                f'{name} must keep its number, {len(self)} {self._noun}, got {len(new_points)}'
-            )
-        return new_points
 
     # -- frames -------------------------------------------------------------------------------
 
@@ -338,7 +340,7 @@ class Quadrics(ItemSet):
         if self._colors is not None:
             looks[..., :3] = self._colors[..., :3].reshape(len(self), -1, 3)
             looks[looks[..., 3] > 0, 3] += 1 + _OPAQUE
-        looks[~self.visible, :, 3] = 0
+        looks[~self.drawn_items(), :, 3] = 0
         return looks[self._order].reshape(-1, 4)
 
     def release(self):
@@ -361,7 +363,7 @@ class Quadrics(ItemSet):
 
     def bake_into(self, scene):
         """Add the items as meshes to a scene without pvibr."""
-        indices = np.flatnonzero(self.visible & (self.geometry.spheres()[1] > 0))
+        indices = np.flatnonzero(self.drawn_items() & (self.geometry.spheres()[1] > 0))
         alphas = self._alphas()
         for levels, largest, matrices, colors in self._bodies(indices):
             is_finite = np.isfinite(matrices).all((1, 2))
@@ -387,7 +389,7 @@ class Quadrics(ItemSet):
         offsets = middles - start
         across = offsets - (offsets @ direction)[:, None] * direction
         ray_distances = np.linalg.norm(across, axis=1)
-        index = np.flatnonzero(self.visible & (ray_distances <= radii) & (radii > 0))
+        index = np.flatnonzero(self.drawn_items() & (ray_distances <= radii) & (radii > 0))
         if not len(index):
             return None
         meeting = self.geometry.meet(start, direction, index)
@@ -402,48 +404,9 @@ class Quadrics(ItemSet):
         return Hit(int(index[k]), tuple((start + distance * direction).tolist()), distance)
 
 
-def radius_property():
-    """Return the radii of items as a property."""
-
-    def set_radius(self, radius):
-        self._own_radii = lengths_of('radius', radius, (len(self),))
-        self._moved()
-
-    doc = 'Radius of each, shape (n,), in its own space.'
-    return property(lambda self: read_only(self._own_radii), set_radius, doc=doc)
-
-
-def points_property():
-    """Return the centres of items with one point each as a property."""
-
-    def set_points(self, points):
-        self._own_points = self._checked_points('points', points)
-        self._moved()
-
-    doc = 'Centres, shape (n, 3), in its own space.'
-    return property(lambda self: read_only(self._own_points), set_points, doc=doc)
-
-
 def _bounds_of(geometry) -> tuple[float, ...]:
     middles, extents = geometry.spheres()[0], geometry.extents()
     if not len(middles):
         return (1.0, -1.0) * 3
     low, high = (middles - extents).min(0), (middles + extents).max(0)
     return tuple(np.stack([low, high], 1).ravel().tolist())
-
-
-def with_scalars(points, looks) -> dict:
-    """Return looks with scalars that name an array of `points` resolved."""
-    scalars = looks.get('scalars')
-    return looks | {'scalars': scalars_of(points, scalars)} if isinstance(scalars, str) else looks
-
-
-def lengths_of(name, lengths, shape) -> np.ndarray:
-    """Return lengths as a checked float64 array of a shape, copied."""
-    length_array = as_array(name, lengths, float).copy()
-    if length_array.shape not in ((), shape, shape[1:]):
-        allowed = ', '.join(str(s) for s in dict.fromkeys((shape, shape[1:])) if s)
-        raise ValueError(
-            f'{name} must be one number or of shape {allowed}, got shape {length_array.shape}'
-        )
-    return np.broadcast_to(checked_lengths(name, length_array), shape).copy()

@@ -3,15 +3,10 @@
 from __future__ import annotations
 
 from pvibr.core.signatures import takes
-from pvibr.points.billboard_cards import as_points
+from pvibr.points.point_arguments import as_points, lengths_of
 from pvibr.points.quadric_geometry import EllipsoidGeometry, SphereGeometry
-from pvibr.points.quadrics import (
-    Quadrics,
-    lengths_of,
-    points_property,
-    radius_property,
-    with_scalars,
-)
+from pvibr.points.quadrics import Quadrics
+from pvibr.points.replaced_items import item_property
 from pvibr.things.placing import is_similar, lengths_in, points_in
 
 
@@ -24,13 +19,16 @@ class Spheres(Quadrics):
         Centres, world units.
     radius : float or array_like, shape (n,)
         World units; radius 0 is not drawn.
+    nan : {'raise', 'hide'}
+        Refuse items with NaN among their positions and sizes, or hide them. NaN scalars have
+        ``nan_color`` and ``nan_opacity``.
     **looks
         ``color``, ``colors``, ``scalars``, ``visible``, ``opacity``, ``lighting``, ``ambient``,
         ``diffuse``, ``specular``, ``specular_power``, ``pbr``, ``metallic``, ``roughness``,
         ``pickable``, ``name``, ``theme``, ``cmap``, ``clim``, ``n_colors``, ``nan_color``,
-        ``below_color``, ``above_color``, ``log_scale``, ``flip_scalars``, ``categories`` and
-        ``annotations``, as in ``add_mesh``, but colours, scalars, visibility and opacity per item;
-        the alpha of colours multiplies the opacity.
+        ``nan_opacity``, ``below_color``, ``above_color``, ``log_scale``, ``flip_scalars``,
+        ``categories`` and ``annotations``, as in ``add_mesh``, but colours, scalars, visibility
+        and opacity per item; the alpha of colours multiplies the opacity.
 
     Raises
     ------
@@ -55,19 +53,21 @@ class Spheres(Quadrics):
     >>> pl.close()
     """
 
-    points, radius = points_property(), radius_property()
+    points = item_property('points', 'Centres, shape (n, 3), in its own space.')
+    radius = item_property('radius', 'Radius of each, shape (n,), in its own space.')
 
     @takes(looks=Quadrics)
     def __init__(self, points, radius=0.5, **looks):
-        self._own_points = as_points(points)
-        self._own_radii = lengths_of('radius', radius, (len(self),))
-        super().__init__(**with_scalars(points, looks))
+        super().__init__({'points': points, 'radius': radius}, **looks)
 
-    def __len__(self):
-        return len(self._own_points)
+    def _arranged_from(self, given, nan_rows) -> dict:
+        points = as_points('points', given['points'], nan_rows)
+        radii = lengths_of('radius', given['radius'], (len(points),), nan_rows)
+        return {'points': points, 'radius': radii}
 
     def _geometry_in(self, world):
-        centers = points_in(world, self._own_points)
+        points, radii = self._arranged.values()
+        centers = points_in(world, points)
         if world is None or is_similar(world[:3, :3]):
-            return SphereGeometry(centers, lengths_in(world, self._own_radii))
-        return EllipsoidGeometry.of_stretched(centers, self._own_radii, world[:3, :3])
+            return SphereGeometry(centers, lengths_in(world, radii))
+        return EllipsoidGeometry.of_stretched(centers, radii, world[:3, :3])

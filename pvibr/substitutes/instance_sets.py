@@ -49,7 +49,7 @@ class InstanceSet:
     def update(self):
         """Update positions and looks of the instances."""
         thing = self.thing
-        self.looks = look.merge(len(thing), thing.colors, thing.visible)
+        self.looks = look.merge(len(thing), thing.colors, thing.drawn_items())
         set_visible = thing.visibility
         is_visible = self.looks[:, 3] > 0
         for number, group in enumerate(thing.groups):

@@ -8,13 +8,13 @@ import numpy as np
 import pyvista as pv
 
 from pvibr.core import _vtk
-from pvibr.core.arguments import as_array
+from pvibr.core.arguments import as_array, checked_number
 from pvibr.core.colors import as_rgb, color_rows
 from pvibr.core.params import checked_flag
 
 #: Arguments of ``add_mesh`` that configure the lookup table.
 TABLE_OPTIONS = (
-    *('cmap', 'clim', 'n_colors', 'nan_color', 'below_color', 'above_color'),
+    *('cmap', 'clim', 'n_colors', 'nan_color', 'nan_opacity', 'below_color', 'above_color'),
     *('log_scale', 'flip_scalars', 'categories', 'annotations'),
 )
 HIDDEN, PLAIN, COLORED = 0, 128, 255
@@ -156,6 +156,8 @@ def _check_options(options):
     for name, value in options.items():
         if name.endswith('_color'):
             as_rgb(name, value)
+        elif name == 'nan_opacity':
+            checked_number(name, value, 0.0, 1.0)
         elif name in ('flip_scalars', 'log_scale'):
             checked_flag(name, value)
         elif name == 'annotations' and not isinstance(value, dict):
@@ -171,12 +173,27 @@ def _is_valid_count(name, value) -> bool:
 
 
 def map_scalars(table, scalars):
-    """Return the colours of scalars, uint8, with a last axis of 3."""
+    """Return the colours of scalars, uint8, with a last axis of 3, or 4 if any is translucent."""
     numbers = numbered(scalars)[0]
     if not numbers.size:
         return np.zeros((*numbers.shape, 3), np.uint8)
     mapped_colors = table.MapScalars(_vtk.numpy_to_vtk(numbers.ravel()), 1, 0)
-    return _vtk.vtk_to_numpy(mapped_colors)[:, :3].copy().reshape(*numbers.shape, 3)
+    color_bytes = _vtk.vtk_to_numpy(mapped_colors)
+    width = 3 if (color_bytes[:, 3:] == 255).all() else 4
+    return color_bytes[:, :width].copy().reshape(*numbers.shape, width)
+
+
+def alphas_of(colors) -> np.ndarray | None:
+    """Return the alpha of each item, uint8, the least of its colours; None if all are opaque."""
+    if colors is None or colors.shape[-1] == 3:
+        return None
+    return colors[..., 3].reshape(len(colors), -1).min(1)
+
+
+def blend(colors) -> bool:
+    """Return True if any item is neither opaque nor fully transparent, which hides it."""
+    alphas = alphas_of(colors)
+    return alphas is not None and bool(((alphas > 0) & (alphas < COLORED)).any())
 
 
 def is_clear(looks):

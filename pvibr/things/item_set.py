@@ -9,6 +9,7 @@ import numpy as np
 import pyvista as pv
 
 from pvibr.core.arguments import naming
+from pvibr.core.nan_rows import NanRows
 from pvibr.core.observers import weakly
 from pvibr.things import appearance as look
 from pvibr.things.appearance import TABLE_OPTIONS
@@ -51,6 +52,8 @@ class ItemSet(Thing):
     _content_key: tuple | None = None
     #: Clipping planes that the shaders of its items apply.
     clipping = ClippingPlanes()
+    #: Which items have NaN among their positions and sizes, and are hidden.
+    _nan_rows = NanRows()
 
     def __len__(self) -> int:
         raise NotImplementedError
@@ -82,9 +85,13 @@ class ItemSet(Thing):
         categories = look.numbered(values)[1]
         reusable_table = self.table if categories == self._names else None
         table = reusable_table or self._table_for(values, self._table_options)
+        self._colors = self._mapped(table, values)
         self._scalars, self.table, self._names = values, table, categories
         self._scalar_name = name_of(scalars)
-        self._colors = look.map_scalars(table, values)
+
+    def _mapped(self, table, scalars):
+        """Return the colours of scalars; override it where some alphas cannot be drawn."""
+        return look.map_scalars(table, scalars)
 
     def _table_for(self, scalars, options):
         return look.color_table(scalars, theme=self._theme, **options)
@@ -127,8 +134,8 @@ class ItemSet(Thing):
         cmap, clim : optional
             As in ``add_mesh``; None keeps the current one.
         **options
-            ``n_colors``, ``nan_color``, ``below_color``, ``above_color``, ``log_scale``,
-            ``flip_scalars``, ``categories``, ``annotations``.
+            ``n_colors``, ``nan_color``, ``nan_opacity``, ``below_color``, ``above_color``,
+            ``log_scale``, ``flip_scalars``, ``categories``, ``annotations``.
 
         Raises
         ------
@@ -141,9 +148,9 @@ class ItemSet(Thing):
             raise ValueError(f'{option_names} requires scalars; set scalars first')
         check_keywords(type(self), options, TABLE_OPTIONS)
         all_options = self._table_options | new_options | options
-        self.table = self._table_for(self._scalars, all_options)
-        self._table_options = all_options
-        self._colors = look.map_scalars(self.table, self._scalars)
+        table = self._table_for(self._scalars, all_options)
+        self._colors = self._mapped(table, self._scalars)
+        self.table, self._table_options = table, all_options
         self._repaint()
         self._show_bar()
 
@@ -162,7 +169,7 @@ class ItemSet(Thing):
             return
         self.table.scalar_range = self._table_options['clim'] = clim
         if self._scalars is not None:
-            self._colors = look.map_scalars(self.table, self._scalars)
+            self._colors = self._mapped(self.table, self._scalars)
             self._repaint()
 
     @property
@@ -180,7 +187,7 @@ class ItemSet(Thing):
 
     @property
     def visible(self) -> np.ndarray:
-        """Which items are drawn, shape (n,) bool, read-only."""
+        """Which items are to be drawn, shape (n,) bool, read-only."""
         mask = self._visible
         return look.read_only(np.ones(len(self), bool) if mask is None else mask)
 
@@ -188,6 +195,15 @@ class ItemSet(Thing):
     def visible(self, visible):
         self._visible = look.as_mask(visible, len(self))
         self._repaint()
+
+    def drawn_items(self) -> np.ndarray:
+        """Return which items are drawn, shape (n,): visible, not quite clear, without NaN."""
+        drawn = np.ones(len(self), bool) if self._visible is None else self._visible.copy()
+        nan_mask = self._nan_rows.mask
+        if nan_mask is not None:
+            drawn &= ~nan_mask
+        alphas = look.alphas_of(self._colors)
+        return drawn if alphas is None else drawn & (alphas > 0)
 
     def scalar_mapper(self):
         """Return the actor's mapper with the lookup table of the scalars, or None."""

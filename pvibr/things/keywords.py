@@ -41,7 +41,6 @@ _COMMON = {
 _ITEMS = {
     'interpolate_before_map': 'each item has one value',
     'rgb': 'give colors',
-    'nan_opacity': 'give one opacity per item',
     'use_transparency': 'give one opacity per item',
     'component': 'give scalars with one component',
     'preference': 'items have no cells',
@@ -78,7 +77,7 @@ _BY_FACTORY = {
 #: Keywords that apply to the scalars of a mesh, but not to those of its instances.
 OF_MESH_SCALARS = {
     name: _ITEMS[name]
-    for name in ('interpolate_before_map', 'rgb', 'nan_opacity', 'use_transparency', 'component')
+    for name in ('interpolate_before_map', 'rgb', 'use_transparency', 'component')
 }
 
 

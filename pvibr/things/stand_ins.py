@@ -171,7 +171,7 @@ class StandIns:
         pixel_sizes = (1.0 if frame.parallel else np.maximum(ray_distances, 0)) / frame.pixel_scale
         max_gaps = radii + _TOLERANCE * np.hypot(*frame.size) * pixel_sizes
         item_indices = np.flatnonzero(
-            thing.visible & (ray_gaps <= max_gaps) & (ray_distances + radii > 0)
+            thing.drawn_items() & (ray_gaps <= max_gaps) & (ray_distances + radii > 0)
         )
         item_indices = item_indices[
             np.argsort((ray_distances - radii)[item_indices], kind='stable')
@@ -236,7 +236,7 @@ class StandIns:
         x0, y0, x1, y1 = self._renderer.GetSelector().GetArea()
         pixel_gaps = np.maximum((x0, y0) - pixels, pixels - (x1, y1)).max(1)
         overlaps = (pixel_gaps <= pixel_radii + 1) & (depths > 0) | (depths <= radii)
-        in_area = np.flatnonzero(thing.visible & overlaps & (depths + radii > 0))
+        in_area = np.flatnonzero(thing.drawn_items() & overlaps & (depths + radii > 0))
         return in_area[np.argsort(depths[in_area], kind='stable')].tolist()
 
     def index_of(self, actor) -> int | None:

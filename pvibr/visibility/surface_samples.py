@@ -170,7 +170,7 @@ def _is_surface(value) -> bool:
 def _surfaces_of_thing(item) -> list:
     if isinstance(item, ItemSet):
         item.follow()
-        visible_items = np.flatnonzero(item.visible) if item.visibility else ()
+        visible_items = np.flatnonzero(item.drawn_items()) if item.visibility else ()
         return [surface_of(item.item_mesh(int(i))) for i in visible_items]
     solids = item.solids()
     if None in solids:
