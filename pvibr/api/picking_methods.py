@@ -111,7 +111,8 @@ def disable_picking(self):
 def buffer(self, name):
     """Render the active subplot and return one of its buffers.
 
-    Normals and ids cover opaque surfaces only, no translucent props or volumes.
+    Normals and ids cover opaque surfaces only, no translucent props, volumes, images or labels;
+    an assembly is one object.
 
     Parameters
     ----------

@@ -53,10 +53,10 @@ class Pipeline:
         self._observers: list[int] = []
         self._frames = 0
         self._turn: _Turn | None = None
-        self.buffers = Buffers(renderer)
-        self.order = DrawOrder(renderer)
         self.surfaces = Surfaces(renderer)
-        self._stage = _Stage(renderer, self.buffers)
+        self.buffers = Buffers(renderer, self.surfaces.plain_actors)
+        self.order = DrawOrder(renderer, self.surfaces.plain_actors)
+        self._stage = _Stage(renderer, self.buffers, self.surfaces.plain_actors)
         self.watch: Any = None
         #: Called when effects came or went.
         self.changed: Callable[[], None] = _unheard
@@ -172,6 +172,7 @@ class Pipeline:
         finally:
             self._stage.release()
             self.buffers.release()
+            self.surfaces.release()
 
     def report(self) -> Report:
         """Return what ran in the last frame, what was skipped and why."""
@@ -210,6 +211,7 @@ class Pipeline:
             self.make_current()
             self._stage.release()
             self.buffers.release()
+            self.surfaces.release()
             list_all_props(self.renderer)
 
     def view(self) -> Frame:
@@ -397,7 +399,7 @@ class _Turn:
 class _Stage:
     """Where image effects work: the scene's pass, the picture, the annotations."""
 
-    def __init__(self, renderer, buffers):
+    def __init__(self, renderer, buffers, plain_actors):
         self.renderer, self.buffers = renderer, buffers
         self._things: list = []
         self._annotations = Annotations(renderer)
@@ -406,7 +408,7 @@ class _Stage:
         self._picture: Picture | None = None
         self._scene: ScenePass | None = None
         self._fused: Fused | None = None
-        self._splats = Splats(renderer)
+        self._splats = Splats(renderer, plain_actors)
 
     @property
     def nbytes(self) -> int:

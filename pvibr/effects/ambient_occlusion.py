@@ -129,7 +129,9 @@ class AmbientOcclusion(Effect):
             release(self._unlit_buffer)
             self._unlit_buffer = None
             return None
-        self._unlit_buffer = self._unlit_buffer or Drawn(frame.renderer)
+        self._unlit_buffer = self._unlit_buffer or Drawn(
+            frame.renderer, self.pipeline.surfaces.plain_actors
+        )
         return self._unlit_buffer.draw(frame, self.pipeline.things, unlit_actors).depth
 
     def _world_radius(self, frame) -> float:

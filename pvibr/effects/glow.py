@@ -16,6 +16,7 @@ from pvibr.gl.drawer import Drawer
 from pvibr.gl.feature import Feature, FeatureSet, moves_vertices, sections
 from pvibr.gl.texture import filtered
 from pvibr.maths.views import covered
+from pvibr.things.plain_actors import is_composed
 from pvibr.things.thing import Thing
 
 _PBR = 3  # VTK_PBR
@@ -100,9 +101,7 @@ class Glow(LightSpread):
     def __init__(self, actors, weights=1.0, **settings):
         super().__init__(**settings)
         allowed = 'actors, as add_mesh returns, or instances'
-        self._actors = checked_each(
-            'actors', actors, lambda item: isinstance(item, Thing | _vtk.vtkActor), allowed
-        )
+        self._actors = checked_each('actors', actors, _may_glow, allowed)
         self.weights = weights
 
     @classmethod
@@ -144,7 +143,9 @@ class Glow(LightSpread):
             if isinstance(item, Thing):
                 actors = item.drawn() if item.pipeline is self.pipeline else []
             else:
-                actors = [item] if item.GetVisibility() and renderer.HasViewProp(item) else []
+                plain_actors = self.pipeline.surfaces.plain_actors
+                actors = plain_actors.of(item) if renderer.HasViewProp(item) else []
+                actors = [actor for actor in actors if actor.GetVisibility()]
             weighted_actors += [(a, weight) for a in actors if weight > 0 and self._has_source(a)]
         return weighted_actors
 
@@ -391,6 +392,13 @@ class _GlowFeatures(FeatureSet):
         super()._detach(actor, features)
         if _ALPHA in features:
             actor.SetForceOpaque(self._force_opaque.pop(address(actor)))
+
+
+def _may_glow(item) -> bool:
+    """Return whether an object is a thing, or a prop that actors draw."""
+    return isinstance(item, Thing | _vtk.vtkActor) or (
+        isinstance(item, _vtk.vtkProp) and is_composed(item)
+    )
 
 
 def _shader_version(actor) -> tuple:

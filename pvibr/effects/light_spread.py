@@ -76,6 +76,7 @@ class LightSpread(Effect):
         else:
             self._light = self._spread_light(frame, picture)
             self._last_whole = (frame, *self._content_marks()) if frame.scale == 1 else ()
+            self.pipeline.surfaces.plain_actors.version()  # updates them before the mark
             self._drawn_at.Modified()
         if self._blur is not None and self._light is not None:
             self._blur.blend(
@@ -98,7 +99,7 @@ class LightSpread(Effect):
             )
             self._reuse_answer = (
                 frame.index,
-                is_same_view and not _changed(frame.renderer, self._things, self._drawn_at),
+                is_same_view and not _changed(self.pipeline, self._things, self._drawn_at),
             )
         return self._reuse_answer[1]
 
@@ -208,12 +209,12 @@ def _sight(frame):
     )
 
 
-def _changed(renderer, things, time_stamp) -> bool:
+def _changed(pipeline, things, time_stamp) -> bool:
     """Return True if the scene changed since; choices that things make by camera do not count."""
     thing_props = {address(prop) for t in things for prop in (*t.props, *t.actors())}
-    spread_time = time_stamp.GetMTime()
+    spread_time, renderer = time_stamp.GetMTime(), pipeline.renderer
     return any(light.GetMTime() > spread_time for light in renderer.GetLights()) or any(
         prop.GetRedrawMTime() > spread_time
-        for prop in renderer.GetViewProps()
-        if prop.IsA('vtkProp3D') and address(prop) not in thing_props and not is_marker(prop)
+        for prop in pipeline.surfaces.plain_actors.of_all(renderer.GetViewProps())
+        if address(prop) not in thing_props and not is_marker(prop)
     )

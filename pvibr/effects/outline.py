@@ -212,7 +212,9 @@ class Outline(Effect):
     def _geometry(self, frame, picture):
         if self.surfaces:
             return self.pipeline.buffers.geometry(frame, picture, self.pipeline.things)
-        self._surface_buffer = self._surface_buffer or Drawn(frame.renderer)
+        self._surface_buffer = self._surface_buffer or Drawn(
+            frame.renderer, self.pipeline.surfaces.plain_actors
+        )
         return self._surface_buffer.draw(frame, self.pipeline.things, self._actors)
 
     def _marks_by_number(self, window, numbered_items):

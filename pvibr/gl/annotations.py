@@ -65,4 +65,8 @@ def is_flat(prop) -> bool:
     prop_type = type(prop)
     if prop_type not in _IN_WORLD:
         _IN_WORLD[prop_type] = prop.IsA('vtkProp3D')
-    return not _IN_WORLD[prop_type] and prop.GetBounds() is None
+    if _IN_WORLD[prop_type]:
+        return False
+    if prop.IsA('vtkPropAssembly'):  # whose bounds leave parts out
+        return all(map(is_flat, prop.GetParts()))
+    return prop.GetBounds() is None

@@ -136,16 +136,19 @@ class FeatureSet:
     def _attach(self, actor, features):
         for feature in features:
             feature.attach(actor)
+        _notify(actor)
 
     def _detach(self, actor, features):
         for feature in features:
             feature.detach(actor)
+        _notify(actor)
 
-    def leave_shared(self):
-        """Detach from actors that other renderers also draw."""
+    def leave_shared(self, prop_of=lambda actor: actor):
+        """Detach from actors whose prop other renderers also draw."""
         for key, (actor, features, _) in [*self._attached.items()]:
-            actor_consumers = map(actor.GetConsumer, range(actor.GetNumberOfConsumers()))
-            if sum(consumer.IsA('vtkRenderer') for consumer in actor_consumers) > 1:
+            prop = prop_of(actor)
+            consumers = map(prop.GetConsumer, range(prop.GetNumberOfConsumers()))
+            if sum(consumer.IsA('vtkRenderer') for consumer in consumers) > 1:
                 del self._attached[key]
                 self._detach(actor, features)
 
@@ -172,6 +175,13 @@ def moves_vertices(shader) -> bool:
         stage != 'Fragment' and (tag not in text or _MOVED.search(text))
         for (stage, tag), text in replacements(shader).items()
     )
+
+
+def _notify(actor):
+    """Let the one mapper that ignores the time of shader text build its programs again."""
+    mapper = actor.GetMapper()
+    if mapper is not None and mapper.IsA('vtkPointGaussianMapper'):
+        actor.Modified()
 
 
 def _replace(shader, stage, tag, text):

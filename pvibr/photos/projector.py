@@ -296,7 +296,7 @@ class Projector(Effect):
             for texture in slide.textures().values():
                 texture.deactivate()
         # The same actor in another subplot may have other images, or none.
-        self._attached.leave_shared()
+        self._attached.leave_shared(self.pipeline.surfaces.plain_actors.prop_of)
 
     def deactivate(self):
         """Detach the shader text from all receivers."""

@@ -335,7 +335,7 @@ class Shadows(Effect):
         if self._volumes is not None:
             self._volumes.finish()
         # Other subplots may show the same actors with other lights, or without shadows.
-        self._receiver_features.leave_shared()
+        self._receiver_features.leave_shared(self.pipeline.surfaces.plain_actors.prop_of)
 
     def deactivate(self):
         """Detach the shader from receivers, and restore the lights."""

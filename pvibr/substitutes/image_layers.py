@@ -200,8 +200,10 @@ class ImageLayers(Substitute):
         # Actors that another thing replaces belong to that.
         other_things = [t for t in self.pipeline.things if t is not self]
         free_actors, _ = self._surfaces.chosen(None, other_things)
-        own_addresses = addresses(self.props)
-        present_actors = {k: a for k, a in free_actors.items() if k not in own_addresses}
+        excluded, prop_of = addresses(self.props), self._surfaces.plain_actors.prop_of
+        present_actors = {
+            k: a for k, a in free_actors.items() if k not in excluded and prop_of(a) is a
+        }
         new_keys = present_actors.keys() - self._members.keys() if self._groups is None else set()
         gone_keys = self._members.keys() - present_actors.keys()
         if not new_keys and not gone_keys:

@@ -10,6 +10,7 @@ from pvibr.core import _vtk
 from pvibr.core._vtk import address
 from pvibr.gl.feature import moves_vertices, replacements
 from pvibr.things.content_key import parts_of
+from pvibr.things.plain_actors import is_composed
 
 #: Reason for an actor whose points or matrix are not finite.
 NOT_FINITE = 'bounds that are not finite'
@@ -167,6 +168,8 @@ def ineligibility(actor, *, relit=False) -> str:
 
     An image that is `relit` in each frame stores colours and normals of a single VTK material.
     """
+    if is_composed(actor):
+        return 'drawn by another actor'
     mapper = actor.GetMapper()
     if relit and (mapper is None or mapper.GetClassName() not in _MAPPERS):
         return 'a mapper of another kind'

@@ -15,10 +15,13 @@ from pvibr.gl.drawer import Drawer
 from pvibr.gl.feature import Feature, FeatureSet
 from pvibr.gl.scene_pass import is_marker
 from pvibr.gl.target import fitting_target
+from pvibr.things.actor_watch import updated_data
 from pvibr.things.casters import Surfaces
+from pvibr.things.content_key import leaves_of
 from pvibr.things.draw_order import Stage
 from pvibr.things.frame import Frame
 from pvibr.things.seen_from import seen_from
+from pvibr.things.splats import is_emissive
 
 NAMES = ('depth', 'normal', 'id', 'color')
 
@@ -107,16 +110,25 @@ class _Numbers:
 
 
 def _data_time(mapper):
-    """Return the modification times of a mapper and its data."""
-    input_data = mapper.GetInputDataObject(0, 0)
+    """Return the modification times of a mapper and its data, brought up to date."""
+    input_data = updated_data(mapper)
     return mapper.GetMTime(), input_data.GetMTime() if input_data is not None else 0
 
 
 def _is_lit(actor, any_light) -> bool:
     """Return whether every program of an actor has a normal."""
-    prop, data = actor.GetProperty(), actor.GetMapper().GetInput()
-    if not prop.GetLighting() or not any_light:
+    prop, mapper = actor.GetProperty(), actor.GetMapper()
+    if not prop.GetLighting() or not any_light or mapper.IsA('vtkPointGaussianMapper'):
         return False
+    port = int(mapper.IsA('vtkGlyph3DMapper'))  # whose second input is what is drawn
+    connections = range(mapper.GetNumberOfInputConnections(port))
+    drawn_data = [mapper.GetInputDataObject(port, k) for k in connections]
+    blocks = [block for data in drawn_data for block in leaves_of(data) or [data]]
+    return all(_has_normals(prop, block) for block in blocks)
+
+
+def _has_normals(prop, data) -> bool:
+    """Return whether every program that draws a dataset with lighting has a normal."""
     if data is None or not data.IsA('vtkDataSet'):
         return data is not None
     if prop.GetInterpolation() and data.GetPointData().GetNormals() is not None:
@@ -126,13 +138,18 @@ def _is_lit(actor, any_light) -> bool:
     return not (data.IsA('vtkPolyData') and data.GetNumberOfVerts() + data.GetNumberOfLines())
 
 
+def _takes_replacements(actor) -> bool:
+    """Return whether replacements reach an actor's program: not if all of its text is given."""
+    return not actor.GetShaderProperty().HasFragmentShaderCode()
+
+
 class Drawn:
     """Geometry of chosen actors, drawn in a separate pass."""
 
-    def __init__(self, renderer):
+    def __init__(self, renderer, plain_actors):
         self._numbers = _Numbers(renderer)
         self._drawer = Drawer(renderer)
-        self._surfaces = Surfaces(renderer)
+        self._surfaces = Surfaces(renderer, plain_actors)
         self._target: Any = None
 
     @property
@@ -142,7 +159,9 @@ class Drawn:
 
     def draw(self, frame, things=(), choice=None) -> Geometry:
         """Draw a frame."""
+        self._surfaces.begin()  # with the levels of detail that VTK has drawn
         actors, chosen_things = self._surfaces.chosen(choice, things)
+        numbered, numbers = self._surfaces.numbered(actors.values(), chosen_things)
         casting_frame = replace(frame, casting=True, own=False)
         visible_things = [t for t in chosen_things if t.enabled and t.needed(frame) is True]
         self._target = target = fitting_target(
@@ -150,14 +169,18 @@ class Drawn:
         )
         with seen_from(visible_things, casting_frame), target.drawing(clear=(0.0, 0.0, 0.0, 0.0)):
             self._drawer.look(frame.view, (0, 0, *frame.size))
-            for object_id, actor in enumerate(actors.values(), 1):
-                if actor.GetVisibility():
+            for object_id, actor in zip(numbers, actors.values(), strict=True):
+                if (
+                    actor.GetVisibility()
+                    and _takes_replacements(actor)
+                    and not is_emissive(actor.GetMapper())
+                ):
                     self._draw([actor], object_id)
-            for object_id, thing in enumerate(chosen_things, len(actors) + 1):
+            for object_id, thing in enumerate(chosen_things, max(numbers, default=0) + 1):
                 if thing in visible_things:
                     self._draw(thing.draws(casting_frame), object_id)
         self._drawer.done()
-        return Geometry(target.colors[1], target.depth, [*actors.values(), *chosen_things])
+        return Geometry(target.colors[1], target.depth, numbered)
 
     def _draw(self, actors, object_id):
         self._numbers.put((actor, object_id) for actor in actors)
@@ -173,10 +196,10 @@ class Drawn:
 class _Shared:
     """Geometry written in the scene's own pass, where possible."""
 
-    def __init__(self, renderer):
+    def __init__(self, renderer, plain_actors):
         self.renderer = renderer
         self._numbers = _Numbers(renderer)
-        self._surfaces = Surfaces(renderer)
+        self._surfaces = Surfaces(renderer, plain_actors)
         self._texture: Any = None
         self._numbered: list = []
 
@@ -186,12 +209,13 @@ class _Shared:
         actors, things = self._surfaces.chosen(None, things)
         if not self._is_free(scene, actors, things):
             return
+        self._numbered, numbers = self._surfaces.numbered(actors.values(), things)
         numbered_actors = [
-            (actor, object_id)
-            for object_id, actor in enumerate(actors.values(), 1)
+            (actor, -1 if is_emissive(actor.GetMapper()) else object_id)
+            for object_id, actor in zip(numbers, actors.values(), strict=True)
             if actor.GetVisibility() and not actor.HasTranslucentPolygonalGeometry()
         ]
-        for object_id, thing in enumerate(things, len(actors) + 1):
+        for object_id, thing in enumerate(things, max(numbers, default=0) + 1):
             soft_edges = {address(actor) for key, actor in thing.order if key[0] == Stage.FRINGE}
             numbered_actors += [
                 (actor, -1 if address(actor) in soft_edges else object_id)
@@ -199,7 +223,6 @@ class _Shared:
                 if not actor.HasTranslucentPolygonalGeometry()  # peeling uses the attachment
             ]
         self._numbers.put(numbered_actors)
-        self._numbered = [*actors.values(), *things]
         self._texture = scene.attach_surfaces(frame)
 
     def _is_free(self, scene, actors, things) -> bool:
@@ -219,7 +242,9 @@ class _Shared:
         own_addresses = {address(a) for t in things for a in (*t.actors(), *t.props)}
         for prop in self.renderer.GetViewProps():
             if prop.GetVisibility() and not prop.IsA('vtkVolume') and not is_marker(prop):
-                yield address(prop) not in actors and address(prop) not in own_addresses
+                prop_address = address(prop)
+                writes = prop_address in actors and _takes_replacements(prop)
+                yield not writes and prop_address not in own_addresses
 
     def detach(self):
         """Reset the ids after the scene is drawn."""
@@ -240,8 +265,9 @@ class _Shared:
 class Buffers:
     """The buffers of one frame, as textures for effects and as arrays."""
 
-    def __init__(self, renderer):
+    def __init__(self, renderer, plain_actors):
         self.renderer = renderer
+        self._plain_actors = plain_actors
         self._shared: _Shared | None = None
         self._drawn: Drawn | None = None
         self._frame: Frame | None = None
@@ -259,7 +285,7 @@ class Buffers:
 
     def attach(self, frame, scene, things):
         """Write normals and ids in the scene's pass, if possible."""
-        self._shared = self._shared or _Shared(self.renderer)
+        self._shared = self._shared or _Shared(self.renderer, self._plain_actors)
         self._shared.attach(frame, scene, things)
 
     def detach(self):
@@ -282,7 +308,7 @@ class Buffers:
         return self._geometry.depth
 
     def _redrawn(self, frame, things):
-        self._drawn = self._drawn or Drawn(self.renderer)
+        self._drawn = self._drawn or Drawn(self.renderer, self._plain_actors)
         return self._drawn.draw(frame, things)
 
     def array(self, name, frame, picture, things) -> np.ndarray:

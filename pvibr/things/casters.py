@@ -21,6 +21,7 @@ from pvibr.gl.scene_pass import is_marker
 from pvibr.gl.uniforms import set_fragment_uniforms
 from pvibr.maths.views import may_see
 from pvibr.things.actor_watch import ActorWatch
+from pvibr.things.plain_actors import PlainActors
 from pvibr.things.thing import Thing
 
 _FLAT, _WIREFRAME, _SURFACE = 0, 1, 2  # VTK_FLAT, VTK_WIREFRAME, VTK_SURFACE
@@ -32,8 +33,9 @@ _MAPPERS = ('vtkPolyDataMapper', 'vtkDataSetMapper', 'vtkGlyph3DMapper')
 class Surfaces:
     """The surface actors of a renderer, cached until its props change."""
 
-    def __init__(self, renderer):
+    def __init__(self, renderer, plain_actors=None):
         self.renderer = renderer
+        self.plain_actors = plain_actors or PlainActors(renderer)
         self._key: tuple = ()
         self._user_actors: dict = {}
         self._scenery: set = set()
@@ -46,20 +48,22 @@ class Surfaces:
     def begin(self):
         """Check for changes again: a frame begins."""
         self._is_stale = True
+        self.plain_actors.begin()
 
     def _update(self, things):
         """Refresh the lists if props were added or removed."""
         widgets = widgets_of(self.renderer)
-        props_key = self.renderer.GetViewProps().GetMTime(), *map(id, (*things, *widgets))
+        version = self.plain_actors.version()
+        props = self.renderer.GetViewProps()
+        props_key = props.GetMTime(), version, *map(id, (*things, *widgets))
         if props_key == self._key:
             return
         self._key = props_key
-        # Assemblies are skipped: their parts are not in the renderer's list.
         bounding_box = getattr(self.renderer, 'bounding_box_actor', None)
-        props = [p for p in self.renderer.GetViewProps() if p.IsA('vtkActor')]
+        actors = [a for p in props for a in self.plain_actors.of(p) if a.IsA('vtkActor')]
         # The actor that represents a thing draws nothing itself.
         own_addresses = {address(a) for t in things for a in (*t.actors(), *t.props)}
-        surfaces = {address(a): a for a in props if a is not bounding_box and _is_surface(a)}
+        surfaces = {address(a): a for a in actors if a is not bounding_box and _is_surface(a)}
         user_actors = {k: a for k, a in surfaces.items() if k not in own_addresses}
         if user_actors.keys() != self._user_actors.keys():
             self._user_actors, self._last_casters = user_actors, {}
@@ -78,9 +82,16 @@ class Surfaces:
         actors = self._user_actors if handles else self._without_handles
         if choice is None:
             return actors, list(things)
-        is_chosen = _chooser(choice)
-        actors = {k: a for k, a in actors.items() if is_chosen(k, a)}
-        return actors, [t for t in things if is_chosen(address(t), t)]
+        is_chosen, plain = _chooser(choice), self.plain_actors
+        actors = {k: a for k, a in actors.items() if is_chosen(plain.part_of(a), plain.prop_of(a))}
+        return actors, [t for t in things if is_chosen(t)]
+
+    def numbered(self, actors, things) -> tuple[list, list]:
+        """Return the props of actors and the things, each once, and the number of each actor."""
+        props = [self.plain_actors.prop_of(actor) for actor in actors]
+        unique_props = {address(prop): prop for prop in props}
+        numbers = {key: number for number, key in enumerate(unique_props, 1)}
+        return [*unique_props.values(), *things], [numbers[address(prop)] for prop in props]
 
     def casters(self, choice, things, frame=None, *, scenery=True) -> Casters:
         """Return the visible chosen actors and the things, without handles and scenery."""
@@ -119,6 +130,12 @@ class Surfaces:
         """Treat the actors as unchanged: drawing may have modified them."""
         self._actor_watch.settle()
 
+    def release(self):
+        """Forget the actors and free the GPU memory of copies."""
+        self._key, self._user_actors, self._without_handles = (), {}, {}
+        self._last_casters = {}
+        self.plain_actors.release()
+
 
 class Choice:
     """An attribute that selects actors and things: None for all, a collection, or a predicate."""
@@ -145,17 +162,17 @@ def is_prop(candidate) -> bool:
 
 
 def _chooser(choice):
-    """Return a predicate of an address and an actor for a choice."""
+    """Return a predicate, for a choice, of an actor or a thing and the props that contain it."""
     if callable(choice):
-        return lambda _key, actor: choice(actor)
+        return lambda actor, *_props: choice(actor)
     chosen_addresses = {address(a) for a in choice}
-    return lambda key, _actor: key in chosen_addresses
+    return lambda *props: any(address(prop) in chosen_addresses for prop in props)
 
 
 def _chosen_of(thing, choice) -> list:
     """Return the chosen actors among those that a thing replaces."""
     is_chosen = _chooser(choice)
-    return [a for a in thing.stands_for() if is_chosen(address(a), a)]
+    return [a for a in thing.stands_for() if is_chosen(a)]
 
 
 def listed(things) -> list:

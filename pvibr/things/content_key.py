@@ -25,7 +25,9 @@ def parts_of(actor) -> list:
     """Return what an actor's picture depends on beyond the actor's own modification time."""
     mapper, input_data = actor.GetMapper(), []
     if mapper is not None:
-        input_data = _inputs(mapper) + [leaf for data in _inputs(mapper) for leaf in _leaves(data)]
+        input_data = _inputs(mapper) + [
+            leaf for data in _inputs(mapper) for leaf in leaves_of(data)
+        ]
     clip_planes = None if mapper is None else mapper.GetClippingPlanes()
     return [
         part
@@ -83,7 +85,8 @@ def scene_key(pipeline) -> tuple:
         *(address(p) for t in things for p in (*t.actors(), *t.props)),
     }
     props = [p for p in renderer.GetViewProps() if p.GetVisibility() and not is_inner(p)]
-    other_props = [p for p in props if p.IsA('vtkProp3D') and address(p) not in own_addresses]
+    drawn_props = pipeline.surfaces.plain_actors.of_all(props)
+    other_props = [p for p in drawn_props if address(p) not in own_addresses]
     return (
         casters.key(),
         [(address(p), p.GetRedrawMTime()) for p in other_props],
@@ -122,8 +125,8 @@ def _is_connected(algorithm, port) -> bool:
     return algorithm.GetNumberOfInputConnections(port) > 0
 
 
-def _leaves(data) -> list:
-    """Return the blocks of a composite dataset, whose own time ignores theirs."""
+def leaves_of(data) -> list:
+    """Return the blocks of a composite dataset, whose own time ignores theirs; else none."""
     leaves: list = []
     if data is not None and data.IsA('vtkCompositeDataSet'):
         iterator = data.NewIterator()

@@ -39,8 +39,8 @@ class Stage(IntEnum):
 class DrawOrder:
     """Sorts a renderer's props by the keys of things and leaves the others in place."""
 
-    def __init__(self, renderer):
-        self.renderer = renderer
+    def __init__(self, renderer, plain_actors):
+        self.renderer, self._plain_actors = renderer, plain_actors
         self._thing_orders: list[tuple] = []
         self._keys_by_id: dict[int, tuple] = {}
         self._time = -1
@@ -72,16 +72,11 @@ class DrawOrder:
             self._had_oit = True
             renderer.SetUseOIT(False)
         own_addresses = {address(actor) for t in things if t.blends for actor in t.actors()}
-        translucent_props = [
-            prop
-            for prop in renderer.GetViewProps()
-            if prop.IsA('vtkActor')
-            and prop.GetVisibility()
-            and address(prop) not in own_addresses
-            and prop.GetMapper() is not None
-            and prop.HasTranslucentPolygonalGeometry()
-        ]
-        self._other_depths = [(_depth(frame, prop), prop) for prop in translucent_props]
+        for prop in renderer.GetViewProps():
+            if prop.GetVisibility() and address(prop) not in own_addresses:
+                actors = [a for a in self._plain_actors.of(prop) if _is_translucent(a)]
+                if actors:
+                    self._other_depths.append((_depth(frame, actors), prop))
 
     def sort(self, frame, things):
         """Sort the renderer's props."""
@@ -116,6 +111,13 @@ class DrawOrder:
         if self._had_oit:
             self._had_oit = False
             self.renderer.SetUseOIT(True)
+
+
+def _is_translucent(prop) -> bool:
+    """Return whether a prop is an actor with translucent polygons."""
+    if not prop.IsA('vtkActor') or prop.GetMapper() is None:
+        return False
+    return bool(prop.GetVisibility() and prop.HasTranslucentPolygonalGeometry())
 
 
 def in_order(actors, things) -> list:
@@ -179,9 +181,11 @@ def _is_shown(thing) -> bool:
     return thing.enabled and thing.visibility and bounds is not None and bounds[0] <= bounds[1]
 
 
-def _depth(frame, prop) -> float:
-    """Return the depth of a prop's centre."""
-    return float(depths_of(frame, np.reshape(prop.GetBounds(), (3, 2)).mean(1)[None])[0])
+def _depth(frame, actors) -> float:
+    """Return the depth of the centre of actors."""
+    boxes = np.reshape([actor.GetBounds() for actor in actors], (-1, 3, 2))
+    center = (boxes[..., 0].min(0) + boxes[..., 1].max(0)) / 2
+    return float(depths_of(frame, center[None])[0])
 
 
 def depths_of(frame, points) -> np.ndarray:

@@ -28,26 +28,29 @@ _LIGHT = Feature(
 class Splats:
     """Sets what a renderer's Gaussian points write while the scene is drawn into floats."""
 
-    def __init__(self, renderer):
-        self._renderer = renderer
+    def __init__(self, renderer, plain_actors):
+        self._renderer, self._plain_actors = renderer, plain_actors
         self._attached = FeatureSet()
         self._splat_actors: list = []
-        self._time = -1
+        self._props_key: tuple = ()
 
     def look(self):
         """Find them again if props were added or removed since the last frame."""
-        props = self._renderer.GetViewProps()
-        if props.GetMTime() != self._time:
-            actors = [prop for prop in props if prop.IsA('vtkActor')]
+        if self._key() != self._props_key:
+            props, plain_actors = self._renderer.GetViewProps(), self._plain_actors
+            actors = [a for p in props for a in plain_actors.of(p) if a.IsA('vtkActor')]
             self._splat_actors = [a for a in actors if _draws_splats(a.GetMapper())]
 
     def settle(self):
         """Treat the props as unchanged: a frame removes and restores some."""
-        self._time = self._renderer.GetViewProps().GetMTime()
+        self._props_key = self._key()
+
+    def _key(self):
+        return self._renderer.GetViewProps().GetMTime(), self._plain_actors.version()
 
     def shine(self) -> bool:
         """Return whether any is emissive."""
-        return any(a.GetMapper().GetEmissive() for a in self._visible())
+        return any(is_emissive(a.GetMapper()) for a in self._visible())
 
     def _visible(self) -> list:
         return [actor for actor in self._splat_actors if method(actor, 'GetVisibility')()]
@@ -56,8 +59,13 @@ class Splats:
         """Attach the shader text that this frame's target needs."""
         splats, additive = self._visible() if floats else (), set()
         if not self._renderer.GetUseDepthPeeling():
-            additive = {id(a) for a in splats if a.GetMapper().GetEmissive()}
+            additive = {id(a) for a in splats if is_emissive(a.GetMapper())}
         self._attached.match(splats, lambda a: (_LIGHT if id(a) in additive else _CLAMPED,))
+
+
+def is_emissive(mapper) -> bool:
+    """Return whether a mapper draws Gaussian points that add their light."""
+    return _draws_splats(mapper) and bool(mapper.GetEmissive())
 
 
 def _draws_splats(mapper) -> bool:
