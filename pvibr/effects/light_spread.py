@@ -76,7 +76,8 @@ class LightSpread(Effect):
         else:
             self._light = self._spread_light(frame, picture)
             self._last_whole = (frame, *self._content_marks()) if frame.scale == 1 else ()
-            self.pipeline.surfaces.plain_actors.version()  # updates them before the mark
+            if self.pipeline is not None:  # updates them before the mark
+                self.pipeline.surfaces.plain_actors.version()
             self._drawn_at.Modified()
         if self._blur is not None and self._light is not None:
             self._blur.blend(

@@ -7,11 +7,11 @@ from dataclasses import asdict, dataclass
 import numpy as np
 
 from pvibr.instances.card_layers import PATCH_SIDE
-from pvibr.instances.instance_arguments import checked_ids
 from pvibr.instances.limits import card_ends, mesh_ends, side_ends
 from pvibr.maths import octahedral
 from pvibr.maths.blocks import frustum_planes
 from pvibr.meshes.turntable import SIDE_ELEVATION
+from pvibr.things.some_items import checked_ids
 
 _CLOSE = 1e-6  # px, tolerance of sizes
 #: Why nothing draws an instance.

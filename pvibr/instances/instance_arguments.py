@@ -97,25 +97,6 @@ def index_for(n_instances, previous, n_meshes):
     )
 
 
-def checked_ids(ids, n_instances):
-    """Return the non-negative indices that `ids` selects of `n_instances`."""
-    if isinstance(ids, slice):
-        return np.arange(*ids.indices(n_instances))
-    ids = np.atleast_1d(np.asarray(ids))
-    if ids.dtype == bool and ids.shape == (n_instances,):
-        return np.flatnonzero(ids)
-    if ids.size == 0:
-        return np.zeros(0, int)
-    if ids.ndim != 1 or ids.dtype.kind not in 'iu':
-        raise IndexError(f'ids has shape {ids.shape}, dtype {ids.dtype}; it must be (k,) integers')
-    invalid = ids[(ids < -n_instances) | (ids >= n_instances)]
-    if len(invalid):
-        raise IndexError(
-            f'ids must be below {n_instances}, the number of instances, got {invalid[0]}'
-        )
-    return ids % n_instances
-
-
 def repeated(name, values, n_instances):
     """Return one value per instance; a single one is repeated."""
     values = as_array(name, values)

@@ -224,6 +224,7 @@ class Instances(ItemSet):
     # -- methods by subject: each module says more ---------------------------------------------
 
     update = updates.update
+    _base_colors = updates.base_colors
     bake_into = plain_copies.bake_into
     report = explaining.report
     explain = explaining.explain

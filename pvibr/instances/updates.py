@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from pvibr.core.arguments import as_array
-from pvibr.core.colors import color_rows
-from pvibr.instances.instance_arguments import checked_ids, index_of_phase, repeated
+from pvibr.instances.instance_arguments import index_of_phase, repeated
 from pvibr.things import appearance as look
 from pvibr.things.scalar_bars import name_of
+from pvibr.things.some_items import checked_ids, with_looks
 
 # What an update replaces, restored if a check or a bake fails.
 _REPLACED = '_items', '_scalars', '_colors', '_visible', 'covered', '_applied_cover'
@@ -62,7 +61,7 @@ def update(
                 show_items(self, items)
         else:
             ids = checked_ids(ids, len(self))
-            looks = _with_looks(self, ids, scalars, colors, visible)
+            looks = with_looks(self, ids, scalars, colors, visible)
             _update_some(self, ids, poses, index)
     except BaseException:  # a bake may be interrupted
         vars(self).update(previous)
@@ -136,43 +135,10 @@ def _checked_looks(self, count, scalars, colors, visible) -> dict:
     return looks
 
 
-def _with_looks(self, ids, scalars, colors, visible) -> dict:
-    """Return all looks with those of `ids` changed."""
-    looks: dict = {}
-    if scalars is not None:
-        looks['scalars'] = _with_scalars(self, ids, as_array('scalars', scalars))
-    if colors is not None:
-        color_values = np.atleast_2d(np.asarray(color_rows('colors', colors)))
-        new_colors = self._as_colors(color_values, len(color_values))
-        looks['colors'] = all_colors = _base_colors(self, new_colors.shape[1])
-        all_colors[ids] = look.with_alpha(new_colors, all_colors.shape[1])
-    if visible is not None:
-        mask = look.as_mask(visible, len(ids))
-        looks['visible'] = self.visible.copy()
-        looks['visible'][ids] = True if mask is None else mask
-    return looks
-
-
-def _with_scalars(self, ids, new_scalars):
-    """Return all scalars with those of `ids` changed, numbers or words."""
-    are_words, previous = new_scalars.dtype.kind in 'UO', self._scalars
-    if previous is None:
-        previous = np.full(len(self), '' if are_words else np.nan)
-    elif are_words != (previous.dtype.kind == 'U'):
-        raise ValueError(
-            f'scalars must be of dtype {previous.dtype} as the others, got {new_scalars.dtype}'
-        )
-    changed = previous.astype(np.result_type(previous, new_scalars))
-    changed[ids] = new_scalars
-    return changed
-
-
-def _base_colors(self, width) -> np.ndarray:
-    """Return a copy of the colours, with alpha if they have it or `width` is 4."""
-    if self._colors is not None:
-        return look.with_alpha(self._colors, max(width, self._colors.shape[1]))
-    base_colors = np.full((len(self), 3), 255, np.uint8)
+def base_colors(self) -> np.ndarray:
+    """Return the colours that instances have without their own, shape (n, 3)."""
+    colors = np.full((len(self), 3), 255, np.uint8)
     for k, model in self._models.by_mesh.items() if not self.multiplies else ():
         prop = model.levels[0].parts[0].actor.GetProperty()
-        base_colors[self._items.index == k] = np.rint(np.array(prop.GetColor()) * 255)
-    return look.with_alpha(base_colors, width)
+        colors[self._items.index == k] = np.rint(np.array(prop.GetColor()) * 255)
+    return colors

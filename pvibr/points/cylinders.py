@@ -97,10 +97,11 @@ class Cylinders(Quadrics):
             return look.as_scalars(np.ravel(scalars), 2 * len(self)).reshape(-1, 2)
         return super()._as_scalars(scalars)
 
-    def _as_colors(self, colors):
+    def _as_colors(self, colors, count=None):
+        count = len(self) if count is None else count
         with naming('colors', colors):
             paired = np.ndim(colors) == 3
-        if paired and np.shape(colors)[:2] == (len(self), 2):
+        if paired and np.shape(colors)[:2] == (count, 2):
             flat = np.reshape(colors, (-1, np.shape(colors)[2]))
-            return look.as_colors(flat, 2 * len(self)).reshape(-1, 2, 3)
-        return super()._as_colors(colors)
+            return look.as_colors(flat, 2 * count).reshape(-1, 2, 3)
+        return super()._as_colors(colors, count)

@@ -149,8 +149,8 @@ class Quadrics(ItemSet):
     def _colored(self, indices):
         return None if self._colors is None else self._colors[indices, ..., :3]
 
-    def _as_colors(self, colors):
-        return as_rgba(colors, len(self))
+    def _as_colors(self, colors, count=None):
+        return as_rgba(colors, len(self) if count is None else count)
 
     def _alphas(self):
         """Return the items' opacities without the material's, shape (n,), or None if all are 1."""

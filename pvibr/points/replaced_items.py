@@ -6,11 +6,13 @@ from copy import deepcopy
 
 import numpy as np
 
+from pvibr.core.arguments import naming
 from pvibr.core.nan_rows import NanRows
-from pvibr.points.point_arguments import checked_opacity, points_and_scalars
+from pvibr.points.point_arguments import as_floats, checked_opacity, points_and_scalars
 from pvibr.things import appearance as look
 from pvibr.things.keywords import check_keywords
 from pvibr.things.scalar_bars import name_of
+from pvibr.things.some_items import checked_ids, with_looks
 
 _LOOKS = 'scalars', 'colors', 'visible', 'opacity'
 # What an update replaces, restored if a check fails.
@@ -43,11 +45,13 @@ def _copied(value):
     return np.array(value) if isinstance(value, np.ndarray) else deepcopy(value)
 
 
-def update(self, **values):
-    """Change positions, sizes and looks of all items at once, in any number.
+def update(self, ids=None, **values):
+    """Change positions, sizes and looks of all items, or of the given ones, at once.
 
     Parameters
     ----------
+    ids : array_like of int or bool, or slice, optional
+        Items to change; by default all are replaced, by any number of new ones.
     **values
         Arguments of the constructor by name: positions, sizes, turns, ``scalars``, ``colors``,
         ``visible`` and ``opacity``. If the number of items changes, omitted looks of single items
@@ -55,11 +59,15 @@ def update(self, **values):
 
     Raises
     ------
+    IndexError
+        If an item does not exist.
     TypeError, ValueError
         If a value is invalid, or missing; nothing has changed then.
     """
-    looks = {name: values.pop(name) for name in _LOOKS if name in values}
     check_keywords(type(self), values, (*self._given, *_LOOKS))
+    if ids is not None:
+        values = _with_some(self, checked_ids(ids, len(self)), values)
+    looks = {name: values.pop(name) for name in _LOOKS if name in values}
     previous = {name: getattr(self, name) for name in _REPLACED}
     count = len(self)
     try:
@@ -76,6 +84,20 @@ def update(self, **values):
     self._share_opacity()
     self._repaint()
     self._show_bar()
+
+
+def _with_some(self, ids, values) -> dict:
+    """Return the values of all items, with those of `ids` changed."""
+    looks = with_looks(self, ids, *(values.pop(name, None) for name in _LOOKS[:3]))
+    rows = {}
+    for name, value in values.items():
+        all_values = np.asarray(getattr(self, name, self._given.get(name)), float)
+        if len(all_values.shape) == 0 or len(all_values) != len(self):  # one for all
+            all_values = np.broadcast_to(all_values, (len(self), *all_values.shape[1:]))
+        rows[name] = np.array(all_values)
+        with naming(name, value):
+            rows[name][ids] = as_floats(name, getattr(value, 'points', value))
+    return rows | looks
 
 
 def _reset_looks(self):

@@ -55,8 +55,8 @@ def _color_bytes(colors, n) -> np.ndarray:
 
 def with_alpha(colors, width) -> np.ndarray:
     """Return a copy of colours, with an alpha channel if `width` is 4."""
-    alpha_column = np.full((len(colors), width - colors.shape[1]), 255, np.uint8)
-    return np.concatenate([colors, alpha_column], 1)
+    alpha_column = np.full((*colors.shape[:-1], width - colors.shape[-1]), 255, np.uint8)
+    return np.concatenate([colors, alpha_column], -1)
 
 
 def read_only(array):

@@ -100,9 +100,14 @@ class ItemSet(Thing):
         """Return validated scalars; override it for several per item."""
         return look.as_scalars(scalars, len(self))
 
-    def _as_colors(self, colors):
+    def _as_colors(self, colors, count=None):
         """Return validated colours; override it for several per item."""
-        return look.as_colors(colors, len(self))
+        return look.as_colors(colors, len(self) if count is None else count)
+
+    def _base_colors(self) -> np.ndarray:
+        """Return the colours that items have without their own, shape (n, 3)."""
+        material_color = np.rint(255 * np.array(self.prop.GetColor()))
+        return np.tile(material_color.astype(np.uint8), (len(self), 1))
 
     @property
     def scalars(self):

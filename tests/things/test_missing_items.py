@@ -228,6 +228,27 @@ def test_looks_go_with_the_number_and_failures_change_nothing(kind):
     assert off(shot(pl), own).max() <= 1
 
 
+@pytest.mark.parametrize('kind', [k for k in SETS if SETS[k][0] != 'add_instances'])
+def test_some_items_change_by_their_indices(kind):
+    given = {n: v for n, v in SETS[kind][1].items() if n != 'orientation'}
+    pl = stage()
+    items = add(pl, kind, [0, 1, 1, 1], colors=['red', 'lime', 'lime', 'lime'])
+    rest = {n: v[[0, 1, 1, 1]] for n, v in SETS[kind][1].items() if n == 'orientation'}
+    mask = np.array([False, False, True, True])
+    items.update(mask, **{n: v[2:] for n, v in given.items()}, colors=['blue', 'white'])
+    look = {'colors': ['red', 'lime', 'blue', 'white'], **rest}
+    assert (shot(pl) == picture_of(kind, **look)).all()
+    items.update([-1], visible=False)
+    assert items.visible.tolist() == [True, True, True, False]
+    items.update([0, 3], scalars=[1.0, 2.0])
+    np.testing.assert_array_equal(items.scalars, [1.0, np.nan, np.nan, 2.0])
+    with pytest.raises(IndexError, match='ids must be below 4'):
+        items.update([4], visible=False)
+    name = next(iter(given))
+    with pytest.raises(ValueError, match=name):
+        items.update([0, 1], **{name: PLACES[:3]})
+
+
 def test_single_values_apply_to_any_number():
     pl = stage()
     balls, cards = pl.ibr.add_spheres(PLACES, 0.3), pl.ibr.add_billboards(PLACES, WHITE, size=0.2)
