@@ -17,7 +17,9 @@ def is_within_clipping_range(renderer, bounds) -> bool:
     for (axis, eye), low, high in zip(pairs, bounds[::2], bounds[1::2], strict=True):
         middle_depth += axis * ((low + high) / 2 - eye)
         half_depth += abs(axis) * (high - low) / 2
-    nearest_depth = max(middle_depth - half_depth, _NEAREST * far)
+    nearest_depth = middle_depth - half_depth
+    if nearest_depth <= 0:  # around the eye: VTK goes no nearer
+        nearest_depth = _NEAREST * far
     return near <= nearest_depth and middle_depth + half_depth <= far
 
 

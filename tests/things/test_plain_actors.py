@@ -400,7 +400,7 @@ def test_shadows_and_projections_are_those_of_equal_plain_actors(make, name):
         covered, _ = shapes(pl, [prop])
         np.testing.assert_array_equal(picture[covered], bare[covered])
         truth[covered] = bare[covered]
-        assert (truth != bare).any()
+        assert name == 'none' or (truth != bare).any()
     assert (picture != truth).sum() <= 3 * 4  # along edges, where filters round
 
 
