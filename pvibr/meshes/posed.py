@@ -276,7 +276,7 @@ def _turns(source, orient, count, nan_rows):
 
 
 def _turned(name, values, count, nan_rows):
-    values = _numbers(name, values, nan_rows if np.shape(values)[:1] == (count,) else None)
+    values = _numbers(name, values, nan_rows, count)
     shapes = [(n, *rest) for n in (count, 1) for rest in ((3,), (4,), (3, 3))]
     if values.shape in ((3,), (4,), (3, 3)) and values.shape not in shapes:
         values = values[None]
@@ -310,7 +310,7 @@ def _sizes(source, scale, factor, count, nan_rows):
     if isinstance(scale, str) and scale.lower() == 'scale' and source.dataset is None:
         return None if factor == 1 else np.array(factor)  # the table's poses contain this column
     values = source.array('scale', scale) if isinstance(scale, str) else scale
-    values = _numbers('scale', values, nan_rows)
+    values = _numbers('scale', values, nan_rows, count)
     if values.shape == (count, 3):
         values = np.linalg.norm(values, axis=1)
     if values.shape not in ((), (count,)):
@@ -333,12 +333,13 @@ def checked_factor(factor) -> float:
     return checked_number('factor', factor, -_MAX_SCALE, _MAX_SCALE) or _MIN_SCALE
 
 
-def _numbers(name, values, nan_rows):
+def _numbers(name, values, nan_rows, count):
     try:
         array = as_array(name, values, np.float64)
     except (TypeError, ValueError) as error:
         raise TypeError(f'{name} must be numbers, got {values!r:.80}') from error
-    array = filled(nan_rows, name, array)
+    if array.shape[:1] == (count,):  # a row per item
+        array = filled(nan_rows, name, array)
     check_finite(name, array)
     return array
 

@@ -15,10 +15,11 @@ bool ibr_shadow_thin = false;
 // From the receiver to where the eye certainly sees it.
 vec3 ibr_shadow_eyeward = vec3(0.0);
 
-// A receiver in a light's view: position and depth (0 to 1), the same eyeward of it, depth per texture
-// coordinate on its plane, and the allowance for rounding; of the view, its tile in the texture, texels along a side,
-// depth of four texels' width, near, far, whether it is a perspective, and the light's size as a
-// fraction of the view's sides at a distance of 1: the tangent of half its angle, or its radius.
+// A receiver in a light's view: position and depth (0 to 1), the same eyeward of it, depth per
+// texture coordinate on its plane, and the allowance for rounding; of the view, its tile in the
+// texture, texels along a side, depth of four texels' width, near, far, whether it is a perspective,
+// and the light's size as a fraction of the view's sides at a distance of 1: the tangent of half its
+// angle, or its radius.
 struct ibr_Shadow
 {
   vec3 place;

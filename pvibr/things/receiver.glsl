@@ -72,10 +72,10 @@ vec3 ibr_flat(vec3 p)
 #endif
 
 // Whether the surface in a texel hides the receiver: it must be nearer than the receiver's plane
-// there, and its own plane nearer than the receiver. In a valley each slope is above the other's plane without hiding
-// it; and the middle of a pixel may be behind a surface whose other side its samples see, so what is
-// eyeward must be hidden, too. Both are texture coordinates and depth, the bias taken off; steepest
-// is the depth of four texels' width.
+// there, and its own plane nearer than the receiver. In a valley each slope is above the other's
+// plane without hiding it; and the middle of a pixel may be behind a surface whose other side its
+// samples see, so what is eyeward must be hidden, too. Both are texture coordinates and depth, the
+// bias taken off; steepest is the depth of four texels' width.
 bool ibr_hides(sampler2D map, vec2 tile, float side, float steepest, vec3 place, vec3 eyeward,
   vec2 texel, float plane, float depth)
 {

@@ -180,6 +180,7 @@ BAD = [
     ({'orient': np.zeros((40, 4))}, ValueError, r'orient\[0\] must be a quaternion.*length 0'),
     ({'orient': 'speed'}, ValueError, r'orient must be .*got shape \(40,\)'),
     ({'orient': object()}, TypeError, 'orient must be numbers'),
+    ({'orient': [[1.0, 0, 0], [1.0]]}, TypeError, 'orient must be numbers'),
     ({'scale': 'sped'}, ValueError, "scale must .*got 'sped'; did you mean 'speed'"),
     ({'scale': [1.0, 2.0]}, ValueError, r'scale must be .*got shape \(2,\)'),
     ({'scale': np.inf}, ValueError, r'scale must .*got inf'),
