@@ -14,12 +14,15 @@ float ibr_shadow_lift = 0.0;
 bool ibr_shadow_thin = false;
 // From the receiver to where the eye certainly sees it.
 vec3 ibr_shadow_eyeward = vec3(0.0);
+// Whether a texel nearer than the receiver's plane may belong to a surface next to the receiver.
+bool ibr_shadow_unsure = false;
 
 // A receiver in a light's view: position and depth (0 to 1), the same eyeward of it, depth per
 // texture coordinate on its plane, and the allowance for rounding; of the view, its tile in the
 // texture, texels along a side, depth of four texels' width, near, far, whether it is a perspective,
 // and the light's size as a fraction of the view's sides at a distance of 1: the tangent of half its
-// angle, or its radius.
+// angle, or its radius. What is nearer than sure hides the receiver whatever its own plane, which only
+// the careful look at.
 struct ibr_Shadow
 {
   vec3 place;
@@ -33,6 +36,8 @@ struct ibr_Shadow
   float far;
   bool perspective;
   vec2 size;
+  float sure;
+  bool careful;
 };
 
 float ibr_shadow_linear(ibr_Shadow s, float d)
@@ -42,15 +47,32 @@ float ibr_shadow_linear(ibr_Shadow s, float d)
 }
 
 //@blocker
+// Begin a filter that is not careful. Looking at a blocker's own plane takes three times as long, and
+// few fragments need it: a filter reads all of its texels without, and once more if any was unsure.
+// Careful texels are read in loops, which llvmpipe ends early; of conditions it evaluates both
+// branches.
+void ibr_shadow_careless(inout ibr_Shadow s, float texels)
+{
+  vec2 reach = min(abs(s.eyeward.xy - s.place.xy) * s.side + texels + 0.5, 4.0);
+  s.sure = min(s.place.z, s.eyeward.z) - s.bias - s.steepest * (reach.x + reach.y);
+  s.careful = false;
+  ibr_shadow_unsure = false;
+}
+
 // Whether the surface in a texel hides the receiver, whose plane there has a depth, too. Receivers
 // behind all casters may be beyond the far plane.
 bool ibr_shadow_hides(sampler2D map, ibr_Shadow s, vec2 texel, float plane, float depth)
 {
-  if (depth >= 1.0) return false;
+  bool nearer = depth < min(plane, 1.0);
+  if (!s.careful)
+  {
+    ibr_shadow_unsure = ibr_shadow_unsure || (nearer && depth >= s.sure);
+    return nearer;
+  }
   vec3 bias = vec3(0.0, 0.0, s.bias);
   vec2 tile = s.tile.xy * vec2(textureSize(map, 0));
-  return ibr_hides(map, tile, s.side, s.steepest, s.place - bias, s.eyeward - bias, texel, plane,
-    depth);
+  return nearer && ibr_hides(map, tile, s.side, s.steepest, s.place - bias, s.eyeward - bias, texel,
+    plane, depth);
 }
 
 //@disk
@@ -66,50 +88,58 @@ float ibr_shadow_test(sampler2D map, ibr_Shadow s)
   vec2 texel = floor(clamp(s.place.xy * s.side, vec2(0.0), vec2(s.side - 1.0)));
   float depth = texelFetch(map, ivec2(s.tile.xy * vec2(textureSize(map, 0)) + texel), 0).r;
   float plane = s.place.z + dot(s.slope, (texel + 0.5) / s.side - s.place.xy);
+  s.careful = true;
   return ibr_shadow_hides(map, s, texel, plane - s.bias, depth) ? 0.0 : 1.0;
 }
 
 //@window
 // Percentage-closer filtering (Reeves et al., SIGGRAPH 1987) of comparisons, here with all texels that
 // a square around the receiver overlaps, each at the plane's depth.
+
+// The hidden area of the square, in texels; begin is its corner, from the first texel's.
+float ibr_shadow_hidden(sampler2D map, ibr_Shadow s, vec2 first, vec2 begin, int count)
+{
+  vec2 origin = s.tile.xy * vec2(textureSize(map, 0)) + first + 0.5;
+  vec2 end = begin + 2.0 * ibr_shadow_filter_radius;
+  float hidden = 0.0;
+  for (int k = 0; k < count; ++k)
+  {
+    vec2 texel = vec2(k % TAPS, k / TAPS);
+    vec2 covered = clamp(min(texel + 1.0 - begin, end - texel), 0.0, 1.0);
+    float depth = texelFetch(map, ivec2(origin + texel), 0).r;
+    vec2 d = (first + texel + 0.5) / s.side - s.place.xy;
+    float plane = s.place.z - s.bias + dot(s.slope, d);
+    bool hides = ibr_shadow_hides(map, s, first + texel, plane, depth);
+    hidden += hides ? covered.x * covered.y : 0.0;
+  }
+  return hidden;
+}
+
 float ibr_shadow_test(sampler2D map, ibr_Shadow s)
 {
   vec2 corner = s.place.xy * s.side - ibr_shadow_filter_radius;
   vec2 first = clamp(floor(corner), vec2(0.0), vec2(s.side - float(TAPS)));
-  vec2 slope = s.slope / s.side;
-  float row = s.place.z - s.bias + dot(slope, first + 0.5 - s.place.xy * s.side);
   vec2 begin = corner - first;
+  ibr_shadow_careless(s, ibr_shadow_filter_radius + 1.0);
 #if TAPS == 2 && defined(IBR_GATHER)
   // All four at once: above left, above right, right, left.
   vec4 depth = textureGather(map, s.tile.xy + (first + 1.0) * s.tile.zw / s.side);
-  vec4 plane = row + vec4(slope.y, slope.x + slope.y, slope.x, 0.0);
-  vec4 hides = vec4(greaterThan(plane, depth)) * vec4(lessThan(depth, vec4(1.0)));
-  float count = dot(hides, vec4(1.0));
-  if (count == 0.0) return 1.0;
-#ifdef IBR_MULTISAMPLED
-  float sure = min(s.place.z, s.eyeward.z) - s.bias - 8.0 * s.steepest;
-  if (count == 4.0 && all(lessThan(depth, vec4(sure)))) return 0.0;
+  vec2 slope = s.slope / s.side;
+  float left = s.place.z - s.bias + dot(slope, first + 0.5 - s.place.xy * s.side);
+  vec4 plane = left + vec4(slope.y, slope.x + slope.y, slope.x, 0.0);
+  vec4 nearer = vec4(lessThan(depth, min(plane, vec4(1.0))));
+  ibr_shadow_unsure = dot(nearer, vec4(greaterThanEqual(depth, vec4(s.sure)))) > 0.0;
+  vec2 part = clamp(begin, 0.0, 1.0);
+  vec2 across = mix(nearer.xw, nearer.yz, part.x);
+  float hidden = mix(across.y, across.x, part.y);
 #else
-  if (count == 4.0) return 0.0;
+  float hidden = ibr_shadow_hidden(map, s, first, begin, TAPS * TAPS);
 #endif
-#endif
-  // How much of each texel the square covers, along either axis.
-  vec2 end = begin + 2.0 * ibr_shadow_filter_radius;
-  ivec2 origin = ivec2(s.tile.xy * vec2(textureSize(map, 0)) + 0.5) + ivec2(first);
-  float hidden = 0.0;
-  for (int j = 0; j < TAPS; ++j)
-  {
-    float high = clamp(min(float(j + 1) - begin.y, end.y - float(j)), 0.0, 1.0);
-    float plane = row;
-    for (int i = 0; i < TAPS; ++i)
-    {
-      float wide = clamp(min(float(i + 1) - begin.x, end.x - float(i)), 0.0, 1.0);
-      float depth = texelFetch(map, origin + ivec2(i, j), 0).r;
-      if (ibr_shadow_hides(map, s, first + vec2(i, j), plane, depth)) hidden += high * wide;
-      plane += slope.x;
-    }
-    row += slope.y;
-  }
+  // Not under a condition: compilers would know the count, and unroll the loop.
+  s.careful = true;
+  int count = ibr_shadow_unsure ? TAPS * TAPS : 0;
+  float careful = ibr_shadow_hidden(map, s, first, begin, count);
+  hidden = ibr_shadow_unsure ? careful : hidden;
   return 1.0 - hidden / (4.0 * ibr_shadow_filter_radius * ibr_shadow_filter_radius);
 }
 
@@ -179,6 +209,44 @@ int ibr_shadow_tap_count(ibr_Shadow s, vec2 r)
   return min(ibr_shadow_taps, int(min(4.0 + 8.0 * r.x * r.y * s.side * s.side, 64.0)));
 }
 
+// The blockers within the search: the sum of their distances, and of their weights.
+vec2 ibr_shadow_search(sampler2D map, ibr_Shadow s, mat2 turn, vec2 reach, float to)
+{
+  float least = 0.7 / s.side;
+  int count = ibr_shadow_tap_count(s, reach);
+  vec2 blockers = vec2(0.0);
+  for (int i = 0; i < count; ++i)
+  {
+    vec2 d = turn * ibr_shadow_tap(i, count) * reach;
+    float depth = ibr_shadow_blocker(map, s, d);
+    if (depth < 2.0)
+    {
+      float from = ibr_shadow_distance(s, depth);
+      // Blockers within the search but outside of the cone count only where there are no others.
+      float w = length(d / (ibr_shadow_cone(s, from, to) + least)) <= 1.0 ? 1.0 : 0.02;
+      blockers += w * vec2(from, 1.0);
+    }
+  }
+  return blockers;
+}
+
+// The share of a filter's taps that is hidden.
+float ibr_shadow_hidden(sampler2D map, ibr_Shadow s, mat2 turn, vec2 radius, float to)
+{
+  float least = 0.7 / s.side;
+  int count = ibr_shadow_tap_count(s, radius);
+  float hidden = 0.0;
+  for (int i = 0; i < count; ++i)
+  {
+    // Low bumps within the filter are far outside of the cone: measured, 3 times its radius.
+    vec2 d = turn * ibr_shadow_tap(i, count) * radius;
+    float depth = ibr_shadow_blocker(map, s, d);
+    vec2 cone = ibr_shadow_cone(s, ibr_shadow_distance(s, min(depth, 1.0)), to);
+    hidden += depth < 2.0 && length(d / (cone + least)) <= 3.0 ? 1.0 : 0.0;
+  }
+  return hidden / float(count);
+}
+
 float ibr_shadow_test(sampler2D map, sampler2D near, ibr_Shadow s)
 {
   float angle = 6.2831853 * IBR_DITHER(ibr_shadow_dither);
@@ -195,36 +263,24 @@ float ibr_shadow_test(sampler2D map, sampler2D near, ibr_Shadow s)
     reach = less;
     if (settled) break;
   }
-  float sum = 0.0;
-  float weight = 0.0;
-  int count = ibr_shadow_tap_count(s, reach);
-  for (int i = 0; i < count; ++i)
+  ibr_shadow_careless(s, max(reach.x, reach.y) * s.side + 1.0);
+  vec2 blockers = ibr_shadow_search(map, s, turn, reach, to);
+  if (ibr_shadow_unsure)
   {
-    vec2 d = turn * ibr_shadow_tap(i, count) * reach;
-    float depth = ibr_shadow_blocker(map, s, d);
-    if (depth < 2.0)
-    {
-      float from = ibr_shadow_distance(s, depth);
-      // Blockers within the search but outside of the cone count only where there are no others.
-      float w = length(d / (ibr_shadow_cone(s, from, to) + least)) <= 1.0 ? 1.0 : 0.02;
-      sum += w * from;
-      weight += w;
-    }
+    s.careful = true;
+    blockers = ibr_shadow_search(map, s, turn, reach, to);
+    s.careful = false;
   }
   // No blocker, no filter.
-  if (weight == 0.0) return 1.0;
-  vec2 radius = clamp(ibr_shadow_cone(s, sum / weight, to), vec2(least), reach);
-  float hidden = 0.0;
-  count = ibr_shadow_tap_count(s, radius);
-  for (int i = 0; i < count; ++i)
+  if (blockers.y == 0.0) return 1.0;
+  vec2 radius = clamp(ibr_shadow_cone(s, blockers.x / blockers.y, to), vec2(least), reach);
+  float hidden = ibr_shadow_hidden(map, s, turn, radius, to);
+  if (ibr_shadow_unsure)
   {
-    // Low bumps within the filter are far outside of the cone: measured, 3 times its radius.
-    vec2 d = turn * ibr_shadow_tap(i, count) * radius;
-    float depth = ibr_shadow_blocker(map, s, d);
-    vec2 cone = ibr_shadow_cone(s, ibr_shadow_distance(s, min(depth, 1.0)), to);
-    hidden += depth < 2.0 && length(d / (cone + least)) <= 3.0 ? 1.0 : 0.0;
+    s.careful = true;
+    hidden = ibr_shadow_hidden(map, s, turn, radius, to);
   }
-  return 1.0 - hidden / float(count);
+  return 1.0 - hidden;
 }
 
 //@moments
