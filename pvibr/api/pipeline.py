@@ -50,6 +50,7 @@ class Pipeline:
         self._entries: list[_Entry] = []
         self._effects: tuple[Effect, ...] = ()
         self._things: list[Effect] = []
+        self.image_effects: list[Effect] = []
         self._observers: list[int] = []
         self._frames = 0
         self._turn: _Turn | None = None
@@ -121,6 +122,8 @@ class Pipeline:
         self._entries = entries
         self._effects = tuple(entry.effect for entry in entries)
         self._things = [e for e in self._effects if isinstance(e, Thing)]
+        #: The effects that draw on the picture, in running order.
+        self.image_effects = [e for e in self._effects if e.is_image_effect]
 
     def check_addable(self, effect):
         """Raise an error unless an effect can be added."""

@@ -213,9 +213,7 @@ class PoseSheet:
 
     def bind(self) -> dict[str, int]:
         """Bind the posed vertices; return the texture units by sampler."""
-        if self._binder.owner is self:
-            return self._binder.units
-        return self._binder.bind(self, self.posed.textures)
+        return self._binder.bind(self.posed.textures)
 
     def unbind(self):
         """Release the texture units."""

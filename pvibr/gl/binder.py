@@ -13,23 +13,35 @@ class Binder:
     """Keeps the textures of the last draw in a window bound."""
 
     def __init__(self):
-        self.owner, self.textures, self.units = None, {}, {}
+        self.textures: dict = {}
+        self.units: dict[str, int] = {}
+        self._unit_of: dict = {}
 
-    def bind(self, owner, textures) -> dict[str, int]:
-        """Bind textures and return their units; another owner's are unbound."""
-        if self.owner is not owner:
-            self.unbind()
-            window = next(iter(textures.values())).window
-            previous_binder = _bound.get(window, lambda: None)()
-            if previous_binder is not None:
-                previous_binder.unbind()
-            _bound[window] = weakref.ref(self)
-            self.owner, self.textures = owner, textures
-            self.units = {name: t.activate() for name, t in textures.items()}
+    def bind(self, textures) -> dict[str, int]:
+        """Bind textures and return their units; others of the draw before are released."""
+        if self.textures != textures:
+            if not self._unit_of:
+                self._take_over(next(iter(textures.values())).window)
+            used_textures = set(textures.values())
+            for texture in self._unit_of.keys() - used_textures:
+                texture.deactivate()
+                del self._unit_of[texture]
+            for texture in textures.values():
+                if texture not in self._unit_of:
+                    self._unit_of[texture] = texture.activate()
+            self.textures = dict(textures)
+            self.units = {name: self._unit_of[texture] for name, texture in textures.items()}
         return self.units
+
+    def _take_over(self, window):
+        """Release the units of the window's other binder."""
+        previous_binder = _bound.get(window, lambda: None)()
+        if previous_binder is not None:
+            previous_binder.unbind()
+        _bound[window] = weakref.ref(self)
 
     def unbind(self):
         """Release all units; call it when the renderer has drawn."""
-        for texture in self.textures.values():
+        for texture in self._unit_of:
             texture.deactivate()
-        self.owner, self.textures = None, {}
+        self.textures, self._unit_of = {}, {}

@@ -9,13 +9,37 @@ _MATRICES = {(3, 3): 'SetUniformMatrix3x3', (4, 4): 'SetUniformMatrix4x4'}
 
 
 def set_uniforms(program, uniforms):
-    """Set a program's numbers, vectors, matrices, mat4[n] of (n, 4, 4) and float[n] of (n, 1)."""
+    """Set a program's numbers, vectors, matrices, mat4[n] of (n, 4, 4) and float[n] of (n, 1).
+
+    What it holds already is skipped: most values persist from frame to frame, and each call costs.
+    """
+    held_values = _held_by(program)
     for name, value in uniforms.items():
-        if type(value) is float:  # most are; dozens are set in a frame
+        value_type = type(value)
+        if value_type is np.ndarray or value_type is list:  # may be changed in place
+            held_value = value.tobytes() if value_type is np.ndarray else tuple(value)
+        else:
+            held_value = value
+        if name in held_values and held_values[name] == held_value:
+            continue
+        held_values[name] = held_value
+        if value_type is float:  # most are
             program.SetUniformf(name, value)
         else:
             setter, *values = _setter(value)
             getattr(program, setter)(name, *values)
+
+
+def _held_by(program) -> dict:
+    """Return the values that a program holds, by uniform; they are gone with the program.
+
+    VTK keeps an object's attributes while its C++ lives, also when nothing in Python refers to it.
+    """
+    try:
+        return program.ibr_held
+    except AttributeError:
+        program.ibr_held = {}
+        return program.ibr_held
 
 
 def set_fragment_uniforms(actors, uniforms):

@@ -41,6 +41,7 @@ class CardLayer(SoftDraws):
         self.ranges, self.side_ranges = np.zeros((2, PATCHES, 4))
         self.unit = cards.unit
         self.tint: tuple | None = None  # one colour for all its cards
+        self._is_empty = False  # whether it draws nothing since it was shown last
 
     @property
     def window(self):
@@ -54,6 +55,10 @@ class CardLayer(SoftDraws):
 
     def show(self, blocks, cuts, cored):
         """Draw blocks between cuts, from far to near; from index `cored` on with cores."""
+        if not len(blocks):
+            self._clear()
+            return
+        self._is_empty = False
         self.fringe.upload(self.cards.window, blocks)
         block_spans = list(pairwise(np.asarray(cuts).tolist()))
         layer_parts = self.parts(solid=self.cards.solid, deep=self.cards.deep)
@@ -63,6 +68,13 @@ class CardLayer(SoftDraws):
             first_entry = cored if layer_part is CORE else 0
             part_spans = [(max(a, first_entry), b) for a, b in block_spans] if layer_part else []
             draws.show_spans([(a * self.unit, b) if b > a else (0, 0) for a, b in part_spans])
+
+    def _clear(self):
+        """Draw nothing."""
+        if not self._is_empty:
+            self._is_empty = True
+            for draws in self.every:
+                draws.show_spans(())
 
     def inputs(self) -> tuple[dict, dict]:
         """Return the textures and the uniforms of all parts."""

@@ -290,10 +290,11 @@ class Cards:
             'ibr_error': 1.0 / frame.quality,
         }
 
-    def show(self, name, blocks, cuts, *, ranges=ALWAYS, side_ranges=ALWAYS, unit=None, cored=0):
+    def show(self, name, blocks, cuts, *, ranges=(ALWAYS, ALWAYS), unit=None, cored=0):
         """Draw blocks by a shader from far to near; those before `cored` have no core."""
         layer = self.layers[name]
-        layer.ranges, layer.side_ranges, layer.unit = ranges, side_ranges, unit or self.unit
+        layer.ranges, layer.side_ranges = ranges
+        layer.unit = unit or self.unit
         layer.show(blocks, cuts, cored)
 
     def hide(self):

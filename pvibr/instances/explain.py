@@ -9,7 +9,6 @@ import numpy as np
 from pvibr.instances.card_layers import PATCH_SIDE
 from pvibr.instances.limits import card_ends, mesh_ends, side_ends
 from pvibr.maths import octahedral
-from pvibr.maths.blocks import frustum_planes
 from pvibr.meshes.turntable import SIDE_ELEVATION
 from pvibr.things.some_items import checked_ids
 
@@ -264,6 +263,6 @@ def _rule(ends, highs, patch) -> str:
 def _in_view(group, slot, frame) -> bool:
     """Return whether the bounding sphere of a slot reaches into the frustum."""
     eye = frame.view_from_world @ np.append(group.centers(np.array([slot]))[0], 1.0)
-    planes, radius = frustum_planes(frame.clip_from_view)[:4], group.radii[slot]
+    planes, radius = frame.view.side_planes, group.radii[slot]
     inside = (planes[:, :3] @ eye[:3] + planes[:, 3]).min() > -radius
     return bool(inside and (frame.parallel or eye[2] < radius))

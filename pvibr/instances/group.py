@@ -10,6 +10,7 @@ import numpy as np
 
 from pvibr.instances.baked_materials import copy_light
 from pvibr.instances.card_layers import PATCH_SIDE, at_patches
+from pvibr.instances.card_spans import NOWHERE, CardSpan
 from pvibr.instances.cards import FADE, Cards
 from pvibr.instances.near_meshes import NearMeshes
 from pvibr.instances.placement import Placement, spheres
@@ -35,13 +36,18 @@ class CardBlocks:
     depths: np.ndarray
     #: On-screen diameter of the largest instance of each, in pixels.
     sizes: np.ndarray
-    #: By patch: from, to, 1 if the mesh is next, 0; `side_ranges` near a turntable's horizon.
-    ranges: np.ndarray
-    side_ranges: np.ndarray
+    #: The sizes that the shader draws, and those near a turntable's horizon.
+    spans: tuple[CardSpan, CardSpan]
     #: On-screen diameter up to which cards have no core.
     core_size: float
     #: What chooses single instances of the blocks.
     limits: Any
+
+    @property
+    def ranges(self) -> tuple:
+        """The spans as the shader reads them."""
+        above, side = self.spans
+        return above.ranges, side.ranges
 
     @property
     def cored(self) -> int:
@@ -51,9 +57,8 @@ class CardBlocks:
 
     def fits(self, sizes, patches) -> np.ndarray:
         """Return which sizes may be drawn, a little generously: the shader decides."""
-        spans = (ranges[:, :2].T for ranges in (self.ranges, self.side_ranges))
-        fits = [_fits(span, patches, 0.99 * sizes, 1.01 * sizes) for span in spans]
-        return fits[0] | fits[1]
+        above, side = (span.fits(patches, 0.99 * sizes, 1.01 * sizes) for span in self.spans)
+        return above | side
 
 
 def unit_of(count) -> int:
@@ -246,15 +251,10 @@ class InstanceGroup:
             patches = self.patches(frame, limits, visible_blocks, origins.T, largest)
         choices = {}
         for name, layer in self.cards.layers.items():
-            spans = limits.spans(name)
-            fits = [_fits(span, patches, smallest, largest) for span in spans]
-            if elevations is not None:  # close to the limit, the shader decides
-                fits[0] &= elevations > SIDE_ELEVATION - _UNSURE
-                fits[1] &= elevations < SIDE_ELEVATION + _UNSURE
-            in_span = np.flatnonzero(fits[0] | fits[1])
-            ranges, side_ranges = (_ranges(span, limits.mesh_from) for span in spans)
+            spans = limits.spans.get(name, (NOWHERE, NOWHERE))
+            in_span = _which_fit(spans, elevations, patches, smallest, largest)
             blocks = block_table[in_span], depths[in_span], largest[in_span]
-            choices[name] = CardBlocks(*blocks, ranges, side_ranges, layer.core_size, limits)
+            choices[name] = CardBlocks(*blocks, spans, layer.core_size, limits)
             self.counts[name] = min(len(in_span) * self.unit, len(self))
         self.mesh_blocks = block_table[largest >= at_patches(limits.mesh_from, patches)]
         return choices
@@ -262,8 +262,8 @@ class InstanceGroup:
     def patches(self, frame, limits, slots, centers, sizes):
         """Return the patch of each slot's view direction, -1 where unsure or irrelevant."""
         patches = np.full(len(slots), _UNKNOWN)
-        min_size, max_size = limits.varying()
-        undecided = np.flatnonzero((sizes >= min_size) & (sizes < max_size * FADE))
+        min_size, max_size = limits.varying
+        (undecided,) = ((sizes >= min_size) & (sizes < max_size * FADE)).nonzero()
         if len(undecided):
             toward = np.array([[0.0], [0.0], [1.0]]) if frame.parallel else -centers[:, undecided]
             toward = np.einsum('ji,jn->in', frame.view_from_world[:3, :3], toward)
@@ -308,7 +308,7 @@ class InstanceGroup:
         slots, table_rows, centers, distances, sizes = self.instances_of(frame, choice.table)
         depths = centers[2] if frame.parallel else -distances
         patches = self.patches(frame, choice.limits, slots, centers, sizes)
-        in_span = np.flatnonzero(choice.fits(sizes, patches))
+        (in_span,) = choice.fits(sizes, patches).nonzero()
         in_span = in_span[ascending(depths[in_span])]
         table = np.empty((len(in_span), 4), np.float32)
         table[:, :3], table[:, 3] = choice.table[table_rows[in_span], :3], slots[in_span]
@@ -331,20 +331,19 @@ class InstanceGroup:
         self.near.release(window)
 
 
-def _fits(span, patches, smallest, largest):
-    """Return which blocks may have instances within a span of sizes."""
-    low, high = span
-    is_empty = high <= low
-    low = at_patches(np.where(is_empty, np.inf, low), patches)
-    high = -at_patches(np.where(is_empty, 0.0, -high), patches)
-    return (largest >= low) & (smallest < high * FADE)
-
-
-def _ranges(span, mesh):
-    """Return a span as the card shader reads it: from, to, whether the mesh is next, 0."""
-    low, high = span
-    low = np.where(high <= low, 1e30, low)
-    return np.stack([low, high, high == mesh, np.zeros(len(low))], 1)
+def _which_fit(spans, elevations, patches, smallest, largest) -> np.ndarray:
+    """Return the blocks that may have instances within spans, from above and from the side."""
+    above, side = spans
+    if (above.is_empty and side.is_empty) or not len(patches):
+        return np.zeros(0, np.intp)
+    fits = above.fits(patches, smallest, largest)
+    if side is not above:
+        fits_side = side.fits(patches, smallest, largest)
+        if elevations is not None:  # close to the limit, the shader decides
+            fits &= elevations > SIDE_ELEVATION - _UNSURE
+            fits_side &= elevations < SIDE_ELEVATION + _UNSURE
+        fits |= fits_side
+    return fits.nonzero()[0]
 
 
 def _lengths(columns):

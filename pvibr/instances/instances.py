@@ -472,7 +472,8 @@ class Instances(ItemSet):
 
     def _check_shaders(self):
         """On failure of a shader, warn and draw without it from then on."""
-        if failure := self.groups.mesh_failure():
+        if self.groups.mesh_failure:
+            failure = self.groups.draw_singly()
             self._rebuild()
             self._warn(failure, 'each instance is drawn by an actor')
         failure = self.groups.card_failure

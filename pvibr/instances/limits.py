@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass, field, replace
-from functools import reduce
+from functools import cached_property, lru_cache, reduce
 from typing import NamedTuple
 
 import numpy as np
 
 from pvibr.instances.card_layers import PATCHES
+from pvibr.instances.card_spans import NOWHERE, CardSpan
 from pvibr.instances.cards import ALL_CARD_SHADERS, CARD_SHADERS, SPLAT
 from pvibr.instances.cost_model import negligible_from, saved_by_meshes
 from pvibr.instances.measure import card_needs, mesh_needs, worst
@@ -36,16 +37,24 @@ class Limits:
 
     def coarser(self, quality) -> Limits:
         """Return limits for an image drawn at a fraction `quality`, 0 to 1, of its size."""
+        if quality == 1:
+            return self
         cards, side_cards = (_scaled(c, quality) for c in (self.cards, self.side_cards))
         return Limits(cards, self.mesh_from / quality, self.mesh_to / quality, side_cards)
 
-    def spans(self, name) -> list[np.ndarray]:
-        """Return a shader's spans of sizes, from above or below and from the side."""
-        unused = np.zeros((2, PATCHES))
-        return [spans.get(name, unused) for spans in (self.cards, self.side_cards or self.cards)]
+    @cached_property
+    def spans(self) -> dict[str, tuple[CardSpan, CardSpan]]:
+        """Each shader's spans of sizes, from above or below and from the side."""
+        above, side = (
+            {name: CardSpan.of(span, self.mesh_from) for name, span in cards.items()}
+            for cards in (self.cards, self.side_cards)
+        )
+        side = side or above
+        return {n: (above.get(n, NOWHERE), side.get(n, NOWHERE)) for n in {**above, **side}}
 
+    @cached_property
     def varying(self) -> tuple[float, float]:
-        """Return the sizes between which the level depends on the view direction."""
+        """The sizes between which the level depends on the view direction."""
         spans = [*self.cards.values(), *self.side_cards.values()]
         ends = np.stack([self.mesh_from, *self.mesh_to, *(high for _, high in spans)])
         ends = ends[ends.min(1) < ends.max(1)]
@@ -89,12 +98,18 @@ def _spans(ends) -> dict:
 def limits_of(errors, mesh_levels, max_error) -> Limits:
     """Return the largest sizes at which each level meets `max_error`."""
     if not errors:
-        unused = {shader.name: np.zeros((2, PATCHES)) for shader in CARD_SHADERS}
-        mesh_to = _everywhere([np.inf, *[0.0] * (mesh_levels - 1)])
-        return Limits(unused, np.zeros(PATCHES), mesh_to)
+        return _only_meshes(mesh_levels)
     cards, side_cards = (_spans(ends(errors, max_error)) for ends in (card_ends, side_ends))
     mesh_to = np.array([sizes for sizes, _ in mesh_ends(errors, mesh_levels, max_error)])
     return Limits(cards, list(cards.values())[-1][1], mesh_to, side_cards)
+
+
+@lru_cache
+def _only_meshes(mesh_levels) -> Limits:
+    """Return limits at which all is the mesh itself."""
+    unused = {shader.name: np.zeros((2, PATCHES)) for shader in CARD_SHADERS}
+    mesh_to = _everywhere([np.inf, *[0.0] * (mesh_levels - 1)])
+    return Limits(unused, np.zeros(PATCHES), mesh_to)
 
 
 def by_cost(limits, triangles) -> Limits:

@@ -11,6 +11,7 @@ from pvibr.instances.group import SORTED_SEEN, InstanceGroup, unit_of
 from pvibr.instances.placement import centers_of
 from pvibr.maths.blocks import BLOCK, members, morton_order
 from pvibr.things.draw_order import Stage
+from pvibr.things.shader_draws import ShaderDraws
 from pvibr.things.thing import joined_bounds
 
 _SPREAD = 2.0  # growth of most blocks at which instances are sorted into new ones
@@ -37,6 +38,10 @@ class MeshGroups:
         self._is_uploaded = False
         #: Whether each near mesh has an actor, because the shaders of batches failed.
         self._draws_singly = False
+        #: Errors of the shaders of cards and of meshes.
+        self.card_failure: str | None = None
+        self.mesh_failure: str | None = None
+        self._checked_draws = 0
 
     def __len__(self):
         return len(self._groups)
@@ -198,6 +203,10 @@ class MeshGroups:
         return has_new_actors
 
     def _show_cards(self, frame, shader, choices):
+        if not [choice for choice in choices if len(choice.table)]:
+            for group, choice in zip(self, choices, strict=True):
+                group.cards.show(shader.name, choice.table, (), ranges=choice.ranges)
+            return
         unit = self[0].unit
         if unit > 1 and sum(len(choice.table) for choice in choices) * unit <= SORTED_SEEN:
             pairs = zip(self, choices, strict=True)
@@ -207,7 +216,6 @@ class MeshGroups:
         for group, choice, group_cuts in zip(self, choices, cuts, strict=True):
             options = {
                 'ranges': choice.ranges,
-                'side_ranges': choice.side_ranges,
                 'unit': unit,
                 'cored': choice.cored,
             }
@@ -232,19 +240,17 @@ class MeshGroups:
     def finish(self, *, check):
         """Release the texture units, and optionally check that the shaders were drawn."""
         self._binder.unbind()
-        for group in self if check else ():
-            group.near.check()
-            group.cards.check()
+        if check and self._checked_draws != ShaderDraws.first_draws:
+            self._checked_draws = ShaderDraws.first_draws
+            for group in self:
+                group.near.check()
+                group.cards.check()
+            self.card_failure = next((g.cards.failure for g in self if g.cards.failure), None)
+            self.mesh_failure = next((g.near.failure for g in self if g.near.failure), None)
 
-    @property
-    def card_failure(self) -> str | None:
-        """Error of a card shader, or None."""
-        return next((group.cards.failure for group in self if group.cards.failure), None)
-
-    def mesh_failure(self) -> str | None:
-        """Return the error of a mesh shader, or None; groups built from then on use none."""
-        failure = next((group.near.failure for group in self if group.near.failure), None)
-        self._draws_singly |= failure is not None
+    def draw_singly(self) -> str | None:
+        """Use no mesh shader in groups built from now on; return its error."""
+        failure, self.mesh_failure, self._draws_singly = self.mesh_failure, None, True
         return failure
 
     def release(self):

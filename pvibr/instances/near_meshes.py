@@ -13,7 +13,7 @@ from pvibr.instances.cards import FADE
 from pvibr.instances.mesh_draws import MeshDraws, can_batch
 from pvibr.instances.mesh_pool import MeshPool
 from pvibr.instances.one_sided import faces_outward
-from pvibr.maths.blocks import ascending, frustum_planes
+from pvibr.maths.blocks import ascending
 from pvibr.things.appearance import is_clear
 from pvibr.things.shader_draws import ROW, pack
 
@@ -41,6 +41,7 @@ class NearMeshes:
         #: Mesh level of each slot in the last frame, -1 if it was no mesh.
         self.level_of = np.zeros(0, np.int8)
         self._slots = np.zeros(0, int)
+        self._no_counts = dict.fromkeys((f'mesh {level.triangles}' for level in self.levels), 0)
 
     def _pools(self) -> list:
         return [MeshPool(level) for level in self.levels]
@@ -95,6 +96,9 @@ class NearMeshes:
 
     def select(self, group, frame, limits) -> list:
         """Draw the instances too large for cards; return new actors."""
+        if not (len(group.mesh_blocks) or len(self._slots)):
+            group.counts |= self._no_counts
+            return []
         slots, centers, sizes, patches = self._large(group, frame, limits)
         mesh_from = at_patches(limits.mesh_from, patches)
         mesh_levels = _levels(sizes, at_patches(limits.mesh_to, patches))
@@ -119,7 +123,7 @@ class NearMeshes:
     def _large(self, group, frame, limits):
         """Return slots, eye-space centres, sizes and patches of visible meshes, nearest first."""
         slots, _, centers, distances, sizes = group.instances_of(frame, group.mesh_blocks)
-        planes = frustum_planes(frame.clip_from_view)[:4].astype(np.float32)
+        planes = frame.view.side_planes.astype(np.float32)
         radii = group.radii[slots]
         in_view = (planes[:, :3] @ centers + planes[:, 3:]).min(0) > -radii
         if not frame.parallel:
@@ -128,7 +132,7 @@ class NearMeshes:
         is_near = in_view & (sizes >= at_patches(limits.mesh_from, patches))
         if group.looks is not None:
             is_near &= group.looks[slots, 3] > 0
-        near = np.flatnonzero(is_near)
+        (near,) = is_near.nonzero()
         near = near[ascending((-centers[2] if frame.parallel else distances)[near])]
         return slots[near], centers.take(near, 1), sizes[near], patches[near]
 

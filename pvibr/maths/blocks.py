@@ -45,16 +45,6 @@ def _spread(numbers):
     return numbers
 
 
-def frustum_planes(clip_from_view):
-    """Return the inward planes (left, right, bottom, top, near, far) of a projection, (6, 4).
-
-    View space; Gribb and Hartmann, "Fast Extraction of Viewing Frustum Planes", 2001.
-    """
-    m = np.asarray(clip_from_view, float)
-    planes = np.concatenate([m[3] + m[:3], m[3] - m[:3]])[[0, 3, 1, 4, 2, 5]]
-    return planes / np.linalg.norm(planes[:, :3], axis=1, keepdims=True)
-
-
 @dataclass
 class Blocks:
     """Groups of m consecutive instances, with the bounds that culling and level choice need.
@@ -118,13 +108,12 @@ class Blocks:
         Indices (k,), origins in view space (k, 3), bounds of on-screen diameters in pixels (k,).
         """
         view_from_world = frame.view_from_world
-        planes = frustum_planes(frame.clip_from_view)
-        planes = planes[:4]  # near and far follow the scene, so they cull nothing
+        planes = frame.view.side_planes
         near_blocks = self._near(view_from_world, planes, frame.parallel)
         # Rows of coordinates, each contiguous, are several times faster.
         origins = view_from_world[:3, :3] @ self.centers[near_blocks].T + view_from_world[:3, 3:]
         outer_radii = self.reach[near_blocks] + self.largest[near_blocks]
-        in_frustum = np.flatnonzero(_inside(origins, outer_radii, planes, frame.parallel))
+        (in_frustum,) = _inside(origins, outer_radii, planes, frame.parallel).nonzero()
         origins = origins.take(in_frustum, 1)
         depths = origins[2] if frame.parallel else -np.sqrt((origins * origins).sum(0))
         far_first = np.argsort(depths)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -49,9 +50,27 @@ class View:
         """Return the matrix that takes world space to texture space times w, (4, 4)."""
         return TEXTURE_FROM_CLIP @ self.clip_from_view @ self.view_from_world
 
+    @cached_property
+    def side_planes(self) -> np.ndarray:
+        """Inward planes of the left, right, bottom and top, view space, (4, 4).
+
+        Those of near and far follow the scene, and cull nothing.
+        """
+        return frustum_planes(self.clip_from_view)[:4]
+
     def key(self) -> bytes:
         """Return the matrices as bytes."""
         return self.view_from_world.tobytes() + self.clip_from_view.tobytes()
+
+
+def frustum_planes(clip_from_view):
+    """Return the inward planes (left, right, bottom, top, near, far) of a projection, (6, 4).
+
+    View space; Gribb and Hartmann, "Fast Extraction of Viewing Frustum Planes", 2001.
+    """
+    m = np.asarray(clip_from_view, float)
+    planes = np.concatenate([m[3] + m[:3], m[3] - m[:3]])[[0, 3, 1, 4, 2, 5]]
+    return planes / np.linalg.norm(planes[:, :3], axis=1, keepdims=True)
 
 
 def look_along(eye, direction, up=None) -> np.ndarray:

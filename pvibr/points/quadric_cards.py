@@ -13,7 +13,8 @@ from pvibr.core.passes import has_shadows
 from pvibr.gl import enums as gl
 from pvibr.gl import shader_source
 from pvibr.gl.feature import Feature, sections
-from pvibr.maths.blocks import BLOCK, frustum_planes
+from pvibr.maths.blocks import BLOCK
+from pvibr.maths.views import frustum_planes
 from pvibr.things.clipping import KEPT
 from pvibr.things.draw_order import PARTS
 from pvibr.things.shader_draws import DULL, ShaderDraws

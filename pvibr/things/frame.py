@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -162,13 +163,13 @@ class Frame:
         left, bottom, right, top = self.tile
         return self.size[0] / (right - left or 1), self.size[1] / (top - bottom or 1)
 
-    @property
+    @cached_property
     def pixel_scales(self) -> tuple[float, float]:
         """Pixels per unit of tan(angle) in perspective, per world unit in parallel projection."""
         width, height = np.diag(self.clip_from_view)[:2] * self.size / 2
         return float(width), float(height)
 
-    @property
+    @cached_property
     def pixel_scale(self) -> float:
         """Pixels per unit along y, or the larger scale where pixels are oblong."""
         width, height = self.pixel_scales

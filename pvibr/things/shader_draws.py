@@ -24,6 +24,9 @@ DULL = '#define specularColor vec3(0.0)\n', '#undef specularColor\n'
 class ShaderDraws:
     """Actors of one mapper, visible within frames only, each drawing a span of the entries."""
 
+    #: How many there were, of any: only then may a shader fail.
+    first_draws = 0
+
     # The shader reads the entries from ibr_entries, in rows of ROW texels; an actor's span is
     # from ibr_first, its first item, to before ibr_end.
 
@@ -129,6 +132,7 @@ class ShaderDraws:
         self._start_observer = self.mapper.AddObserver('StartEvent', weakly(self._on_start))
 
     def _on_start(self):
+        ShaderDraws.first_draws += 1
         self._was_drawn = True
         self.mapper.RemoveObserver(self._start_observer)
 
@@ -142,7 +146,7 @@ class ShaderDraws:
             textures = {**textures, 'ibr_entries': self.entries}
             if self._corners == 1:
                 self.entries.window.GetState().SetEnumState(gl.PROGRAM_POINT_SIZE, True)
-        set_uniforms(program, self._binder.bind(self, textures))
+        set_uniforms(program, self._binder.bind(textures))
         set_uniforms(program, uniforms)
         if not self.landed:
             self.landed = True

@@ -113,8 +113,8 @@ class Thing(Effect, pv.Actor):
         """Return True if an effect reads the depth of the drawn frame."""
         renderer = frame.renderer
         read_by_vtk = renderer.GetPass() is not None or bool(renderer.GetUseSSAO())
-        effects = self.pipeline.effects
-        return frame.own and (read_by_vtk or any(e.is_image_effect and e.enabled for e in effects))
+        enabled_effects = [e for e in self.pipeline.image_effects if e.enabled]
+        return frame.own and (read_by_vtk or bool(enabled_effects))
 
     def depths(self) -> list:
         """Return the actors that draw its depth, as lights see it."""

@@ -85,6 +85,30 @@ def test_uniforms_by_their_types(window):
     np.testing.assert_allclose(seen[0, 0], [3.5, 2, 4, rows[1] @ [1, 10, 100]])
 
 
+def test_programs_hold_what_they_were_given(window):
+    """Also of values that are changed in place, and of another program of the same text."""
+    text = (
+        'uniform vec2 a; uniform float f; void main() { gl_FragData[0] = vec4(a + uv.x, f, 0); }'
+    )
+    quads = [Quad(window, text, f'text {k}') for k in range(2)]
+    target = Target(window, 1, 1, ('rgba32f',))
+    changed = np.array([1.0, 2.0]), [3.0, 4.0]
+
+    def seen(quad, a, f):
+        with target.drawing():
+            quad.draw({'a': a, 'f': f})
+        return target.colors[0].download()[0, 0, :3].tolist()
+
+    for a in changed:
+        for step in (0.0, 8.0, 8.0, 16.0, 0.0):
+            a[0] = step
+            for quad in quads:
+                assert seen(quad, a, step) == [step + 0.5, a[1] + 0.5, step]
+                assert seen(quad, (a[1], a[0]), 1.0) == [a[1] + 0.5, step + 0.5, 1.0]
+    for resource in (*quads, target):
+        resource.release()
+
+
 def test_a_shader_that_does_not_compile(window):
     with (
         pv.VtkErrorCatcher(send_to_logging=False),

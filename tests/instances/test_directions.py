@@ -108,7 +108,7 @@ def test_a_plant_is_an_image_as_far_as_each_direction_allows(seed):
         np.ptp(found.side_cards[name], axis=1).max() < np.ptp(found.mesh_from)
         for name in SIDE_SHADERS
     )
-    low, high = found.varying()
+    low, high = found.varying
     assert high == max(span[1].max() for span in spans if np.ptp(span[1]))
 
 

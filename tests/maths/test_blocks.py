@@ -6,8 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pvibr.core import _vtk
-from pvibr.maths.blocks import Blocks, frustum_planes, morton_order
-from pvibr.maths.views import View
+from pvibr.maths.blocks import Blocks, morton_order
+from pvibr.maths.views import View, frustum_planes
 from pvibr.things.frame import Frame
 
 FEW = settings(deadline=None, max_examples=40)
