@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
@@ -22,13 +22,16 @@ def directions(count=4000):
 
 
 @settings(deadline=None, max_examples=40)
+@example(points=np.concatenate([[[1.0, 1, -1]], np.full((11, 3), -1.0)]))
 @given(points=POINTS)
 def test_nothing_reaches_farther(points):
     d = directions()
     found, exact = support(support_table(points), d), (d @ points.T).max(1)
     assert (found >= exact - 1e-12).all()
     np.testing.assert_allclose(found[:6], exact[:6], atol=1e-12)
-    assert (found - exact).max() < 0.08  # of points that are up to 1.7 from the origin
+    # Two points differ by at most 4 along a step of 1/16 of the octahedron; linear interpolation
+    # across their kink adds a quarter of that, and lengths by the octahedron's are up to 3**0.5.
+    assert (found - exact).max() < 4 / 16 / 4 * 3**0.5
 
 
 @settings(deadline=None, max_examples=40)
