@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from itertools import pairwise
 
-import numpy as np
-
 from pvibr.figures.mesh_actors import PosedMeshActor
 from pvibr.figures.posing import Posing, posed_feature
 from pvibr.gl import set_vertex_uniforms
@@ -13,9 +11,10 @@ from pvibr.instances.mesh_pool import MeshPool, lendable
 
 
 class _Group(list):
-    """Actors of one member, and the number of its pose."""
+    """Actors of one member, the number of its pose, and the posing that they read it from."""
 
     number = 0
+    posing: Posing | None = None
 
 
 class PosedPool(MeshPool):
@@ -28,7 +27,10 @@ class PosedPool(MeshPool):
         self.mesh_actors, self.skinning = mesh_actors, skinning
         self._posed = [b for b in mesh_actors if isinstance(b, PosedMeshActor)]
         self._posing: Posing | None = None
+        #: Slot and clip time of each pose, by its number.
         self._shown_keys: dict = {}
+        #: By mesh, its last pose of each number.
+        self._mesh_poses: list[list] = [[] for _ in self._posed]
         self._made_so_far = 0
 
     def _new_actors(self) -> list:
@@ -52,45 +54,61 @@ class PosedPool(MeshPool):
         return 0 if self._posing is None else self._posing.nbytes
 
     def pose(self, window, key_by_slot, moments_of, matrix_of):
-        """Pose the lent actors if any changed."""
+        """Pose the lent actors whose clip time has changed."""
         pose_keys = {self.lent[i].number: (i, key) for i, key in key_by_slot.items()}
-        if any(self._shown_keys.get(number) != pose_key for number, pose_key in pose_keys.items()):
-            moments = moments_of(list(key_by_slot.values()))
-            self._draw(window, dict(zip(key_by_slot, moments, strict=True)), matrix_of)
-        self._shown_keys = pose_keys  # newly lent actors have no pose yet
+        changed = dict(
+            pose_key
+            for number, pose_key in pose_keys.items()
+            if self._shown_keys.get(number) != pose_key
+        )
+        if changed:
+            moments = moments_of(list(changed.values()))
+            self._draw(window, dict(zip(changed, moments, strict=True)), matrix_of)
+        self._shown_keys = pose_keys
         for mesh_actor in self._posed:
             mesh_actor.draws.posing = self._posing
+
+    def _place(self, actors, matrix):
+        super()._place(actors, matrix)
+        self._shown_keys.pop(actors.number, None)  # the pose moves the meshes, too
 
     def _draw(self, window, moments, matrix_of):
         for i, moment in moments.items():
             world_from_figure = matrix_of(i)
             for mesh_actor, actor in zip(self.mesh_actors, self.lent[i], strict=True):
                 world_from_mesh = world_from_figure @ mesh_actor.local(moment)
-                actor.GetUserMatrix().DeepCopy(np.asarray(world_from_mesh, float).ravel().tolist())
+                actor.GetUserMatrix().DeepCopy(world_from_mesh.ravel().tolist())
                 mapper = mesh_actor.mapper(mesh_actor.mirrors(world_from_mesh, moment))
                 if actor.GetMapper() is not mapper:
                     actor.SetMapper(mapper)
         if not self._posed:
             return
+        posing = self._posing_with_room(window)
+        for mesh_actor, mesh_poses in zip(self._posed, self._mesh_poses, strict=True):
+            changed_poses = {
+                self.lent[i].number: mesh_actor.mesh_pose(moment) for i, moment in moments.items()
+            }
+            # Unused poses are drawn too, but never read.
+            any_pose = next(iter(changed_poses.values()))
+            mesh_poses += [any_pose] * (posing.poses - len(mesh_poses))
+            for number, mesh_pose in changed_poses.items():
+                mesh_poses[number] = mesh_pose
+        posing.draw(self._mesh_poses, skinning_mode=self.skinning)
+        for group in self.lent.values():
+            if group.posing is not posing:
+                self._aim(posing, group)
+
+    def _posing_with_room(self, window) -> Posing:
+        """Return a posing with a pose for each group of actors."""
         if self._posing is None or self._posing.poses < self._made_so_far:
             self._release_posing()
             rest_meshes = [b.rest_mesh for b in self._posed]
             pose_capacity = max(4, 1 << (self._made_so_far - 1).bit_length())
             self._posing = Posing(window, rest_meshes, poses=pose_capacity)
-        # Unused poses are drawn too, but never read.
-        any_moment = next(iter(moments.values()))
-        moment_by_pose = [any_moment] * self._posing.poses
-        for i, moment in moments.items():
-            moment_by_pose[self.lent[i].number] = moment
-        mesh_poses = []
-        for mesh_actor in self._posed:
-            pose_of = {id(moment): mesh_actor.mesh_pose(moment) for moment in moments.values()}
-            mesh_poses.append([pose_of[id(moment)] for moment in moment_by_pose])
-        self._posing.draw(mesh_poses, skinning_mode=self.skinning)
-        for group in self.lent.values():
-            self._aim(self._posing, group)
+        return self._posing
 
     def _aim(self, posing, group):
+        group.posing = posing
         pairs = zip(self.mesh_actors, group, strict=True)
         actors = [actor for posed, actor in pairs if isinstance(posed, PosedMeshActor)]
         for actor, (first_row, end_row) in zip(actors, pairwise(posing.rows), strict=True):
@@ -106,10 +124,11 @@ class PosedPool(MeshPool):
         self.finish()
         if self._posing is not None:
             self._posing.release()
-        self._posing, self._shown_keys = None, {}
+        self._posing = None
 
     def release(self, window):
         """Release all GPU resources; the context must be alive."""
         self._release_posing()
+        self._shown_keys = {}
         for mesh_actor in self.mesh_actors:
             mesh_actor.release(window)

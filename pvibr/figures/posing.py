@@ -182,26 +182,29 @@ class _Mesh:
 
     def pose_states(self, mesh_poses, skinning_mode):
         """Return the state of each pose as rows of four: joints, then shapes."""
-        joint_palettes = [self._palette(place, skinning_mode) for place in mesh_poses]
+        joint_palettes = self._palettes(mesh_poses, skinning_mode)
         self.palette = len(joint_palettes[0])
         if self.store is None:
             return joint_palettes
         shapes = _shapes(self.store, mesh_poses)
         return [np.concatenate(pair) for pair in zip(joint_palettes, shapes, strict=True)]
 
-    def _palette(self, mesh_pose, skinning_mode):
-        """Return the skinning matrices as rows of four, relative to the origins."""
-        if mesh_pose.matrices is None:
-            return np.zeros((0, 4))
-        matrices = np.array(mesh_pose.matrices, np.float64)
-        matrices[:, :3, 3] += matrices[:, :3, :3] @ self.origin - mesh_pose.origin
-        linear_parts = matrices[:, :3]
+    def _palettes(self, mesh_poses, skinning_mode) -> list:
+        """Return the skinning matrices of each pose as rows of four, relative to the origins."""
+        if mesh_poses[0].matrices is None:
+            return [np.zeros((0, 4))] * len(mesh_poses)
+        matrices = np.array([pose.matrices for pose in mesh_poses], np.float64)
+        pose_origins = np.array([pose.origin for pose in mesh_poses])[:, None]
+        matrices[:, :, :3, 3] += matrices[:, :, :3, :3] @ self.origin - pose_origins
+        linear_parts = matrices[:, :, :3]
         if skinning_mode == 'linear':
-            return linear_parts.reshape(-1, 4)
-        centers = self.rest_mesh.centers - self.origin
-        real, dual, stretch = skinning.dual_parts(matrices, centers)
-        joint_rows = stretch, linear_parts, real[:, None], dual[:, None]
-        return np.concatenate(joint_rows, 1).reshape(-1, 4)
+            return [*linear_parts.reshape(len(mesh_poses), -1, 4)]
+        centers, palettes = self.rest_mesh.centers - self.origin, []
+        for pose_matrices in matrices:
+            real, dual, stretch = skinning.dual_parts(pose_matrices, centers)
+            joint_rows = stretch, pose_matrices[:, :3], real[:, None], dual[:, None]
+            palettes.append(np.concatenate(joint_rows, 1).reshape(-1, 4))
+        return palettes
 
 
 def _shapes(store, mesh_poses):
