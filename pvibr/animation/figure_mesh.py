@@ -173,11 +173,11 @@ class FigureMesh:
 
 
 def is_mirrored_by(figure_mesh, signs):
-    """Return whether joints with determinants of these signs mirror most of a mesh."""
+    """Return whether joints with determinants of these signs (..., n) mirror most of a mesh."""
     if figure_mesh.skin is None:
-        return figure_mesh.node >= 0 and bool(signs[figure_mesh.node] < 0)
+        return figure_mesh.node >= 0 and signs[..., figure_mesh.node] < 0
     skin_joints, turn_weights = figure_mesh.skin.turns
-    return bool(signs[skin_joints] @ turn_weights < 0)
+    return signs[..., skin_joints] @ turn_weights < 0
 
 
 def _with_normals(frames, mesh):

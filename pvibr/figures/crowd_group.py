@@ -154,21 +154,28 @@ class CrowdState:
         """Return the poses at times of a clip."""
         return self.figure.sample(seconds, self.motions[clip].clip, loop=False)
 
-    def moments(self, keys) -> list[Moment]:
-        """Return the moments of (clip, time) pairs, all of a clip at once."""
+    def moments(self, keys) -> list[tuple[list[int], Moment]]:
+        """Return the moments of (clip, time) pairs, each with the indices of its pairs.
+
+        If only joints move the vertices, there is one moment of all poses of a clip.
+        """
         clip_indices, clip_seconds = np.array(keys).T
-        moment_list: list = [None] * len(keys)
         # If only joints move the vertices, the world matrices suffice.
-        joints_only = not any(getattr(actor, 'shapes', None) for actor in self.mesh_actors)
+        has_shapes = any(getattr(actor, 'shapes', None) for actor in self.mesh_actors)
+        is_batched = all(actor.moves_with_joints for actor in self.mesh_actors)
+        moments: list[tuple[list[int], Moment]] = []
         for clip in np.unique(clip_indices):
             (key_indices,) = np.nonzero(clip_indices == clip)
             poses = self.pose(int(clip), clip_seconds[key_indices])
             worlds = self.figure.world(poses)
             signs = signs_of(worlds)
-            for k, place in enumerate(key_indices):
-                state = worlds[k] if joints_only else poses[k]
-                moment_list[place] = Moment(state, worlds[k], signs[k], self.box)
-        return moment_list
+            if is_batched:
+                moments.append((key_indices.tolist(), Moment(worlds, worlds, signs, self.box)))
+                continue
+            for k, place in enumerate(key_indices.tolist()):
+                state = poses[k] if has_shapes else worlds[k]
+                moments.append(([place], Moment(state, worlds[k], signs[k], self.box)))
+        return moments
 
     def parts(self, member, time, matrix) -> list:
         """Return the posed meshes of a member with their looks, in world units."""

@@ -34,6 +34,8 @@ class MeshActor:
 
     part: Part
     actor: pv.Actor
+    #: Whether only joints move it: then a moment may be of many poses.
+    moves_with_joints = True
     #: Whether faces wind the other way.
     _turned = False
 
@@ -54,12 +56,12 @@ class MeshActor:
             self._turn()
 
     def local(self, moment) -> np.ndarray:
-        """Return the matrix of the actor in the figure's space at a moment, shape (4, 4)."""
+        """Return the matrix of the actor in the figure's space at a moment, shape (..., 4, 4)."""
         raise NotImplementedError
 
-    def mirrors(self, world_from_mesh, _moment) -> bool:
-        """Return whether the mesh is mirrored at a moment, with the actor's matrix (4, 4)."""
-        return bool(signs_of(world_from_mesh) < 0)
+    def mirrors(self, world_from_mesh, _moment):
+        """Return whether the mesh is mirrored at a moment, with the actor's matrix (..., 4, 4)."""
+        return signs_of(world_from_mesh) < 0
 
     def mapper(self, mirrored):
         """Return a mapper for poses that mirror the mesh, or for those that do not."""
@@ -98,7 +100,7 @@ class RigidMeshActor(MeshActor):
         self.part, self.actor, self.node = part, part.actor, node
 
     def local(self, moment) -> np.ndarray:
-        """Return ``figure_from_mesh`` at a moment, shape (4, 4)."""
+        """Return ``figure_from_mesh`` at a moment, shape (..., 4, 4)."""
         return _joint_matrix(moment, self.node)
 
     def _turn(self):
@@ -108,6 +110,8 @@ class RigidMeshActor(MeshActor):
 
 class WireMeshActor(RigidMeshActor):
     """Points or lines, posed on the CPU."""
+
+    moves_with_joints = False
 
     def __init__(self, figure, index, part):
         super().__init__(part, -1)
@@ -143,6 +147,8 @@ class PosedMeshActor(MeshActor):
         self.actor = self._actor(part)
         self._double = self._depth_double()
         self._colors = self._morphed_colors()
+        is_shaped = bool(self.shapes) or self._colors is not None
+        self.moves_with_joints = self.figure_mesh.skin is not None and not is_shaped
 
     def _rest_mesh(self, shapes):
         order = shapes.order
@@ -201,8 +207,8 @@ class PosedMeshActor(MeshActor):
     def _turn(self):
         self.mesh.SetPolys(with_flipped_winding(self.mesh).GetPolys())
 
-    def mirrors(self, world_from_mesh, moment) -> bool:
-        """Return whether the mesh is mirrored at a moment, with the actor's matrix (4, 4)."""
+    def mirrors(self, world_from_mesh, moment):
+        """Return whether the mesh is mirrored at a moment, with the actor's matrix (..., 4, 4)."""
         is_skinned = self.figure_mesh.skin is not None  # else the matrix has the node in it
         joints_mirror = is_skinned and is_mirrored_by(self.figure_mesh, moment.signs)
         return joints_mirror != super().mirrors(world_from_mesh, moment)
@@ -219,7 +225,7 @@ class PosedMeshActor(MeshActor):
         return MeshPose(self.figure_mesh.skin.matrices(moment.world), moment.origin, *shapes)
 
     def local(self, moment) -> np.ndarray:
-        """Return ``figure_from_posed`` at a moment, shape (4, 4); update the bounding box."""
+        """Return ``figure_from_posed`` at a moment, (..., 4, 4); update the bounding box."""
         figure_from_posed = np.eye(4)
         if self.figure_mesh.skin is not None:
             figure_from_posed[:3, 3] = moment.origin
@@ -309,7 +315,7 @@ def as_mesh_actors(figure, mesh_options, theme):
 
 
 def _joint_matrix(moment, joint_index):
-    return np.eye(4) if joint_index < 0 else moment.world[joint_index]
+    return np.eye(4) if joint_index < 0 else moment.world[..., joint_index, :, :]
 
 
 def _with_spare_points(mesh, order, points):

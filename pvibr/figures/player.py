@@ -22,7 +22,10 @@ from pvibr.things.thing import Thing
 
 @dataclass(frozen=True, eq=False)
 class Moment:
-    """A pose of a figure: world matrices (n, 4, 4), signs of their determinants, and bounds."""
+    """A pose of a figure: world matrices (n, 4, 4), signs of their determinants, and bounds.
+
+    World matrices and signs may be those of many poses, (..., n, 4, 4) and (..., n).
+    """
 
     pose: Pose | np.ndarray
     world: np.ndarray

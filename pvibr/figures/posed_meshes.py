@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from itertools import pairwise
 
+import numpy as np
+
 from pvibr.figures.mesh_actors import PosedMeshActor
-from pvibr.figures.posing import Posing, posed_feature
+from pvibr.figures.posing import MeshPose, Posing, posed_feature
 from pvibr.gl import set_vertex_uniforms
 from pvibr.instances.mesh_pool import MeshPool, lendable
 
@@ -15,6 +17,9 @@ class _Group(list):
 
     number = 0
     posing: Posing | None = None
+    #: The matrices of the actors, and whether their meshes are mirrored.
+    matrices: list
+    mirrored: list
 
 
 class PosedPool(MeshPool):
@@ -36,6 +41,8 @@ class PosedPool(MeshPool):
     def _new_actors(self) -> list:
         group = _Group(self._actor(mesh_actor) for mesh_actor in self.mesh_actors)
         group.number = self._made_so_far
+        group.matrices = [actor.GetUserMatrix() for actor in group]
+        group.mirrored = [False] * len(group)
         self._made_so_far += 1
         return group
 
@@ -62,8 +69,9 @@ class PosedPool(MeshPool):
             if self._shown_keys.get(number) != pose_key
         )
         if changed:
-            moments = moments_of(list(changed.values()))
-            self._draw(window, dict(zip(changed, moments, strict=True)), matrix_of)
+            groups = [self.lent[i] for i in changed]
+            world_from_figure = np.array([matrix_of(i) for i in changed], float)
+            self._draw(window, groups, moments_of(list(changed.values())), world_from_figure)
         self._shown_keys = pose_keys
         for mesh_actor in self._posed:
             mesh_actor.draws.posing = self._posing
@@ -72,22 +80,22 @@ class PosedPool(MeshPool):
         super()._place(actors, matrix)
         self._shown_keys.pop(actors.number, None)  # the pose moves the meshes, too
 
-    def _draw(self, window, moments, matrix_of):
-        for i, moment in moments.items():
-            world_from_figure = matrix_of(i)
-            for mesh_actor, actor in zip(self.mesh_actors, self.lent[i], strict=True):
-                world_from_mesh = world_from_figure @ mesh_actor.local(moment)
-                actor.GetUserMatrix().DeepCopy(world_from_mesh.ravel().tolist())
-                mapper = mesh_actor.mapper(mesh_actor.mirrors(world_from_mesh, moment))
-                if actor.GetMapper() is not mapper:
-                    actor.SetMapper(mapper)
+    def _draw(self, window, groups, moments, world_from_figure):
+        for indices, moment in moments:
+            shown_groups = [groups[i] for i in indices]
+            for k, mesh_actor in enumerate(self.mesh_actors):
+                matrices = world_from_figure[indices] @ mesh_actor.local(moment)
+                mirrored = np.broadcast_to(mesh_actor.mirrors(matrices, moment), len(indices))
+                _move(shown_groups, k, mesh_actor, matrices, mirrored)
         if not self._posed:
             return
         posing = self._posing_with_room(window)
         for mesh_actor, mesh_poses in zip(self._posed, self._mesh_poses, strict=True):
-            changed_poses = {
-                self.lent[i].number: mesh_actor.mesh_pose(moment) for i, moment in moments.items()
-            }
+            changed_poses: dict = {}
+            for indices, moment in moments:
+                poses = _single_poses(mesh_actor.mesh_pose(moment))
+                numbers = [groups[i].number for i in indices]
+                changed_poses.update(zip(numbers, poses, strict=True))
             # Unused poses are drawn too, but never read.
             any_pose = next(iter(changed_poses.values()))
             mesh_poses += [any_pose] * (posing.poses - len(mesh_poses))
@@ -132,3 +140,20 @@ class PosedPool(MeshPool):
         self._shown_keys = {}
         for mesh_actor in self.mesh_actors:
             mesh_actor.release(window)
+
+
+def _move(groups, k, mesh_actor, matrices, mirrored):
+    """Place the k-th actor of each group, wound the other way where it is mirrored."""
+    rows = matrices.reshape(-1, 16).tolist()
+    for group, row, is_mirrored in zip(groups, rows, mirrored.tolist(), strict=True):
+        group.matrices[k].DeepCopy(row)
+        if is_mirrored != group.mirrored[k]:
+            group.mirrored[k] = is_mirrored
+            group[k].SetMapper(mesh_actor.mapper(is_mirrored))
+
+
+def _single_poses(mesh_pose) -> list[MeshPose]:
+    """Return each pose of a mesh in one or many poses."""
+    if mesh_pose.matrices is None or mesh_pose.matrices.ndim == 3:
+        return [mesh_pose]
+    return [MeshPose(matrices, mesh_pose.origin) for matrices in mesh_pose.matrices]

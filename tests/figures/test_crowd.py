@@ -98,6 +98,28 @@ def test_near_ones_are_the_posed_meshes(figure, show):
     assert (np.abs(picture - truth).max(-1) > 0.02).mean() < 0.005
 
 
+def test_near_ones_that_change_one_by_one(figure, show):
+    """Only who changed is posed again; who was moved or shown again is at the right place."""
+    poses, times = apart(3), np.array([0.3, 1.1, 0.8])
+    pl, crowd = show(figure, poses, NEAR, times=times, color='tan')
+    grab(pl)
+
+    def off(seen=slice(None)):
+        truth = posed(figure, poses[seen], times[seen], NEAR, color='tan')
+        return np.abs(grab(pl) - truth).max(-1).mean()
+
+    crowd.times = times = np.array([0.3, 0.2, 0.8])
+    assert off() < 2e-3
+    crowd.poses = poses = np.add(apart(3), (0, 0.4, 0.7))
+    assert off() < 2e-3
+    crowd.visible = [False, True, False]
+    assert off([1]) < 2e-3
+    crowd.poses = poses = np.subtract(apart(3), (0, 0.3, 0.5))
+    assert off([1]) < 2e-3
+    crowd.visible = True
+    assert off() < 2e-3
+
+
 def test_far_ones_show_their_pose(figure, show):
     times = np.array([0.0, 1.0])
     pl, crowd = show(figure, apart(), times=times, color='tan', max_error=2.0)
