@@ -6,6 +6,7 @@ import numpy as np
 
 from pvibr.core.arguments import place_of
 
+_NEXT, _LAST = [1, 2, 0], [2, 0, 1]  # axes after and before each
 _LEAST = 1e-280  # squared length; shorter vectors, or longer than the inverse, are rescaled first
 
 
@@ -19,6 +20,14 @@ def unit_vectors(vectors):
         vectors = vectors / np.where(out_of_range & (largest > 0), largest, 1.0)
         squares = np.einsum('...i,...i->...', vectors, vectors)[..., None]
     return np.divide(vectors, np.sqrt(squares), out=np.zeros_like(vectors), where=squares > 0)
+
+
+def cross(a, b):
+    """Return the cross products of vectors (..., 3), as ``numpy.cross`` does.
+
+    That makes 80 calls, which take five times as long for few vectors.
+    """
+    return a[..., _NEXT] * b[..., _LAST] - a[..., _LAST] * b[..., _NEXT]
 
 
 def products(matrix, vectors):

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial import HalfspaceIntersection
 
-from pvibr.maths.vectors import unit_vectors
+from pvibr.maths.vectors import cross, unit_vectors
 from pvibr.maths.views import View, frustum
 
 # The centre of a card and its corners, as fractions of its sides.
@@ -103,9 +103,9 @@ def _facing(eye_direction, up):
     """Return right, up and back, (n, 3, 3), as upright as possible."""
     least_axis = np.eye(3)[np.argmin(np.abs(eye_direction), axis=1)]
     is_steep = np.abs(eye_direction @ up) > 0.999 * np.linalg.norm(up)
-    right = np.cross(np.where(is_steep[:, None], least_axis, up), eye_direction)
+    right = cross(np.where(is_steep[:, None], least_axis, up), eye_direction)
     right /= np.linalg.norm(right, axis=1)[:, None]
-    return np.stack([right, np.cross(eye_direction, right), eye_direction], axis=1)
+    return np.stack([right, cross(eye_direction, right), eye_direction], axis=1)
 
 
 def card_view(card, card_index, pad, *, parallel=False) -> View:
@@ -139,12 +139,12 @@ def displacement(card, eye, toward=None) -> np.ndarray:
     card_points = rect_points @ card.axes[:, :2]
     if toward is not None:
         depth_offsets = card.depth[:, None] * card.axes[:, 2]
-        return np.linalg.norm(np.cross(depth_offsets, toward), axis=1)
+        return np.linalg.norm(cross(depth_offsets, toward), axis=1)
     eye_rays = (card.eye[:, None] - card_points) / card.away[:, None, None]
     eye_offsets = np.asarray(eye, float) - card.center
     image_directions = card_points - eye_offsets[:, None]
     point_directions = image_directions + card.depth[:, None, None] * eye_rays
-    cross_lengths = np.linalg.norm(np.cross(image_directions, point_directions), axis=2)
+    cross_lengths = np.linalg.norm(cross(image_directions, point_directions), axis=2)
     dot_products = np.einsum('nki,nki->nk', image_directions, point_directions)
     is_ahead = np.einsum('ni,ni->n', eye_offsets, card.axes[:, 2]) > card.depth
     return np.where(is_ahead, np.arctan2(cross_lengths, dot_products).max(1), np.inf)
