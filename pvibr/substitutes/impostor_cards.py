@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 
 from pvibr.gl import Texture, release, shader_source
@@ -11,6 +13,7 @@ from pvibr.things.shader_draws import DULL, ShaderDraws
 _ROW, _TEXELS = 128, 5  # cards per row of the table, texels per card
 
 
+@cache
 def card_feature(*, depth, shiny, several) -> Feature:
     """Return the shader of cards by VTK's tags."""
     shader_parts = sections(shader_source(__file__, 'impostor'))
