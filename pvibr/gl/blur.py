@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pvibr.core.passes import is_llvmpipe
 from pvibr.gl.feature import sections
 from pvibr.gl.fused import Pointwise
 from pvibr.gl.quad import Quad, shader_source
@@ -61,6 +62,7 @@ class Blur:
         self._quads = {n: Quad(window, shader_sections[n], f'blur {n}') for n in _PASSES[chain]}
         self._blend_sources = [f'#define WHOLE {k}\n' + shader_sections['add'] for k in (0, 1)]
         self.source = Target(window, size[0], size[1], (*_FORMAT, 'r8'))
+        self._is_software = is_llvmpipe(window)
         self._chain = chain
         self._levels = [_Level(window, halves(size, k)) for k in range(levels)]
 
@@ -86,7 +88,12 @@ class Blur:
         return down_reach * (last_scale - 1) + up_reach * (last_scale - 2) + 3
 
     def lit(self):
-        """Return the bounding box of the light in `source`, or None; waits for the GPU."""
+        """Return the bounding box of the light in `source`, or None if there is none.
+
+        On a GPU, the whole of it: blurring all takes less time than waiting for the answer.
+        """
+        if not self._is_software:
+            return (0, 0, *self.source.colors[0].size)
         is_lit = self.source.colors[1].download()[..., 0]
         columns, rows = (is_lit.any(axis).nonzero()[0].tolist() for axis in (0, 1))
         return (columns[0], rows[0], columns[-1] + 1, rows[-1] + 1) if rows else None

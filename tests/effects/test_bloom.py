@@ -360,6 +360,23 @@ def test_a_white_background_does_not_shine():
     assert (grab(pl) != before).any()
 
 
+@pytest.mark.parametrize('threshold', [0.7, 50.0])  # of the second, nothing is above
+def test_a_gpu_is_not_waited_for(threshold, monkeypatch):
+    pictures = []
+    for is_software in (True, False):
+        monkeypatch.setattr('pvibr.gl.blur.is_llvmpipe', lambda _, answer=is_software: answer)
+        pl = bright()
+        bloom = pl.ibr.add(pvibr.Bloom(threshold=threshold))
+        pl.show(auto_close=False)
+        with monkeypatch.context() as patch:
+            if not is_software:
+                patch.setattr('pvibr.gl.Texture.download', lambda _: pytest.fail('a read-back'))
+            pl.render()
+        assert bloom.enabled
+        pictures.append(grab(pl))
+    assert np.array_equal(*pictures)
+
+
 def test_transparent_background_keeps_what_is_not_lit():
     pl = bright()
     pl.set_background('black')
