@@ -50,6 +50,7 @@ class Pipeline:
         self._entries: list[_Entry] = []
         self._effects: tuple[Effect, ...] = ()
         self._things: list[Effect] = []
+        #: The effects that draw on the picture, in running order.
         self.image_effects: list[Effect] = []
         self._observers: list[int] = []
         self._frames = 0
@@ -122,7 +123,6 @@ class Pipeline:
         self._entries = entries
         self._effects = tuple(entry.effect for entry in entries)
         self._things = [e for e in self._effects if isinstance(e, Thing)]
-        #: The effects that draw on the picture, in running order.
         self.image_effects = [e for e in self._effects if e.is_image_effect]
 
     def check_addable(self, effect):

@@ -160,8 +160,6 @@ class CrowdState:
         If only joints move the vertices, there is one moment of all poses of a clip.
         """
         clip_indices, clip_seconds = np.array(keys).T
-        # If only joints move the vertices, the world matrices suffice.
-        has_shapes = any(getattr(actor, 'shapes', None) for actor in self.mesh_actors)
         is_batched = all(actor.moves_with_joints for actor in self.mesh_actors)
         moments: list[tuple[list[int], Moment]] = []
         for clip in np.unique(clip_indices):
@@ -173,8 +171,7 @@ class CrowdState:
                 moments.append((key_indices.tolist(), Moment(worlds, worlds, signs, self.box)))
                 continue
             for k, place in enumerate(key_indices.tolist()):
-                state = poses[k] if has_shapes else worlds[k]
-                moments.append(([place], Moment(state, worlds[k], signs[k], self.box)))
+                moments.append(([place], Moment(poses[k], worlds[k], signs[k], self.box)))
         return moments
 
     def parts(self, member, time, matrix) -> list:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 _VECTORS = {2: 'SetUniform2f', 3: 'SetUniform3f', 4: 'SetUniform4f'}
+_IMMUTABLE = {float, int, bool, tuple}
 _MATRICES = {(3, 3): 'SetUniformMatrix3x3', (4, 4): 'SetUniformMatrix4x4'}
 
 
@@ -15,15 +16,14 @@ def set_uniforms(program, uniforms):
     """
     held_values = _held_by(program)
     for name, value in uniforms.items():
-        value_type = type(value)
-        if value_type is np.ndarray or value_type is list:  # may be changed in place
-            held_value = value.tobytes() if value_type is np.ndarray else tuple(value)
-        else:
-            held_value = value
+        if type(value) is list:
+            value = tuple(value)
+        # Arrays may be changed in place.
+        held_value = value if type(value) in _IMMUTABLE else value.tobytes()
         if name in held_values and held_values[name] == held_value:
             continue
         held_values[name] = held_value
-        if value_type is float:  # most are
+        if type(value) is float:  # most are
             program.SetUniformf(name, value)
         else:
             setter, *values = _setter(value)

@@ -472,8 +472,7 @@ class Instances(ItemSet):
 
     def _check_shaders(self):
         """On failure of a shader, warn and draw without it from then on."""
-        if self.groups.mesh_failure:
-            failure = self.groups.draw_singly()
+        if failure := self.groups.mesh_failure():
             self._rebuild()
             self._warn(failure, 'each instance is drawn by an actor')
         failure = self.groups.card_failure

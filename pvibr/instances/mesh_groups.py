@@ -38,9 +38,9 @@ class MeshGroups:
         self._is_uploaded = False
         #: Whether each near mesh has an actor, because the shaders of batches failed.
         self._draws_singly = False
-        #: Errors of the shaders of cards and of meshes.
+        #: Error of a card shader, or None.
         self.card_failure: str | None = None
-        self.mesh_failure: str | None = None
+        self._mesh_failure: str | None = None
         self._checked_draws = 0
 
     def __len__(self):
@@ -246,11 +246,12 @@ class MeshGroups:
                 group.near.check()
                 group.cards.check()
             self.card_failure = next((g.cards.failure for g in self if g.cards.failure), None)
-            self.mesh_failure = next((g.near.failure for g in self if g.near.failure), None)
+            self._mesh_failure = next((g.near.failure for g in self if g.near.failure), None)
 
-    def draw_singly(self) -> str | None:
-        """Use no mesh shader in groups built from now on; return its error."""
-        failure, self.mesh_failure, self._draws_singly = self.mesh_failure, None, True
+    def mesh_failure(self) -> str | None:
+        """Return a new error of a mesh shader, or None; groups built from then on use none."""
+        failure, self._mesh_failure = self._mesh_failure, None
+        self._draws_singly |= failure is not None
         return failure
 
     def release(self):

@@ -24,7 +24,7 @@ DULL = '#define specularColor vec3(0.0)\n', '#undef specularColor\n'
 class ShaderDraws:
     """Actors of one mapper, visible within frames only, each drawing a span of the entries."""
 
-    #: How many there were, of any: only then may a shader fail.
+    #: First draws of any of them so far: unless there were more, no shader can have failed.
     first_draws = 0
 
     # The shader reads the entries from ibr_entries, in rows of ROW texels; an actor's span is

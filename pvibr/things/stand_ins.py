@@ -47,8 +47,6 @@ class StandIns:
         self._drawn_indices: list[int] = []
         self._ray_actors: list = []
         self._drawn_actors: list = []
-        #: What hides each actor: looking up methods takes longer, in each frame.
-        self._hiders: list = []
         self._has_warned = self._is_empty = False
 
     def put_in(self, renderer):
@@ -60,7 +58,6 @@ class StandIns:
         self.clip(self._clip_planes)
         for actor in self.actors():
             put_inner(renderer, actor)
-        self._hiders = [actor.VisibilityOff for actor in self.actors()]
         self._empty()
         self._observers = [
             renderer.AddObserver('ModifiedEvent', weakly(self._on_convert)),
@@ -86,7 +83,6 @@ class StandIns:
         for actor in self.actors():
             self._renderer.RemoveViewProp(actor)
         self._renderer, self._observers, self._drawn_actors, self._drawn_indices = None, [], [], []
-        self._hiders = []
         self._area_key = None
 
     def _on_convert(self):
@@ -122,8 +118,8 @@ class StandIns:
     def _on_start(self):
         if self._renderer.GetSelector() is None:
             self._empty()
-        for hide in self._hiders:
-            hide()
+        for actor in self.actors():
+            actor.VisibilityOff()
 
     def _on_end(self):
         """Let pickers find items between frames."""
@@ -220,7 +216,6 @@ class StandIns:
             self._drawn_actors.append(_actor(_vtk.vtkPolyDataMapper()))
             _clip(self._drawn_actors[-1], self._clip_planes)
             put_inner(self._renderer, self._drawn_actors[-1])
-            self._hiders.append(self._drawn_actors[-1].VisibilityOff)
         self._drawn_indices, self._is_empty = item_indices, False
         for actor, index in zip(self._drawn_actors, item_indices, strict=False):
             actor.GetMapper().SetInputDataObject(_named(thing, index))

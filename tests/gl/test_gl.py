@@ -92,7 +92,7 @@ def test_programs_hold_what_they_were_given(window):
     )
     quads = [Quad(window, text, f'text {k}') for k in range(2)]
     target = Target(window, 1, 1, ('rgba32f',))
-    changed = np.array([1.0, 2.0]), [3.0, 4.0]
+    changed = np.array([1.0, 2.0]), [3.0, 4.0], pv.pyvista_ndarray([5.0, 6.0])
 
     def seen(quad, a, f):
         with target.drawing():
