@@ -11,16 +11,17 @@ from typing import Any
 
 from pvibr.core.effect import Effect, put_into
 from pvibr.core.errors import ClosedError, warn
-from pvibr.core.passes import has_shadows, is_llvmpipe, loses_depth, peels_samples
+from pvibr.core.passes import has_shadows, loses_depth, peels_samples
 from pvibr.core.plotters import list_all_props
 from pvibr.core.report import Report, Row
 from pvibr.effects import ORDER
 from pvibr.gl.annotations import Annotations
+from pvibr.gl.driver import renderer_name
 from pvibr.gl.fused import Fused
 from pvibr.gl.hidden_window import RENDERERS
 from pvibr.gl.picture import Picture
 from pvibr.gl.scene_pass import ScenePass
-from pvibr.gl.texture import nbytes_of, release
+from pvibr.gl.texture import Texture, nbytes_of, release
 from pvibr.things.buffers import Buffers, Tap
 from pvibr.things.casters import Surfaces
 from pvibr.things.draw_order import DrawOrder
@@ -98,10 +99,11 @@ class Pipeline:
             raise RuntimeError(f'buffer {name!r} could not be read: {why or "no frame was drawn"}')
         return tap
 
-    def stops(self, frame, picture) -> float:
-        """Return the exposure, in stops, that effects later in the order will apply."""
+    def exposure(self, frame, picture) -> tuple[float, Texture | None]:
+        """Return the stops of later effects, and the texel of further ones or None."""
         exposing = [e.effect for e in self._entries if e.running]
-        return sum(e.expose(frame, picture) for e in exposing)
+        stops = sum(e.expose(frame, picture) for e in exposing)
+        return stops, next((e.metered for e in exposing if e.metered is not None), None)
 
     def horizon_color(self, frame) -> tuple[float, ...]:
         """Return the colour of what is far away: that of the horizon, else of the background."""
@@ -289,7 +291,7 @@ class Pipeline:
         self._stage.end(turn)
         if not self._peels and peels_samples(self.renderer):
             self._peels = True
-            if is_llvmpipe(self.window):
+            if 'llvmpipe' in renderer_name(self.window):
                 turn.failures.append(_PEELS_NOTHING)
         turn.warn()
 

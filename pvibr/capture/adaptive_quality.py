@@ -13,6 +13,7 @@ from pvibr.core.costs import RunningMean
 from pvibr.core.determinism import is_deterministic
 from pvibr.core.hooks import Hooks
 from pvibr.core.plotters import is_dragged
+from pvibr.gl.frame_timer import FrameTimer
 
 #: Levels of quality, 3 dB apart.
 LEVELS = tuple(2 ** (-k / 2) for k in range(9))
@@ -127,7 +128,7 @@ class AdaptiveQuality:
         self._observers: list = []
         self._is_asked = False
         self._hooks = Hooks(plotter)
-        self._start_time: float | None = None
+        self._timer = FrameTimer()
         self._last_move = -math.inf
         self._wheel_turned = False
         self._multi_samples = 0
@@ -175,7 +176,8 @@ class AdaptiveQuality:
             owner.RemoveObserver(tag)
         self._hooks.take_off()
         self._observers, self._window = [], None
-        self.latest, self._start_time = 1.0, None
+        self._timer.release()
+        self.latest = 1.0
         self._is_moving_frame = self.lowered = False
 
     def _on_start(self, window, _event):
@@ -184,26 +186,28 @@ class AdaptiveQuality:
             return
         self._is_asked = False
         self.budget.ms = self._budget_ms()
+        last_ms = self._timer.start(window)
+        if last_ms is not None:
+            self._record(last_ms)
         self._is_moving_frame = self._is_moving(window)
         self.latest = self.budget.quality if self._is_moving_frame else 1.0
         if self.latest < 1:
             # Multisamples are expensive on CPUs, and least visible in motion.
             self._multi_samples = window.GetMultiSamples()
             window.SetMultiSamples(0)
-        self._start_time = perf_counter()
 
     def _on_end(self, window, _event):
         self._restore_samples(window)
-        start_time, self._start_time = self._start_time, None
-        if start_time is None or _is_picking(window):
+        if not self._timer.is_running or _is_picking(window):
+            self._timer.cancel()
             return
-        window.WaitForCompletion()
-        end_time = perf_counter()
-        self._record(1e3 * (end_time - start_time))
+        frame_ms = self._timer.end(window)
+        if frame_ms is not None:
+            self._record(frame_ms)
         self.lowered = self.latest < 1
         self._draw_pending = False
         if self._is_moving_frame or not all(effect.rests for effect in self._effects()):
-            self._last_move = end_time
+            self._last_move = perf_counter()
         if self.lowered:
             self._watch_screenshots()
         if self._may_refine():

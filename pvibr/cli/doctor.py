@@ -186,11 +186,14 @@ def _draw() -> None:
 
 
 def _window_facts(window) -> dict[str, str]:
+    from pvibr.gl.driver import VARIABLE, driver_of
+
     capabilities = dict(re.findall(r'OpenGL (\w+) string: *(.*)', window.ReportCapabilities()))
     return {
         'OpenGL': capabilities.get('version', 'unknown'),
         'driver': capabilities.get('vendor', 'unknown'),
         'renderer': capabilities.get('renderer', 'unknown'),
+        'drawn by': f'{driver_of(window).kind} ({VARIABLE} overrides)',
         'window': window.GetClassName(),
         'limits': ', '.join(_limits(window.GetState())),
     }

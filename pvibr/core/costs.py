@@ -2,31 +2,6 @@
 
 from __future__ import annotations
 
-from contextlib import contextmanager
-from time import perf_counter
-from types import SimpleNamespace
-
-from pvibr.core.determinism import elapsed
-
-#: Estimated seconds per actor and per cell, before any measurement.
-ACTOR, CELL = 5e-5, 7e-8
-
-
-def expected_seconds(cells) -> float:
-    """Return the estimated seconds to draw a mesh, before any measurement."""
-    return ACTOR + CELL * cells
-
-
-@contextmanager
-def timed(window, nominal):
-    """Measure seconds of GPU work; deterministic runs take the nominal time."""
-    measured = SimpleNamespace(seconds=nominal)
-    window.WaitForCompletion()
-    start = perf_counter()
-    yield measured
-    window.WaitForCompletion()
-    measured.seconds = elapsed(start, nominal)
-
 
 class RunningMean:
     """Exponentially weighted mean of measured values."""

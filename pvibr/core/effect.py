@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import weakref
 from inspect import Signature
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -201,6 +201,11 @@ class Effect(metaclass=Complete):
     def expose(self, frame, picture) -> float:
         """Return the exposure of the picture, in stops."""
         return 0.0
+
+    @property
+    def metered(self) -> Any:
+        """A texture of one texel with further stops that `expose` has metered, or None."""
+        return None
 
     def horizon_color(self, frame) -> tuple[float, ...] | None:
         """Return the colour that it draws at the horizon, or None."""

@@ -59,8 +59,3 @@ def peels_samples(renderer) -> bool:
     """Return whether VTK depth-peeled the last frame in a multisampled window."""
     sample_count = renderer.GetRenderWindow().GetMultiSamples()
     return sample_count > 1 and bool(renderer.GetLastRenderingUsedDepthPeeling())
-
-
-def is_llvmpipe(window) -> bool:
-    """Return whether Mesa renders on the CPU; querying the driver takes a millisecond."""
-    return 'llvmpipe' in window.ReportCapabilities()

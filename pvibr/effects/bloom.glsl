@@ -7,18 +7,20 @@
 // Inputs: color (nearest filter, clamped to the edge; display values, above 1 in HDR frames; alpha 0
 // on plain background).
 // Defines: OPERATOR 0 subtract, 1 keep, 2 soft; FLOATS if colours may be infinite or NaN; FIREFLIES;
-// TAPS: most pixels that a texel touches along a side; WHOLE if texels have whole pixels.
+// TAPS: most pixels that a texel touches along a side; WHOLE if texels have whole pixels; METERED if
+// a texel holds stops by which the threshold is exposed. Starts with the light of tone_mapping.glsl.
 //@bright
 uniform sampler2D color;
 uniform vec2 picture_size;  // pixels
 uniform float texel_size;   // pixels
-uniform float threshold;
-uniform vec2 ramp;          // factor and offset that take the ends of the soft step to 0 and 1
+uniform vec3 limits;        // the threshold, and both ends of the soft step
 uniform float background;   // 1 to include plain background
 uniform float saturation;
 uniform float firefly_reduction;
-const vec3 LUMINANCE = vec3(0.2126, 0.7152, 0.0722);
-vec4 above(vec4 c)
+#if METERED
+uniform sampler2D metered;
+#endif
+vec4 above(vec4 c, float threshold, vec2 ramp)
 {
   vec3 s = c.rgb * clamp(c.a + background, 0.0, 1.0);
 #if FLOATS
@@ -46,6 +48,12 @@ vec4 above(vec4 c)
 }
 void main()
 {
+  vec3 exposed = limits;
+#if METERED
+  exposed = to_display(to_light(limits) * exp2(-texelFetch(metered, ivec2(0), 0).r));
+#endif
+  float slope = 1.0 / max(exposed.z - exposed.y, 1e-6);
+  vec2 ramp = vec2(slope, -exposed.y * slope);
   // Columns of nearest pixels: the fastest way to read a texel's pixels on llvmpipe, by a quarter.
   vec2 low = (gl_FragCoord.xy - 0.5) * texel_size, high = min(low + texel_size, picture_size);
   vec2 first = floor(low), pixel = 1.0 / picture_size;
@@ -55,7 +63,7 @@ void main()
     for (int j = 0; j < TAPS; ++j)
     {
       vec2 at = first + vec2(i, j);
-      vec4 light = above(textureLod(color, (at + 0.5) * pixel, 0.0));
+      vec4 light = above(textureLod(color, (at + 0.5) * pixel, 0.0), exposed.x, ramp);
 #if WHOLE
       sum += light;
 #else

@@ -85,31 +85,31 @@ class Bloom(LightSpread):
         return cls(threshold=0.2)
 
     def _draw_source(self, frame, picture, target, texel_size):
-        quad = self._bright_pass(frame.window, picture, texel_size)
-        threshold, ramp_start, ramp_end = self._limits(frame, picture)
-        ramp_factor = 1 / max(ramp_end - ramp_start, 1e-6)
+        stops, metered = 0.0, None
+        if self.pipeline is not None:
+            stops, metered = self.pipeline.exposure(frame, picture)
+        quad = self._bright_pass(frame.window, picture, texel_size, metered is not None)
         uniforms = {
             'picture_size': picture.size,
             'texel_size': float(texel_size),
-            'threshold': threshold,
-            'ramp': (ramp_factor, -ramp_start * ramp_factor),
+            'limits': self._limits(stops),
             'background': float(self.background),
             'saturation': self.saturation,
             'firefly_reduction': self.firefly_reduction,
         }
         color = picture.color
         with filtered(color, 'nearest'):
-            target.draw(quad, uniforms, {'color': color})
+            textures = {'color': color} | ({} if metered is None else {'metered': metered})
+            target.draw(quad, uniforms, textures)
 
-    def _limits(self, frame, picture):
-        """Return the threshold and both ends of the smooth step, before exposure."""
+    def _limits(self, stops):
+        """Return the threshold and both ends of the smooth step, before exposure as set."""
         display_limits = self.threshold, self.threshold, self.threshold + self.knee
-        stops = self.pipeline.stops(frame, picture) if self.pipeline else 0.0
         if stops == 0:
             return display_limits
-        return [float(f) for f in to_display(to_light(display_limits) * 2.0**-stops)]
+        return tuple(to_display(to_light(display_limits) * 2.0**-stops).tolist())
 
-    def _bright_pass(self, window, picture, texel_size):
+    def _bright_pass(self, window, picture, texel_size, is_metered):
         is_whole = float(texel_size).is_integer() and not any(n % texel_size for n in picture.size)
         defines = {
             'OPERATOR': _OPERATORS.index(self.operator),
@@ -117,11 +117,13 @@ class Bloom(LightSpread):
             'FIREFLIES': int(self.firefly_reduction > 0),
             'TAPS': math.ceil(texel_size) + (not is_whole),
             'WHOLE': int(is_whole),
+            'METERED': int(is_metered),
         }
         key = window, defines
         if self._bright_quad is None or self._bright_key != key:
             self._forget()
             text = ''.join(f'#define {name} {value}\n' for name, value in defines.items())
+            text += sections(shader_source(__file__, 'tone_mapping'))['light']
             text += sections(shader_source(__file__))['bright']
             self._bright_quad, self._bright_key = Quad(window, text, 'bloom bright'), key
         return self._bright_quad

@@ -1,6 +1,7 @@
 // From light to display values: an exposure, then a curve that maps all light into [0, 1].
 // Curves and sources: maths/tones.py, the numpy twin.
-// Inputs: color, the picture so far (display values, above 1 for light); stops, the exposure.
+// Inputs: color, the picture so far (display values, above 1 for light); stops, the exposure;
+// metered, one texel of further stops.
 //@light
 float channel_to_light(float c) {
   return c <= 0.04045 ? c / 12.92 : pow((c + 0.055) / 1.055, 2.4);
@@ -34,12 +35,35 @@ void main() {
   gl_FragData[0] = vec4(sum, 0.0, 1.0);
 }
 
+//@adapt
+// The exposure of a metered picture, on its way from that of the previous time. Without a pixel that
+// counts it stays.
+uniform sampler2D measured;
+uniform sampler2D last;   // of the last frame
+uniform sampler2D past;   // of the previous time
+uniform int is_first;
+uniform float remaining;  // part of the difference from the past, 0 to adapt at once
+uniform vec2 stop_range;
+uniform float middle_grey;
+void main() {
+  vec2 sum = vec2(0.0);
+  for (int i = 0; i < SIDE * SIDE; i++) {
+    sum += texelFetch(measured, ivec2(i % SIDE, i / SIDE), 0).rg;
+  }
+  float stops = is_first == 1 ? 0.0 : texelFetch(last, ivec2(0), 0).r;
+  if (sum.y > 0.0) stops = clamp(log2(middle_grey) - sum.x / sum.y, stop_range.x, stop_range.y);
+  if (remaining > 0.0) stops = mix(stops, texelFetch(past, ivec2(0), 0).r, remaining);
+  gl_FragData[0] = vec4(stops);
+}
+
 //@map
 uniform sampler2D color;
+uniform sampler2D metered;
 uniform float stops;
 uniform float white;
 uniform float intensity;
-// Defines: CURVE, index into maths/tones.py: CURVES; EXPOSED, 0 if stops is 0.
+// Defines: CURVE, index into maths/tones.py: CURVES; EXPOSED, 0 if stops is 0; METERED, 1 if there are
+// further stops.
 
 vec3 faithful(vec3 c) {
   c = max(c, 0.0);
@@ -88,10 +112,11 @@ vec3 neutral(vec3 c) {
 void main() {
   vec4 source = texture(color, uv);
   vec3 c = source.rgb;
+  float all_stops = METERED == 0 ? stops : stops + texelFetch(metered, ivec2(0), 0).r;
   if (CURVE == 0) {
-    c = faithful(EXPOSED == 0 ? c : to_display(to_light(c) * exp2(stops)));
+    c = faithful(EXPOSED == 0 ? c : to_display(to_light(c) * exp2(all_stops)));
   } else {
-    c = to_light(c) * exp2(stops);
+    c = to_light(c) * exp2(all_stops);
     if (CURVE == 3) {
       c = clamp(agx(c), 0.0, 1.0);
     } else {

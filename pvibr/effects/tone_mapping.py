@@ -4,17 +4,14 @@ from __future__ import annotations
 
 from functools import cache
 
-import numpy as np
-
 from pvibr.core.effect import Effect
 from pvibr.core.params import Param
-from pvibr.gl import Quad, Target, nbytes_of, release, shader_source
+from pvibr.effects.auto_exposure import AutoExposure
+from pvibr.gl import Texture, nbytes_of, release, shader_source
 from pvibr.gl.feature import sections
 from pvibr.gl.fused import Pointwise
-from pvibr.maths.tones import CURVES, MIDDLE_GREY
+from pvibr.maths.tones import CURVES
 
-#: Side of the metering target: few enough texels to read back, of 16 samples each.
-_METER_SIDE = 32
 _TEXTS = sections(shader_source(__file__))
 
 
@@ -69,10 +66,7 @@ class ToneMapping(Effect):
     intensity = Param(1.0, 'Opacity of the mapped picture.', range='[0, 1]')
 
     def __init__(self, curve=curve.default, **settings):
-        self._meter: Quad | None = None
-        self._meter_target: Target | None = None
-        self._adapted_from: tuple[float, float] | None = None
-        self._adapted: tuple[float, float] | None = None
+        self._auto_exposure: AutoExposure | None = None
         self._metered_frame: int | None = None
         super().__init__(curve=curve, **settings)
 
@@ -84,69 +78,55 @@ class ToneMapping(Effect):
     @property
     def stops(self) -> float:
         """Exposure of the last frame in stops, automatic exposure included."""
-        auto_stops = self._adapted[1] if self.auto and self._adapted else 0.0
-        return self.exposure + auto_stops
+        metered_stops = 0.0
+        if self.auto and self._auto_exposure is not None:
+            metered_stops = self._auto_exposure.stops
+        return self.exposure + metered_stops
+
+    @property
+    def metered(self) -> Texture | None:
+        """A texel with the stops of automatic exposure, None without."""
+        if not self.auto or self._auto_exposure is None:
+            return None
+        return self._auto_exposure.texture
 
     def render(self, frame, picture):
         """Expose the picture and apply the curve."""
-        stops = self.expose(frame, picture)
+        stops, metered = self.expose(frame, picture), self.metered
         uniforms = {'stops': stops, 'white': self.white, 'intensity': self.intensity}
-        program_text = _map(CURVES.index(self.curve), int(stops != 0))
-        picture.apply(Pointwise('tone_mapping map', program_text, uniforms, {}))
+        textures = {} if metered is None else {'metered': metered}
+        is_exposed = int(stops != 0 or metered is not None)
+        program_text = _map(CURVES.index(self.curve), is_exposed, len(textures))
+        picture.apply(Pointwise('tone_mapping map', program_text, uniforms, textures))
 
     def expose(self, frame, picture) -> float:
-        """Return the exposure of a frame in stops, metered by the first call."""
+        """Return the exposure as set, in stops; the first call of a frame meters the picture."""
         if self.auto and self._metered_frame != frame.index and frame.scale == 1:
             self._metered_frame = frame.index
-            self._adapt(frame.time, self._metered_stops(frame.window, picture))
-        return self.stops
-
-    def _metered_stops(self, window, picture):
-        """Return the exposure that brings a picture to middle grey, in stops."""
-        if self._meter_target is None:
-            self._meter_target = Target(window, _METER_SIDE, _METER_SIDE, ('rg32f',))
-        sample_step = (0.25 / _METER_SIDE,) * 2
-        with self._meter_target.drawing():
-            self._meter_quad(window).draw({'step': sample_step}, {'color': picture.color})
-        log_sum, sample_count = self._meter_target.colors[0].download().sum((0, 1), np.float64)
-        if sample_count == 0:
-            return self._adapted[1] if self._adapted else 0.0
-        target_stops = np.log2(MIDDLE_GREY) - log_sum / sample_count
-        lowest = self.min_exposure
-        return float(np.clip(target_stops, lowest, max(lowest, self.max_exposure)))
-
-    def _adapt(self, time, target_stops):
-        """Move from the exposure at the previous time towards a target."""
-        if self._adapted is not None and self._adapted[0] != time:
-            self._adapted_from = self._adapted if self._adapted[0] < time else None
-        stops = target_stops
-        if self._adapted_from is not None and self.adaptation > 0:
-            remaining = np.exp(-(time - self._adapted_from[0]) / self.adaptation)
-            stops += (self._adapted_from[1] - target_stops) * remaining
-        self._adapted = (time, float(stops))
+            self._auto_exposure = self._auto_exposure or AutoExposure(frame.window)
+            stop_range = self.min_exposure, max(self.min_exposure, self.max_exposure)
+            self._auto_exposure.follow(picture, frame.time, self.adaptation, stop_range)
+        return self.exposure
 
     def reset(self):
         """Reset automatic exposure, as after a cut, to adapt to the next frame at once."""
-        self._adapted_from = self._adapted = self._metered_frame = None
-
-    def _meter_quad(self, window):
-        if self._meter is None:
-            self._meter = Quad(window, _TEXTS['light'] + _TEXTS['measure'], 'tone_mapping measure')
-        return self._meter
+        self._metered_frame = None
+        if self._auto_exposure is not None:
+            self._auto_exposure.reset()
 
     def release(self):
         """Free GPU memory; the context is current."""
-        release(self._meter, self._meter_target)
-        self._meter = self._meter_target = None
-        self.reset()
+        release(self._auto_exposure)
+        self._auto_exposure = self._metered_frame = None
 
     def report(self) -> dict:
         """Return the bytes of GPU memory and the exposure of the last frame in stops."""
-        return {'bytes': nbytes_of(self._meter_target), 'stops': self.stops}
+        return {'bytes': nbytes_of(self._auto_exposure), 'stops': self.stops}
 
 
 @cache
-def _map(curve_number, is_exposed):
+def _map(curve_number, is_exposed, is_metered):
     """Return a program's text: one object each time, since it is a key whose hash is kept."""
-    constants = f'const int CURVE = {curve_number};\nconst int EXPOSED = {is_exposed};\n'
+    values = {'CURVE': curve_number, 'EXPOSED': is_exposed, 'METERED': is_metered}
+    constants = ''.join(f'const int {name} = {value};\n' for name, value in values.items())
     return constants + _TEXTS['light'] + _TEXTS['map']

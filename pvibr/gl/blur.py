@@ -7,15 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pvibr.core.passes import is_llvmpipe
+from pvibr.gl.driver import driver_of
 from pvibr.gl.feature import sections
 from pvibr.gl.fused import Pointwise
 from pvibr.gl.quad import Quad, shader_source
 from pvibr.gl.target import Target
 from pvibr.gl.texture import Texture, nbytes_of, release
 
-# llvmpipe samples 32-bit floats faster than 16-bit ones, and these images are small.
-_FORMAT = ('rgba32f',)
 _X, _Y = (1.0, 0.0), (0.0, 1.0)
 _ENDLESS = 1e9
 _TINY = 1e-6  # of a texel: rounding
@@ -61,10 +59,11 @@ class Blur:
         shader_sections['halve'] = _constants(kernel, width) + shader_sections['halve']
         self._quads = {n: Quad(window, shader_sections[n], f'blur {n}') for n in _PASSES[chain]}
         self._blend_sources = [f'#define WHOLE {k}\n' + shader_sections['add'] for k in (0, 1)]
-        self.source = Target(window, size[0], size[1], (*_FORMAT, 'r8'))
-        self._is_software = is_llvmpipe(window)
+        driver = driver_of(window)
+        self._is_software, light_format = driver.is_software, driver.light_format
+        self.source = Target(window, size[0], size[1], (light_format, 'r8'))
         self._chain = chain
-        self._levels = [_Level(window, halves(size, k)) for k in range(levels)]
+        self._levels = [_Level(window, halves(size, k), light_format) for k in range(levels)]
 
     @property
     def nbytes(self) -> int:
@@ -141,10 +140,10 @@ class Blur:
 
 
 class _Level:
-    def __init__(self, window, size):
+    def __init__(self, window, size, light_format):
         width, height = halves(size)
         target_sizes = (width, size[1]), (width, height), (width, height)
-        self.targets = [Target(window, w, h, _FORMAT) for w, h in target_sizes]
+        self.targets = [Target(window, w, h, (light_format,)) for w, h in target_sizes]
         self.tall, self.small, self.mixed = self.targets
 
 

@@ -7,6 +7,7 @@ from contextlib import contextmanager
 from typing import Any
 
 from pvibr.gl import enums as gl
+from pvibr.gl.driver import driver_of
 from pvibr.gl.fused import Pointwise
 from pvibr.gl.quad import Quad, shader_source
 from pvibr.gl.scene_pass import like_window
@@ -69,7 +70,7 @@ class Picture:
             self._source, self._has_depth = scene, True
             return
         if self._copy_target is None:
-            kind = 'rgba32f' if self.needs_hdr else 'rgba8'
+            kind = driver_of(self.window).light_format if self.needs_hdr else 'rgba8'
             self._copy_target = like_window(self.window, self.size, kind)
         self._source = self._copy_target
         if samples > 1:
@@ -112,7 +113,7 @@ class Picture:
         self._draw_pending()
         free_targets = [t for t in self._targets if t is not self._latest]
         if not free_targets:
-            kind = 'rgba32f' if self.needs_hdr else 'rgba16f'
+            kind = driver_of(self.window).light_format if self.needs_hdr else 'rgba16f'
             free_targets = [Target(self.window, self.size[0], self.size[1], (kind,))]
             self._targets += free_targets
         with free_targets[0].drawing():

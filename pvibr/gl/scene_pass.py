@@ -6,6 +6,7 @@ from typing import Any
 
 from pvibr.core import _vtk
 from pvibr.core._vtk import method
+from pvibr.gl.driver import driver_of
 from pvibr.gl.enums import COLOR_BUFFER_BIT
 from pvibr.gl.target import Target, WindowTarget
 from pvibr.gl.texture import Texture, nbytes_of, release
@@ -57,7 +58,9 @@ class ScenePass:
         self._is_apart = needs_hdr or (single and window_samples > 1)
         if not self._is_apart:
             return
-        self._allocate(_extent(frame), 'rgba32f' if needs_hdr else 'rgba8', single)
+        self._allocate(
+            _extent(frame), driver_of(self.window).light_format if needs_hdr else 'rgba8', single
+        )
         self.window.GetState().PushFramebufferBindings()
         self._scene_target.object.Bind()
         self._scene_target.object.ActivateDrawBuffer(0)

@@ -164,21 +164,42 @@ class Texture:
         self.object.Deactivate()
 
     def download(self) -> np.ndarray:
-        """Return the texels as an array (height, width, channels), row 0 at v = 0."""
+        """Wait for the texels, and return them (height, width, channels), row 0 at v = 0."""
+        return self.fetch().texels()
+
+    def fetch(self) -> PendingTexels:
+        """Start a copy of the texels, which the GPU makes when it has drawn them."""
         # Rows are packed; Qt windows align them to four bytes.
         self.window.GetState().vtkglPixelStorei(gl.PACK_ALIGNMENT, 1)
-        pixel_buffer = self.object.Download()
-        data_type = self.object.GetVTKDataType()
-        width, height, channel_count = *self.size, self.object.GetComponents()
-        dtype = {_vtk.VTK_FLOAT: np.float32, _vtk.VTK_UNSIGNED_CHAR: np.uint8}[data_type]
-        texels = np.empty((height, width, channel_count), dtype)
-        pixel_buffer.Download2D(data_type, texels, (width, height), channel_count, (0, 0))
-        pixel_buffer.UnBind()  # else the window's next readback goes into it
-        pixel_buffer.ReleaseMemory()
-        pixel_buffer.UnBind()
-        return texels
+        return PendingTexels(self.object)
 
     def release(self):
         """Free the GPU's memory; the context must be alive."""
         self.object.ReleaseGraphicsResources(self.window)
         self.nbytes = 0
+
+
+class PendingTexels:
+    """A copy of a texture's texels, on its way from the GPU."""
+
+    def __init__(self, texture_object):
+        self._buffer = texture_object.Download()
+        self._buffer.UnBind()  # else the window's next readback goes into it
+        width, height = texture_object.GetWidth(), texture_object.GetHeight()
+        self._shape = height, width, texture_object.GetComponents()
+        self._data_type = texture_object.GetVTKDataType()
+
+    def texels(self) -> np.ndarray:
+        """Return the texels (height, width, channels) once; waits for what is not there yet."""
+        height, width, channel_count = self._shape
+        dtype = {_vtk.VTK_FLOAT: np.float32, _vtk.VTK_UNSIGNED_CHAR: np.uint8}[self._data_type]
+        texels = np.empty(self._shape, dtype)
+        self._buffer.Download2D(self._data_type, texels, (width, height), channel_count, (0, 0))
+        self.release()
+        return texels
+
+    def release(self):
+        """Free the GPU's memory; the context must be alive."""
+        self._buffer.UnBind()
+        self._buffer.ReleaseMemory()
+        self._buffer.UnBind()

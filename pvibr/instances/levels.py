@@ -12,6 +12,7 @@ import numpy as np
 from pvibr.core import _vtk
 from pvibr.core.errors import warn
 from pvibr.core.progress import baking
+from pvibr.gl.driver import driver_of
 from pvibr.instances.atlas import Atlas, bounding_sphere
 from pvibr.instances.bake import bake_parts, check_grid
 from pvibr.instances.cache import AtlasCache, key_of
@@ -69,10 +70,12 @@ class LodModel:
 
     def limits(self, max_error) -> Limits:
         """Return the sizes at which levels change for a `max_error` in pixels."""
-        if max_error not in self._limits:
+        limits_key = max_error, driver_of()
+        if limits_key not in self._limits:
             accurate = limits_of(self.atlas.errors, len(self.levels), max_error)
-            self._limits[max_error] = by_cost(accurate, [level.triangles for level in self.levels])
-        return self._limits[max_error]
+            triangles = [level.triangles for level in self.levels]
+            self._limits[limits_key] = by_cost(accurate, triangles, driver_of())
+        return self._limits[limits_key]
 
     def depth_limits(self, max_error, aspect) -> Limits:
         """Return the same for depth maps, whose texels are `aspect` times as long as wide."""

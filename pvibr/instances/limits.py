@@ -112,18 +112,20 @@ def _only_meshes(mesh_levels) -> Limits:
     return Limits(unused, np.zeros(PATCHES), mesh_to)
 
 
-def by_cost(limits, triangles) -> Limits:
+def by_cost(limits, triangles, driver) -> Limits:
     """Return limits at which meshes take over from cards where that saves most."""
     if limits.side_cards or not limits.mesh_from.any():
         return limits
     # A lighter mesh that would save little is not worth its error.
-    mesh_to = np.minimum(limits.mesh_to, _everywhere([np.inf, *negligible_from(triangles[:-1])]))
+    lighter_to = negligible_from(driver, triangles[:-1])
+    mesh_to = np.minimum(limits.mesh_to, _everywhere([np.inf, *lighter_to]))
     sizes = np.geomspace(limits.mesh_from.max(), 1.0, _COST_STEPS)
     lightest = (mesh_to >= sizes[:, None, None]).cumsum(1).argmax(1)
     savings = np.zeros((_COST_STEPS, PATCHES))
     for name, (low, high) in limits.cards.items():
         in_span = (sizes[:, None] >= low) & (sizes[:, None] < high)
-        savings += in_span * saved_by_meshes(np.array(triangles)[lightest], name, sizes[:, None])
+        saved_ns = saved_by_meshes(driver, np.array(triangles)[lightest], name, sizes[:, None])
+        savings += in_span * saved_ns
     # From the largest size down, weighted by how many instances a view has at each.
     total = (savings / sizes[:, None] ** 2).cumsum(0)
     ends = np.where(total.max(0) > 0, sizes[total.argmax(0)], limits.mesh_from)

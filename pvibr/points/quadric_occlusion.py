@@ -9,6 +9,7 @@ import numpy as np
 from pvibr.core.costs import Backoff
 from pvibr.gl import Quad, Target, nbytes_of
 from pvibr.gl import enums as gl
+from pvibr.gl.driver import driver_of
 from pvibr.points.occlusion_culling import behind, likely_seen, on_screen
 from pvibr.points.quadric_cards import DRAW_MODES, HIDING, QUADS, Layer
 
@@ -57,6 +58,8 @@ class Occlusion:
         # A render pass may draw at another resolution.
         if frame.casting or frame.renderer.GetPass() is not None or len(none_hidden) < _LEAST:
             return none_hidden
+        if not driver_of(frame.window).is_software:
+            return none_hidden  # a GPU draws all in less time than it takes to answer
         if self._pause.waits():
             return none_hidden
         likely_visible = self._likely(frame, blocks)

@@ -7,12 +7,11 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from pvibr.core.costs import RunningMean, expected_seconds, timed
+from pvibr.core.costs import RunningMean
 from pvibr.core.determinism import is_deterministic
 from pvibr.gl import Target
+from pvibr.gl.driver import SOFTWARE, Driver, driver_of, timed
 
-#: Seconds per pixel of a card until measured.
-PIXEL = 3e-8
 # Overhead in seconds: of an image beyond its mesh, and of a card beyond its pixels.
 _IMAGE, _CARD = 1.5e-4, 2e-6
 _TRIES = 3
@@ -22,12 +21,13 @@ class Costs:
     """Times of meshes and cards, and motion of camera and actors."""
 
     def __init__(self):
-        self.pixel, self.busy = PIXEL, np.zeros(0)
+        self._driver: Driver = SOFTWARE  # until the first frame
+        self._measured_pixel_s: float | None = None
+        self.busy = np.zeros(0)
         self.step = self._last_step = np.zeros(3)
         self._eye: np.ndarray | None = None
         #: Mean speed of the camera, world units per frame.
         self.speed, self._ratio = RunningMean(weight=0.3), RunningMean(1.0)
-        self._measured = False
         self._node_seconds: np.ndarray | None = None
 
     def count(self, actors):
@@ -43,8 +43,16 @@ class Costs:
         self.busy[actors] = np.minimum(self.busy[actors] + 0.3, 1.0)
         self._node_seconds = None
 
+    @property
+    def pixel(self) -> float:
+        """Seconds per pixel of a card."""
+        return self._measured_pixel_s or self._driver.pixel_s
+
     def move(self, frame):
-        """Track the camera's motion."""
+        """Track the camera's motion, on the window's driver."""
+        driver = driver_of(frame.window)
+        if driver is not self._driver:
+            self._driver, self._node_seconds = driver, None
         if self._eye is not None:
             step = frame.eye - self._eye
             step_length, last_length = np.linalg.norm(step), np.linalg.norm(self._last_step)
@@ -80,7 +88,8 @@ class Costs:
         return milliseconds
 
     def _of(self, seconds, cells):
-        return np.where(seconds < np.inf, seconds, expected_seconds(cells) * self._ratio.value)
+        expected_seconds = self._driver.expected_seconds(cells) * self._ratio.value
+        return np.where(seconds < np.inf, seconds, expected_seconds)
 
     def expected(self, leaves, leaf_ids) -> float:
         """Return the expected seconds of rendering an image of some leaves."""
@@ -96,7 +105,7 @@ class Costs:
         """Measure the seconds of rendering the meshes of some leaves."""
         expected = self.expected(leaves, leaf_ids)
         source = leaves.sources[leaf_ids[0]]
-        if len(leaf_ids) != 1 or source.tries >= _TRIES or is_deterministic():
+        if len(leaf_ids) != 1 or source.tries >= _TRIES or not self._measures():
             yield SimpleNamespace(seconds=expected)
             return
         with timed(window, expected) as spent:
@@ -106,13 +115,12 @@ class Costs:
         if source.tries > 1:  # the first draw uploads the mesh and builds its shader
             source.seconds = min(source.seconds, max(spent.seconds - _IMAGE, 1e-6))
             leaves.seconds[leaf_ids] = source.seconds
-            self._ratio.add(source.seconds / expected_seconds(source.cells))
+            self._ratio.add(source.seconds / self._driver.expected_seconds(source.cells))
 
     def measure(self, frame, cards, drawer, area):
         """Measure the seconds per pixel of a card, once."""
-        if self._measured or area < 2000 or is_deterministic():
+        if self._measured_pixel_s is not None or area < 2000 or not self._measures():
             return
-        self._measured = True
         width, height = frame.size
         target = Target(frame.window, width, height, ('rgba8',), depth=True)
         draw_seconds = []
@@ -123,4 +131,8 @@ class Costs:
             draw_seconds.append(spent.seconds)
         drawer.done()
         target.release()
-        self.pixel = min(draw_seconds) / area
+        self._measured_pixel_s = min(draw_seconds) / area
+
+    def _measures(self) -> bool:
+        """Return whether times are measured; on a GPU that would wait for it."""
+        return self._driver.is_software and not is_deterministic()

@@ -91,6 +91,7 @@ class Layer:
     def judge(self, now, settings):
         """Warp the image to a frame and decide whether it is valid."""
         self._settings, self.is_invalid, self.fit = settings, False, None
+        self.picture.settle()
         self.residual = self.residual_shown = 0.0
         bounds = self.bounds
         if not len(bounds):

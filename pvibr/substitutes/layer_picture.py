@@ -7,10 +7,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pvibr.core.costs import expected_seconds, timed
 from pvibr.gl import Quad, Target, nbytes_of, release, shader_source, texture_limit
 from pvibr.gl import enums as gl
+from pvibr.gl.driver import driver_of, timed
 from pvibr.gl.feature import sections
+from pvibr.gl.texture import PendingTexels
 from pvibr.maths.views import View, corners, may_see
 from pvibr.substitutes.layer_maths import (
     extents,
@@ -26,8 +27,6 @@ from pvibr.substitutes.layer_maths import (
 
 #: Greatest and least stretch of texels; beyond them an image is rendered again.
 GROWN, SHRUNK = 1.25, 0.5
-#: Seconds per pixel of a card until measured.
-PIXEL = 1e-8
 #: Blocks along an image's longer side; each gives two characteristic points.
 BLOCKS = 64
 _SIGMAS, _WIDEST = 3.0, 3.0  # Gaussian: cut-off in sigmas, and greatest sigma in texels
@@ -68,11 +67,13 @@ class LayerPicture:
         self.clip_from_view = self.view_from_world = np.eye(4)
         self._size, self._parallel = (0, 0), False
         self._is_cropped: tuple = (False,) * 4
+        self._depth_range = np.zeros(2)
         self._boxes_outside = np.zeros((0, 6))
         self._allowed_motion = np.inf
         self._pixels, self._points = np.zeros((0, 2)), np.zeros((0, 3))
         self._view_from_pixel, self._plane = np.eye(3), np.zeros(3)
-        self.texels, self.scale, self.pixel = [0, 0], 1.0, PIXEL
+        self._pending: PendingTexels | None = None  # depth ranges, on their way from the GPU
+        self.texels, self.scale, self.pixel = [0, 0], 1.0, 0.0
         self._targets: dict[str, Target] = {}
         self._quads: dict[str, Quad] = {}
 
@@ -176,6 +177,8 @@ class LayerPicture:
 
     def aim(self, frame, bounds, settings) -> View | None:
         """Choose the rectangle to render; return its view, None if empty."""
+        release(self._pending)  # of an image that was never shown again
+        self._pending = None
         self.alive, self.settings, self.view_from_world = True, settings, frame.view_from_world
         self._size, self._parallel = frame.size, frame.parallel
         self._pixels, self._points = np.zeros((0, 2)), np.zeros((0, 3))
@@ -193,7 +196,9 @@ class LayerPicture:
             return None
         low_px, high_px = box_extents[is_inside, :2].min(0), box_extents[is_inside, 2:].max(0)
         self._is_cropped = (*(low_px < low).tolist(), *(high_px > high).tolist())
-        if (_depths(frame, bounds[is_inside]) < frame.near).any():
+        depths = _depths(frame, bounds[is_inside])
+        self._depth_range = np.clip([depths.min(), depths.max()], frame.near, frame.far)
+        if (depths < frame.near).any():
             self._allowed_motion = frame.near
         blur_margin = 1 + np.ceil(_SIGMAS * settings.blur)
         low_px = np.floor(np.maximum(low_px - blur_margin, low - blur_margin))
@@ -219,7 +224,7 @@ class LayerPicture:
     def draw(self, drawer, view, actors) -> float:
         """Render actors in the view that :meth:`aim` returned; return the seconds spent."""
         window, format = drawer.window, self.settings.format
-        expected = sum(expected_seconds(_cells(actor)) for actor in actors)
+        expected = sum(driver_of(window).expected_seconds(_cells(actor)) for actor in actors)
         with timed(window, expected) as spent:
             target = self._target(window, 'raw', (format,), depth=True)
             state = window.GetState()
@@ -255,7 +260,8 @@ class LayerPicture:
             self._targets.pop(name).release()
         target, quad = self._target(window, 'spread', ('r32f',)), self._quad(window, 'spread')
         texel_count = np.prod(self.texels)
-        with timed(window, PIXEL * texel_count) as spent:
+        nominal = 1e-9 * driver_of(window).card_pixel_ns * texel_count
+        with timed(window, nominal) as spent:
             target.draw(quad, {}, {'deep': raw.depth})
         # Drawing a card costs about as much.
         self.pixel = spent.seconds / texel_count
@@ -278,10 +284,30 @@ class LayerPicture:
         column_count, row_count = (-(-n // block_side) for n in self.texels)
         ranges = self._target(window, 'ranges', ('rg32f',), size=(column_count, row_count))
         ranges.draw(self._quad(window, 'range'), {'side': block_side}, {'deep': depth})
-        depth_ranges = ranges.colors[0].download()[..., :2].astype(float)
+        if driver_of(window).is_software:
+            self._take_points(ranges.colors[0].download(), block_side)
+        else:  # waiting would take longer than drawing
+            self._pending = ranges.colors[0].fetch()
+            self._take_points(self._expected_ranges((row_count, column_count)), block_side)
+
+    def _expected_ranges(self, block_counts) -> np.ndarray:
+        """Return the depths between which all is, in each block, until the GPU has found them."""
+        low, high = self._depth_range
+        z, w = (row[2] * -np.array([low, high]) + row[3] for row in self.clip_from_view[2:])
+        return np.broadcast_to((z / w + 1) / 2, (*block_counts, 2))
+
+    def settle(self):
+        """Take the characteristic points that the GPU has found since the image was rendered."""
+        if self._pending is not None:
+            pending, self._pending = self._pending, None
+            self._take_points(pending.texels(), -(-max(self.texels) // BLOCKS))
+
+    def _take_points(self, texels, block_side):
+        depth_ranges = texels[..., :2].astype(float)
         row, column = np.nonzero(depth_ranges[..., 0] < 2)
         self._crop(row, column, block_side)
         if not len(row):
+            self._pixels, self._points = np.zeros((0, 2)), np.zeros((0, 3))
             return
         block_centers = (np.stack([column, row], 1) + 0.5) * block_side
         block_centers = np.minimum(block_centers, np.array(self.texels) - 0.5)
@@ -314,7 +340,8 @@ class LayerPicture:
 
     def release(self):
         """Free GPU memory; the context is current."""
-        release(*self._targets.values(), *self._quads.values())
+        release(*self._targets.values(), *self._quads.values(), self._pending)
+        self._pending = None
         self._targets, self._quads, self.alive = {}, {}, False
 
 

@@ -118,7 +118,8 @@ def test_no_budget_is_full_quality():
 def slow(monkeypatch):
     """A clock by which a frame of full quality takes 0.4 s, and one of less its share."""
     wall = SimpleNamespace(now=100.0, full=0.4)
-    monkeypatch.setattr('pvibr.capture.adaptive_quality.perf_counter', lambda: wall.now)
+    for module in ('capture.adaptive_quality', 'gl.frame_timer'):
+        monkeypatch.setattr(f'pvibr.{module}.perf_counter', lambda: wall.now)
     monkeypatch.setattr(Show, 'wall', wall)
     return wall
 

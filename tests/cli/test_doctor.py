@@ -30,7 +30,9 @@ def test_this_machine_draws():
     found = diagnose()
     assert found.facts['off-screen'] == 'works'
     assert 'px wide textures' in found.facts['limits']
-    assert {'pvibr', 'PyVista', 'VTK', 'OpenGL', 'renderer', 'cache'} <= set(found.facts)
+    assert {'pvibr', 'PyVista', 'VTK', 'OpenGL', 'renderer', 'drawn by', 'cache'} <= set(
+        found.facts
+    )
     assert not [what for what, _ in found.problems if 'OpenGL' in what]
 
 

@@ -9,6 +9,7 @@ import pytest
 import pyvista as pv
 
 import pvibr
+from pvibr.gl.driver import SOFTWARE
 from pvibr.instances import memory
 from pvibr.instances.card_layers import PATCHES
 from pvibr.instances.cost_model import saved_by_meshes, why_not_baked
@@ -39,7 +40,7 @@ def test_meshes_take_over_where_they_cost_less(seed):
     meshes = np.full((4, PATCHES), np.inf)
     meshes[1:] = np.sort(rng.uniform(0, 200, (3, PATCHES)), axis=0)[::-1]
     triangles = 40_000 // 4 ** np.arange(4)
-    found = by_cost(before := Limits(cards, ends, meshes), triangles)
+    found = by_cost(before := Limits(cards, ends, meshes), triangles, SOFTWARE)
     for k in (1, 2, 3):  # a lighter one is none from where the triangles of the next are nothing
         size = found.mesh_to[k]
         hardly_cost = np.isclose(triangles[k - 1] * 80.0, size**2 * 20.0)
@@ -53,7 +54,7 @@ def test_meshes_take_over_where_they_cost_less(seed):
         saved = np.zeros(len(sizes))
         for name, (low, high) in cards.items():
             shown = (low[patch] <= sizes) & (sizes < high[patch])
-            saved += shown * saved_by_meshes(triangles[level], name, sizes) / sizes**3
+            saved += shown * saved_by_meshes(SOFTWARE, triangles[level], name, sizes) / sizes**3
             now = found.cards[name][:, patch]
             end = found.mesh_from[patch]
             assert np.allclose(now, np.minimum((low[patch], high[patch]), end))
@@ -72,13 +73,13 @@ def two(size):
 def test_heavy_meshes_take_nothing_over():
     cards = {'blended': np.stack([np.zeros(PATCHES), np.full(PATCHES, 100.0)])}
     limits = Limits(cards, np.full(PATCHES, 100.0), two(90.0))
-    found = by_cost(limits, [10**6, 10**5])
+    found = by_cost(limits, [10**6, 10**5], SOFTWARE)
     np.testing.assert_allclose(found.mesh_from, 100, rtol=1e-9)
     np.testing.assert_allclose(found.cards['blended'], cards['blended'], rtol=1e-9)
-    assert by_cost(limits, [10**6, 400]).mesh_from.max() == pytest.approx(
-        100
-    )  # 91 px show the mesh
-    light = by_cost(Limits(cards, limits.mesh_from, two(200.0)), [10**6, 400])
+    assert by_cost(limits, [10**6, 400], SOFTWARE).mesh_from.max() == pytest.approx(
+        100  # 91 px show the mesh
+    )
+    light = by_cost(Limits(cards, limits.mesh_from, two(200.0)), [10**6, 400], SOFTWARE)
     assert light.mesh_from.max() < 40
 
 

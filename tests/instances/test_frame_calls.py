@@ -1,33 +1,14 @@
 """Calls of Python functions and of built-ins in a frame: a cost that no machine changes."""
 
-import sys
-
 import numpy as np
 import pytest
 import pyvista as pv
 
+from tests.calls import calls_of
 from tests.pictures import place
 
 BALL = pv.Sphere(theta_resolution=24, phi_resolution=20)
 CAMERA = (90, -80, 40), (0, 0, 0)
-
-
-def calls_of(function) -> list[str]:
-    """Return the names of all that a function calls."""
-    names = []
-
-    def note(frame, event, built_in):
-        if event == 'call':
-            names.append(frame.f_code.co_name)
-        elif event == 'c_call':
-            names.append(built_in.__name__)
-
-    sys.setprofile(note)
-    try:
-        function()
-    finally:
-        sys.setprofile(None)
-    return names
 
 
 @pytest.fixture(params=[(1, 10_000), (25, 100)], ids=['one set', 'sets'])
