@@ -6,16 +6,22 @@ from collections import Counter
 
 import numpy as np
 
-from pvibr.core._vtk import address
 from pvibr.core.params import Param
 from pvibr.gl.drawer import Drawer
+from pvibr.gl.driver import driver_of
 from pvibr.instances.instances import Instances
 from pvibr.maths.views import may_see_boxes
 from pvibr.substitutes.impostor_cards import ImpostorCards
 from pvibr.substitutes.impostor_costs import Costs
 from pvibr.substitutes.impostor_images import FINEST, Eyes, Images
-from pvibr.substitutes.impostor_sources import Materials, Source, checked_members, is_actor
-from pvibr.substitutes.impostor_tree import FARTHEST, NEAREST, Nodes
+from pvibr.substitutes.impostor_sources import (
+    Materials,
+    Source,
+    check_members,
+    checked_members,
+    is_actor,
+)
+from pvibr.substitutes.impostor_tree import NEAREST, Nodes
 from pvibr.substitutes.instance_sets import InstanceSet
 from pvibr.substitutes.leaves import Leaves
 from pvibr.substitutes.substitute import Substitute, addresses
@@ -23,8 +29,6 @@ from pvibr.things.casters import listed
 
 #: Largest side of an image in texels.
 LARGEST = 1024
-# Least camera speed assumed, in scene radii per frame.
-_SLOWEST = 1e-4
 # Cost factor of last frame's choice, so that it does not flicker.
 _HYSTERESIS = 0.8
 # Least number of places added at once.
@@ -101,6 +105,9 @@ class Impostor(Substitute):
         self._image_cards = ImpostorCards()
         self._share_material()
         self._costs = Costs()
+        self._still_key: tuple | None = None  # of the last frame, if it left nothing to do
+        self._shown_views = np.zeros(0, int)
+        self._has_unfinished = False
         self._last_cut = np.zeros(0, int)
         self._props_time = -1
         self._frame_report: dict = {}
@@ -183,7 +190,9 @@ class Impostor(Substitute):
         >>> pl.close()
         """
         new_things = checked_members(actors)
-        self._check_new(new_things)
+        check_members(new_things, self, are_new=True)
+        if self.pipeline is not None:
+            self._claim(self.pipeline, new_things)
         self.things = [*self.things, *new_things]
         if not all(map(is_actor, new_things)):
             self._restart(self.things)
@@ -212,25 +221,10 @@ class Impostor(Substitute):
             super().remove()
             return
         removed_things = listed(actors)
-        own_ids = {id(thing) for thing in self.things}
-        for index, thing in enumerate(removed_things):
-            if id(thing) not in own_ids:
-                raise ValueError(
-                    f'actors[{index}] must be one of the {len(own_ids)} that {self.name} replaces'
-                )
+        check_members(removed_things, self, are_new=False)
         if self.pipeline is not None:
             self.pipeline.make_current()
         self._forget(removed_things)
-
-    def _check_new(self, new_things):
-        replaced = addresses(self.things)
-        for index, thing in enumerate(new_things):
-            if address(thing) in replaced:
-                raise ValueError(
-                    f'actors[{index}] must be new, got one that {self.name} replaces: remove it'
-                )
-        if self.pipeline is not None:
-            self._claim(self.pipeline, new_things)
 
     def _grow(self, count):
         """Add empty places for leaves; existing leaves and inner nodes keep their images."""
@@ -279,6 +273,14 @@ class Impostor(Substitute):
         if not self._is_built or self._nodes.tree.hierarchical != self.hierarchical:
             self._build(frame)
         self._fit()
+        self._frames += 1
+        still_key = self._settings_key(frame)
+        if still_key == self._still_key and self._costs.are_at_rest(self._nodes):
+            self._images.shown_frame[self._shown_views] = frame.index
+            self._image_cards.show_spans([(0, len(self._shown_views))])
+            self._leaves.hide(self._mesh_reasons)
+            return
+        self._still_key = None
         if self._images.views != self.views:
             self._images.release()
             self._images = Images(len(self._nodes), self.views, Drawer(frame.renderer))
@@ -288,7 +290,14 @@ class Impostor(Substitute):
         nodes, reasons = self._cut(eyes)
         shown_images = self._render_invalid(frame, eyes, nodes, reasons)
         self._show(frame, shown_images, reasons)
-        self._frames += 1
+        if not self._has_unfinished:
+            self._still_key = still_key
+
+    def _settings_key(self, frame) -> tuple:
+        """Return a value that changes with all on which the choice of images depends."""
+        settings = self.max_error, self.only_if_faster, self.depth, self.views, self.memory
+        costs = driver_of(), self._costs.pixel
+        return frame.view.key(), frame.size, frame.quality, costs, settings, self._version
 
     # -- updates ---------------------------------------------------------------------------------
 
@@ -334,7 +343,7 @@ class Impostor(Substitute):
     def _forget_tree(self):
         if self._is_built:
             self._images.release()
-        self._is_built = False
+        self._is_built, self._still_key = False, None
         self._last_cut = np.zeros(0, int)
 
     def _build(self, frame):
@@ -371,7 +380,14 @@ class Impostor(Substitute):
         largest = LARGEST if pool is None else min(LARGEST, pool.largest)
         usable = in_front & (size_px * 1.2 / self._allowed_error < largest)
         mesh_cost = self._costs.meshes(self._leaves, nodes)
-        image_cost = self._image_costs(eyes, mesh_cost, px_per_unit, eye_distance)
+        box_depth, self._card_areas = nodes.faces(eyes)
+        self._card_areas *= px_per_unit**2
+        pixels_off = 0.0 if eyes.parallel else box_depth * px_per_unit / eye_distance
+        has_image = self._images.alive.reshape(len(nodes), -1).any(1)
+        image_cost = self._costs.images(
+            nodes, mesh_cost, pixels_off / self._allowed_error, has_image, self._card_areas
+        )
+        image_cost[self._last_cut] *= _HYSTERESIS
         cost = np.where(usable, image_cost, np.inf)
         # The alternative is the mesh, and the only choice for leaves near the eye.
         plain_cost = self._leaves.plain(
@@ -387,21 +403,6 @@ class Impostor(Substitute):
         reasons[cut_leaves[too_near[cut_leaves]]] = 'near'
         reasons[cut_leaves[too_costly[cut_leaves]]] = 'cheaper as a mesh'
         return cut[~as_mesh[cut]], reasons
-
-    def _image_costs(self, eyes, mesh_cost, px_per_unit, eye_distance):
-        """Return the seconds per frame of each node's image."""
-        nodes = self._nodes
-        box_depth, self._card_areas = nodes.faces(eyes)
-        self._card_areas *= px_per_unit**2
-        # A camera at rest may start again.
-        speed = max(self._costs.speed.value, _SLOWEST * nodes.radius.max()) * (not eyes.parallel)
-        renewal_rate = speed * box_depth * px_per_unit / eye_distance / self._allowed_error
-        has_image = self._images.alive.reshape(len(nodes), -1).any(1)
-        renewal_rate += np.where(has_image, 0.0, 1 / FARTHEST)
-        change_rate = self._costs.often(nodes.tree)
-        image_cost = self._costs.images(mesh_cost, renewal_rate, change_rate, self._card_areas)
-        image_cost[self._last_cut] *= _HYSTERESIS
-        return image_cost
 
     def _render_invalid(self, frame, eyes, nodes, reasons):
         """Renew invalid images; return the images and nodes to show, shape (k, 2)."""
@@ -421,7 +422,8 @@ class Impostor(Substitute):
         is_shown = (view >= 0) & images.alive[view]
         for node in nodes[~is_shown]:
             reasons[self._nodes.tree.below(node)] = 'no room' if self._missing_area else 'no time'
-        images.shown_frame[view[is_shown]] = frame.index
+        self._shown_views, self._has_unfinished = view[is_shown], bool(len(queue))
+        images.shown_frame[self._shown_views] = frame.index
         self._frame_report['error_px'] = float(error[is_shown].max(initial=0.0))
         return np.stack([view[is_shown], nodes[is_shown]], 1)
 

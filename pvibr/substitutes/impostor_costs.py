@@ -11,10 +11,14 @@ from pvibr.core.costs import RunningMean
 from pvibr.core.determinism import is_deterministic
 from pvibr.gl import Target
 from pvibr.gl.driver import SOFTWARE, Driver, driver_of, timed
+from pvibr.substitutes.impostor_tree import FARTHEST
 
 # Overhead in seconds: of an image beyond its mesh, and of a card beyond its pixels.
 _IMAGE, _CARD = 1.5e-4, 2e-6
 _TRIES = 3
+#: Least camera speed assumed, in scene radii per frame.
+_SLOWEST = 1e-4
+_RARE = 1e-3  # share of frames in which an actor changes, below which it counts as still
 
 
 class Costs:
@@ -42,6 +46,10 @@ class Costs:
         """Note the actors that changed since the last frame."""
         self.busy[actors] = np.minimum(self.busy[actors] + 0.3, 1.0)
         self._node_seconds = None
+
+    def are_at_rest(self, nodes) -> bool:
+        """Return whether the camera and the actors have rested so long that choices stay."""
+        return self.speed.value <= _SLOWEST * nodes.radius.max() and self.busy.max() <= _RARE
 
     @property
     def pixel(self) -> float:
@@ -73,7 +81,7 @@ class Costs:
 
     def often(self, tree) -> np.ndarray | float:
         """Return the share of frames in which each node changed."""
-        return tree.gather(self.busy, np.maximum) if self.busy.max() > 1e-3 else 0.0
+        return tree.gather(self.busy, np.maximum) if self.busy.max() > _RARE else 0.0
 
     def of(self, leaves) -> np.ndarray:
         """Return the measured or expected seconds of the mesh of each leaf."""
@@ -95,8 +103,12 @@ class Costs:
         """Return the expected seconds of rendering an image of some leaves."""
         return _IMAGE + float(self._of(leaves.seconds[leaf_ids], leaves.cells[leaf_ids]).sum())
 
-    def images(self, mesh_seconds, renewal_rate, change_rate, card_area) -> np.ndarray:
-        """Return the seconds per frame of each image, re-rendering included."""
+    def images(self, nodes, mesh_seconds, renewals, has_image, card_area) -> np.ndarray:
+        """Return the seconds per frame of each node's image, at `renewals` per unit of motion."""
+        # A camera at rest may start again.
+        speed = max(self.speed.value, _SLOWEST * nodes.radius.max())
+        renewal_rate = speed * renewals + np.where(has_image, 0.0, 1 / FARTHEST)
+        change_rate = self.often(nodes.tree)
         render_share = np.minimum(renewal_rate + change_rate, 1.0)
         return render_share * (mesh_seconds + _IMAGE) + _CARD + self.pixel * card_area
 

@@ -8,6 +8,7 @@ import numpy as np
 import pyvista as pv
 
 from pvibr.core import _vtk
+from pvibr.core._vtk import address
 from pvibr.instances.instances import Instances
 from pvibr.meshes.surfaces import polygons_of
 from pvibr.substitutes.impostor_maths import dop_corners
@@ -194,6 +195,19 @@ def copied(mapper, data):
     copy.ShallowCopy(mapper)
     copy.SetInputDataObject(data)
     return copy
+
+
+def check_members(things, impostor, *, are_new):
+    """Raise an error unless an impostor replaces all things, or none of them if they are new."""
+    replaced = {address(thing) for thing in impostor.things}
+    for index, thing in enumerate(things):
+        if (address(thing) in replaced) == are_new:
+            must_be = (
+                f'new, got one that {impostor.name} replaces: remove it'
+                if are_new
+                else f'one of the {len(replaced)} that {impostor.name} replaces'
+            )
+            raise ValueError(f'actors[{index}] must be {must_be}')
 
 
 def checked_members(actors) -> list:
