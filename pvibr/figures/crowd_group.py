@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from pvibr.core.progress import baking
+from pvibr.figures.crowd_draws import CrowdDraws, can_share_draws
+from pvibr.figures.member_poses import MemberPoses
 from pvibr.figures.mesh_actors import posed_part
 from pvibr.figures.player import Moment
 from pvibr.figures.pose_atlas import bake_pose_atlas
@@ -18,6 +22,7 @@ from pvibr.maths.transforms import signs_of
 
 #: Seconds after which clip times are uploaded again: float32 stays exact to 1/1000 cycle so long.
 _ERA = 512.0
+_UNIFORMS = *('ibr_has_looks', 'ibr_multiply', 'ibr_radius'), *('ibr_clip_from_eye', 'ibr_dither')
 
 
 class Playback:
@@ -49,10 +54,16 @@ class Playback:
 
 
 class _PosedMeshes(NearMeshes):
-    """Near members, with an actor per mesh and member."""
+    """Near members: many per draw, or with an actor per mesh and member."""
 
     def __init__(self, levels, state):
         self._state = state
+        self.poses = MemberPoses(state.mesh_actors, state.skinning)
+        # Slots and shares of the members that share draws, and the view that they were chosen for.
+        self._shared: tuple = (np.zeros(0, int), np.zeros(0))
+        self._eye_from_world = np.eye(4)
+        #: Draws of the only level.
+        self._crowd_draws: Any = None
         super().__init__(levels)
 
     def _pools(self) -> list:
@@ -60,11 +71,59 @@ class _PosedMeshes(NearMeshes):
         return [PosedPool(level, *pool_options) for level in self.levels]
 
     def draw_many(self, capacity, center, binder):
-        """Keep an actor each: posed vertices come from textures."""
+        """Prepare draws of many members, unless their meshes need actors of their own."""
+        (level,) = self.levels
+        options = capacity, center, self._matrix, binder, False
+        self._crowd_draws = CrowdDraws(level, self._state.mesh_actors, self.poses, *options)
+        self.draws = [self._crowd_draws]
+        self.follow_material()
+
+    def follow_material(self):
+        """Use actors of each member where a material needs more than surfaces."""
+        mesh_actors = self._state.mesh_actors
+        self.has_own_actors = tuple(
+            not (self.draws and can_share_draws(level, mesh_actors)) for level in self.levels
+        )
+
+    def _show_batches(self, group, frame, slots, _centers, _levels, shares, _outside):
+        draws = self._crowd_draws
+        if draws.blends:
+            slots, shares = slots[::-1], shares[::-1]
+        self._shared, self._eye_from_world = (slots, shares.clip(0, 1)), frame.view_from_world
+        uniforms = {name: group.cards.uniforms[name] for name in _UNIFORMS}
+        textures = {'ibr_looks': group.cards.textures['ibr_looks']}
+        draws.set_inputs(None, textures, uniforms | {'ibr_tint': (0.0, 0.0, 0.0, 0.0)})
+        return draws.show(0, len(slots), False)
+
+    def pose(self, window, group, time):
+        """Pose the members that share draws."""
+        slots, shares = self._shared
+        if len(slots):
+            clips, seconds = self._state.seconds(time, group.ids[slots])
+            numbers = self.poses.pose(window, slots, clips, seconds, self._state.moments)
+            eye_from_figure = self._eye_from_world @ group.matrices(slots)
+            self._crowd_draws.upload(window, slots, shares, numbers, eye_from_figure)
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes on the GPU."""
+        return nbytes_of(self.poses, *self.draws, *self.pools)
+
+    def hide(self, group):
+        """Draw nothing, and forget what slots hold."""
+        super().hide(group)
+        self._shared = np.zeros(0, int), np.zeros(0)
+
+    def release(self, window):
+        """Free GPU memory; the context is current."""
+        super().release(window)
+        self.poses.release()
 
 
 class CrowdGroup(InstanceGroup):
     """The members of a crowd, as a group of instances."""
+
+    near: _PosedMeshes
 
     def __init__(self, state, *args, **options):
         self.state = state
@@ -108,13 +167,14 @@ class CrowdGroup(InstanceGroup):
                 self._era = era_start
                 self.cards.move(self.state.playback.rows(self.state.motions, era_start)[self.ids])
             self.cards.uniforms['ibr_time'] = float(time - era_start)
+        self.near.pose(window, self, time)
         for pool in self.near.pools:
             if pool.lent:
                 lent_slots = list(pool.lent)
                 clip_indices, clip_seconds = self.state.seconds(time, self.ids[lent_slots])
                 clip_times = zip(clip_indices.tolist(), clip_seconds.tolist(), strict=True)
                 key_by_slot = dict(zip(lent_slots, clip_times, strict=True))
-                pool.pose(window, key_by_slot, self.state.moments, self.matrix)
+                pool.pose(window, key_by_slot, self.state.moments, self.matrices)
 
     def parts(self, slot) -> list:
         """Return the posed meshes of a member, as parts in the figure's space."""
@@ -132,7 +192,7 @@ class CrowdGroup(InstanceGroup):
     @property
     def nbytes(self) -> int:
         """Bytes on the GPU."""
-        return nbytes_of(self.cards, *self.near.pools)
+        return nbytes_of(self.cards, self.near)
 
 
 class CrowdState:

@@ -201,6 +201,11 @@ class PosedMeshActor(MeshActor):
         double_property.SetFrontfaceCulling(shown_property.GetFrontfaceCulling())
         return self._double
 
+    @property
+    def has_morphed_colors(self) -> bool:
+        """Whether poses change its colours."""
+        return self._colors is not None
+
     def _moving(self) -> tuple:
         return self.actor, self._double
 

@@ -60,7 +60,7 @@ class PosedPool(MeshPool):
         """Bytes on the GPU."""
         return 0 if self._posing is None else self._posing.nbytes
 
-    def pose(self, window, key_by_slot, moments_of, matrix_of):
+    def pose(self, window, key_by_slot, moments_of, matrices_of):
         """Pose the lent actors whose clip time has changed."""
         pose_keys = {self.lent[i].number: (i, key) for i, key in key_by_slot.items()}
         changed = dict(
@@ -70,7 +70,7 @@ class PosedPool(MeshPool):
         )
         if changed:
             groups = [self.lent[i] for i in changed]
-            world_from_figure = np.array([matrix_of(i) for i in changed], float)
+            world_from_figure = np.asarray(matrices_of(list(changed)), float)
             self._draw(window, groups, moments_of(list(changed.values())), world_from_figure)
         self._shown_keys = pose_keys
         for mesh_actor in self._posed:

@@ -44,7 +44,10 @@ class RestMesh:
 
 @dataclass(eq=False)
 class MeshPose:
-    """A pose of a mesh: skinning matrices, origin, and active shapes with their weights."""
+    """A pose of a mesh: skinning matrices, origin, and active shapes with their weights.
+
+    With an axis of poses before the others of `matrices`, it is as many poses.
+    """
 
     matrices: np.ndarray | None = None
     origin: np.ndarray | None = None
@@ -89,13 +92,18 @@ class Posing:
         return 16 * WIDTH * row_count + shape_bytes
 
     def draw(self, mesh_poses, *, skinning_mode='linear', bulge=1.0):
-        """Pose all meshes, each in its poses."""
+        """Pose all meshes, each in a list of poses or in a `MeshPose` of many."""
         draw_together(self.passes(mesh_poses, skinning_mode, bulge))
 
     def passes(self, mesh_poses, skinning, bulge) -> list[_Pass]:
         """Return the passes that pose the meshes."""
         pairs = zip(self._meshes, mesh_poses, strict=True)
         return [_Pass(m, m.pose_states(poses, skinning), skinning, bulge) for m, poses in pairs]
+
+    @property
+    def textures(self) -> dict:
+        """The posed vertices by sampler."""
+        return self._sheet.posed.textures
 
     def bind(self) -> dict[str, int]:
         """Bind the posed vertices; return the texture units by sampler."""
@@ -153,8 +161,7 @@ def _runs(passes) -> list[tuple[list[_Pass], dict]]:
 
 def _texture_state(passes, height) -> tuple[np.ndarray, np.ndarray]:
     """Return the state of all poses, and for each row of the target which of it to read."""
-    all_values = [pose_values for p in passes for pose_values in p.pose_states]
-    value_counts = [len(pose_values) for pose_values in all_values]
+    value_counts = np.concatenate([p.value_counts() for p in passes])
     posed_meshes = [(p.mesh, k) for p in passes for k in range(len(p.pose_states))]
     table = [(m.first + k * m.rows, m.rest, m.rows, m.palette) for m, k in posed_meshes]
     first_rows, rest_rows, counts, palette_sizes = np.array(table).T
@@ -164,7 +171,7 @@ def _texture_state(passes, height) -> tuple[np.ndarray, np.ndarray]:
     place_columns = [np.repeat(v, counts) for v in (rest_rows, starts, counts, palette_sizes)]
     row_places[np.repeat(first_rows, counts) + within] = np.stack(place_columns, 1)
     row_places[np.repeat(first_rows, counts) + within, 0] += within
-    return np.concatenate(all_values), row_places
+    return np.concatenate([np.concatenate(p.pose_states) for p in passes]), row_places
 
 
 class _Mesh:
@@ -189,16 +196,20 @@ class _Mesh:
         shapes = _shapes(self.store, mesh_poses)
         return [np.concatenate(pair) for pair in zip(joint_palettes, shapes, strict=True)]
 
-    def _palettes(self, mesh_poses, skinning_mode) -> list:
+    def _palettes(self, mesh_poses, skinning_mode) -> list | np.ndarray:
         """Return the skinning matrices of each pose as rows of four, relative to the origins."""
-        if mesh_poses[0].matrices is None:
+        if isinstance(mesh_poses, MeshPose):
+            matrices = np.array(mesh_poses.matrices, np.float64)
+            pose_origins = np.asarray(mesh_poses.origin)
+        elif mesh_poses[0].matrices is None:
             return [np.zeros((0, 4))] * len(mesh_poses)
-        matrices = np.array([pose.matrices for pose in mesh_poses], np.float64)
-        pose_origins = np.array([pose.origin for pose in mesh_poses])[:, None]
+        else:
+            matrices = np.array([pose.matrices for pose in mesh_poses], np.float64)
+            pose_origins = np.array([pose.origin for pose in mesh_poses])[:, None]
         matrices[:, :, :3, 3] += matrices[:, :, :3, :3] @ self.origin - pose_origins
         linear_parts = matrices[:, :, :3]
         if skinning_mode == 'linear':
-            return [*linear_parts.reshape(len(mesh_poses), -1, 4)]
+            return linear_parts.reshape(len(matrices), -1, 4)
         centers, palettes = self.rest_mesh.centers - self.origin, []
         for pose_matrices in matrices:
             real, dual, stretch = skinning.dual_parts(pose_matrices, centers)
@@ -229,6 +240,12 @@ class _Pass:
         self._dual = skinning_mode == 'dual' and group_count > 0
         #: Key of the passes that one draw can combine.
         self.program = group_count, self._dual and self.bulge, mesh.store
+
+    def value_counts(self) -> np.ndarray:
+        """Return the rows of numbers of each pose."""
+        if isinstance(self.pose_states, np.ndarray):
+            return np.full(len(self.pose_states), self.pose_states.shape[1])
+        return np.array([len(pose_values) for pose_values in self.pose_states])
 
     @property
     def n_rows(self) -> int:

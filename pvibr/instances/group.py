@@ -178,12 +178,16 @@ class InstanceGroup:
 
     def matrix(self, slot):
         """Return the pose of a slot as a matrix, shape (4, 4)."""
-        pose = self.poses[self.ids[slot]]
-        if pose.ndim == 2:
-            return pose
-        matrix = np.eye(4)
-        matrix[:3, 3] = pose
-        return matrix
+        return self.matrices(slice(slot, slot + 1))[0]
+
+    def matrices(self, slots):
+        """Return the poses of slots as matrices, shape (n, 4, 4)."""
+        poses = self.poses[self.ids[slots]]
+        if poses.ndim == 3:
+            return poses
+        matrices = np.tile(np.eye(4), (len(poses), 1, 1))
+        matrices[:, :3, 3] = poses
+        return matrices
 
     @cached_property
     def _shape(self) -> PosedShape:

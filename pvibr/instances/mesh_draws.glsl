@@ -7,14 +7,10 @@
 // Defines: VERTICES of one copy, with a decimal point; SHRUNK, the scale of copies; CELL_NORMALS 1 where VTK has no other.
 
 //@vertex.declare
-uniform sampler2D ibr_entries;    // of what is drawn: centre in eye space, slot and share
-uniform sampler2D ibr_poses;      // rows of the pose, 3 texels an instance (1 where it is a point)
 uniform sampler2D ibr_looks;      // per instance rgb, alpha 0 hidden, 128 as it is, 129 to 255 coloured
-uniform int ibr_texels;           // texels an instance in ibr_poses: 1 or 3
 uniform int ibr_has_looks;
 uniform vec4 ibr_tint;            // for all that a program draws, where alpha is 1
 uniform float ibr_radius;         // bounding sphere, model units
-uniform mat3 ibr_eye_from_world;
 uniform mat4 ibr_clip_from_eye;
 flat out vec4 ibr_known;          // packed colour, share of its pixels, distance it may be off, alpha
 #if CELL_NORMALS
@@ -25,13 +21,43 @@ centroid out vec3 ibr_within;     // and where the pixel is covered
 vec4 ibr_vertex;
 mat3 ibr_normal_matrix;
 
+// Place a vertex of an instance, unless it is not drawn.
+void ibr_show(int slot, float share, bool is_drawn, mat3 eye_from_model, vec3 at)
+{
+  vec4 look = vec4(0.0, 0.0, 0.0, 0.5);
+  for (int i = 0; i < ibr_has_looks; ++i)  // software drivers skip loops, not branches
+  {
+    look = texelFetch(ibr_looks, ivec2(slot % 1024, slot / 1024), 0);
+  }
+  if (ibr_tint.a > 0.5 && look.a > 0.25) { look = ibr_tint; }
+  mat3 squares = transpose(eye_from_model) * eye_from_model;
+  vec3 sums = abs(squares[0]) + abs(squares[1]) + abs(squares[2]);
+  float stretch = ibr_radius * sqrt(max(max(sums.x, sums.y), sums.z));
+  float color = dot(floor(look.rgb * 255.0 + 0.5), vec3(1.0, 256.0, 65536.0));
+  ibr_known = vec4(look.a > 0.504 ? color : -1.0, share, 0.02 * stretch, look.a);
+  ibr_vertex = vec4(at, 1.0);
+  // Outside of any view: all corners of a triangle at one place.
+  if (!is_drawn || look.a < 0.25) { ibr_vertex.xyz = vec3(1e18); }
+  // The inverse transpose; VTK turns normals by the winding that it sees, which a mirrored pose
+  // turns around.
+  ibr_normal_matrix = mat3(cross(eye_from_model[1], eye_from_model[2]),
+    cross(eye_from_model[2], eye_from_model[0]), cross(eye_from_model[0], eye_from_model[1]));
+  ibr_normal_matrix /= abs(dot(eye_from_model[0], ibr_normal_matrix[0]));
+}
+
+//@vertex.instances
+uniform sampler2D ibr_entries;    // of what is drawn: centre in eye space, slot and share
+uniform sampler2D ibr_poses;      // rows of the pose, 3 texels an instance (1 where it is a point)
+uniform int ibr_texels;           // texels an instance in ibr_poses: 1 or 3
+uniform mat3 ibr_eye_from_world;
+
 //@vertex.begin
   {
     int entry = ibr_first + int(floor((float(gl_VertexID) + 0.5) / VERTICES));
     vec4 known = texelFetch(ibr_entries, ivec2(entry % 1024, entry / 1024), 0);
     int slot = int(known.w);
     mat3 eye_from_model = ibr_eye_from_world;
-    for (int i = 3; i <= ibr_texels; ++i)  // software drivers skip loops, not branches
+    for (int i = 3; i <= ibr_texels; ++i)
     {
       int texel = slot * 3;
       ivec2 place = ivec2(texel % 3072, texel / 3072);
@@ -40,31 +66,15 @@ mat3 ibr_normal_matrix;
       vec3 r2 = texelFetch(ibr_poses, place + ivec2(2, 0), 0).xyz;
       eye_from_model *= transpose(mat3(r0, r1, r2));
     }
-    vec4 look = vec4(0.0, 0.0, 0.0, 0.5);
-    for (int i = 0; i < ibr_has_looks; ++i)
-    {
-      look = texelFetch(ibr_looks, ivec2(slot % 1024, slot / 1024), 0);
-    }
-    if (ibr_tint.a > 0.5 && look.a > 0.25) { look = ibr_tint; }
-    mat3 squares = transpose(eye_from_model) * eye_from_model;
-    vec3 sums = abs(squares[0]) + abs(squares[1]) + abs(squares[2]);
-    float stretch = ibr_radius * sqrt(max(max(sums.x, sums.y), sums.z));
     // Of its pixels, while it takes over from a card; nothing behind the slot is all.
     float share = fract(known.w) > 0.0 ? fract(known.w) : 1.0;
-    float color = dot(floor(look.rgb * 255.0 + 0.5), vec3(1.0, 256.0, 65536.0));
-    ibr_known = vec4(look.a > 0.504 ? color : -1.0, share, 0.02 * stretch, look.a);
-    ibr_vertex = vec4(known.xyz + eye_from_model * (vertexMC.xyz / SHRUNK), 1.0);
-    // Outside of any view: all corners of a triangle at one place.
-    if (entry >= ibr_end || look.a < 0.25) { ibr_vertex.xyz = vec3(1e18); }
-    // The inverse transpose; VTK turns normals by the winding that it sees, which a mirrored pose
-    // turns around.
-    ibr_normal_matrix = mat3(cross(eye_from_model[1], eye_from_model[2]),
-      cross(eye_from_model[2], eye_from_model[0]), cross(eye_from_model[0], eye_from_model[1]));
-    ibr_normal_matrix /= abs(dot(eye_from_model[0], ibr_normal_matrix[0]));
+    vec3 at = known.xyz + eye_from_model * (vertexMC.xyz / SHRUNK);
+    ibr_show(slot, share, entry < ibr_end, eye_from_model, at);
 #if CELL_NORMALS
     ibr_eye_normal = ibr_normal_matrix;
 #endif
   }
+//@vertex.placed
 // All that VTK does with a vertex, it does with the placed one.
 #define vertexMC ibr_vertex
 #define MCDCMatrix ibr_clip_from_eye

@@ -17,7 +17,7 @@ from pvibr.things.shader_draws import ShaderDraws
 
 #: Triangles per draw, and the most in large sets: enough to hide the cost of a draw call, and few
 #: enough that unused copies cost little.
-_TRIANGLES, _MAX_TRIANGLES = 16_384, 65_536
+_TRIANGLES, MAX_TRIANGLES = 16_384, 65_536
 #: Scale of copies in the vertex buffer, exact, so that they do not add to its bounds.
 _SHRUNK = 2.0**-60
 
@@ -27,9 +27,12 @@ class MeshDraws:
 
     def __init__(self, level, capacity, center, matrix, binder, translucent=False):
         self.level, self._translucent = level, translucent
-        shared = capacity, center, matrix, binder, translucent
-        pairs = zip(level.parts, level.materials, strict=True)
-        self._parts = [MeshPartDraws(part, material, *shared) for part, material in pairs]
+        self._parts = self._part_draws(capacity, center, matrix, binder, translucent)
+
+    def _part_draws(self, *shared) -> list:
+        """Return the draws of each part."""
+        pairs = zip(self.level.parts, self.level.materials, strict=True)
+        return [MeshPartDraws(part, material, *shared) for part, material in pairs]
 
     @property
     def blends(self) -> bool:
@@ -50,8 +53,7 @@ class MeshDraws:
     def set_inputs(self, entries, textures, uniforms):
         """Set the inputs that all parts share."""
         for draws in self._parts:
-            draws.entries, draws.textures = entries, textures
-            draws.uniforms = uniforms | {'ibr_cutoff': cutoff(draws.part)}
+            draws.set_inputs(entries, textures, uniforms)
 
     def bound(self, half):
         """Set the half sides of the bounds around the actors' position."""
@@ -90,9 +92,9 @@ class MeshDraws:
             draws.release(window)
 
 
-def can_batch(level) -> bool:
-    """Return whether several copies fit a draw, and no geometry shader is needed."""
-    light = all(2 * part.mesh.n_cells <= _TRIANGLES for part in level.parts)
+def can_batch(level, triangles=_TRIANGLES) -> bool:
+    """Return whether several copies fit a draw of triangles, and no geometry shader is needed."""
+    light = all(2 * part.mesh.n_cells <= triangles for part in level.parts)
     return light and all(_is_plain(part.actor) for part in level.parts)
 
 
@@ -106,16 +108,27 @@ class MeshPartDraws(ShaderDraws):
 
     def __init__(self, part, material, capacity, center, matrix, binder, translucent):
         triangle_count = max(part.mesh.n_cells, 1)
-        draw_triangles = min(max(_TRIANGLES, capacity * triangle_count // 16), _MAX_TRIANGLES)
+        draw_triangles = min(max(_TRIANGLES, capacity * triangle_count // 16), MAX_TRIANGLES)
         chunk = max(1, min(capacity, draw_triangles // triangle_count))
         super().__init__(draws=0, chunk=chunk, binder=binder)
         self.part, self._center, self._matrix = part, center, matrix
         self._translucent = translucent
-        self.set_feature(_feature(part.mesh))
+        self.set_feature(self._feature())
         self.tint: dict = {}
         self._material, self._property = material, part.actor.GetProperty()
         self._half = np.zeros(3)
         self._depths: _DepthDraws | None = None
+
+    def set_inputs(self, entries, textures, uniforms):
+        """Set the entries, and the textures and uniforms of all parts."""
+        self.entries, self.textures = entries, textures
+        self.uniforms = uniforms | {'ibr_cutoff': cutoff(self.part)}
+
+    def _feature(self, *, depth=False) -> Feature:
+        """Return the shader of the copies."""
+        section = sections(shader_source(__file__))
+        texts = section['vertex.instances'], section['vertex.begin']
+        return draws_feature(self.part.mesh, *texts, depth=depth)
 
     def show(self, first, end, outside) -> list:
         """Draw entries first to end; return new actors."""
@@ -147,7 +160,7 @@ class MeshPartDraws(ShaderDraws):
             return visible
         if self._depths is None:
             self._depths = _DepthDraws(self.mapper.GetInput(), self._new_depth_actor, self._binder)
-        self._depths.set_inputs(self.entries, self.textures, self.uniforms)
+        self._depths.set_inputs(self.entries, *self._inputs())
         return self._depths.show([span for span in self._spans if span[1] > 0])
 
     def _new_depth_actor(self, mapper):
@@ -158,7 +171,7 @@ class MeshPartDraws(ShaderDraws):
         actor.GetProperty().SetBackfaceCulling(prop.GetBackfaceCulling())
         actor.GetProperty().SetFrontfaceCulling(prop.GetFrontfaceCulling())
         actor.SetUserMatrix(self._matrix)
-        _feature(self.part.mesh, depth=True).attach(actor)
+        self._feature(depth=True).attach(actor)
         return actor
 
     def release(self, window):
@@ -181,7 +194,7 @@ class MeshPartDraws(ShaderDraws):
         actor.PickableOff()
         actor.UseBoundsOff()
         actor.SetForceTranslucent(self._translucent)
-        _feature(self.part.mesh).attach(actor)
+        self._feature().attach(actor)
         return actor
 
     def _fill(self):
@@ -213,19 +226,21 @@ class _DepthDraws(ShaderDraws):
         return self.actors[: len(spans)]
 
 
-def _feature(mesh, *, depth=False) -> Feature:
-    section, declarations = sections(shader_source(__file__)), '//VTK::PositionVC::Dec\n'
+def draws_feature(mesh, declarations, begin, *, depth=False, around_normal=('', '')) -> Feature:
+    """Return the shader of copies of a mesh whose vertices find their instances by some text."""
+    section = sections(shader_source(__file__))
     defines = f'#define VERTICES {mesh.n_points}.0\n#define SHRUNK {_SHRUNK!r}\n'
     defines += f'#define CELL_NORMALS {int(mesh.cell_data.active_normals is not None)}\n'
+    texts = defines, section['vertex.declare'], declarations, '//VTK::PositionVC::Dec\n'
     vertex = {
-        'VTK::PositionVC::Dec': defines + section['vertex.declare'] + declarations,
-        'VTK::CustomBegin::Impl': section['vertex.begin'],
-        'VTK::Normal::Impl': section['vertex.normal'],
+        'VTK::PositionVC::Dec': ''.join(texts),
+        'VTK::CustomBegin::Impl': begin + section['vertex.placed'],
+        'VTK::Normal::Impl': section['vertex.normal'].join(around_normal),
     }
     if depth:
         return Feature('mesh_draws', vertex)
     fragment = {
-        'VTK::PositionVC::Dec': defines + section['fragment.declare'] + declarations,
+        'VTK::PositionVC::Dec': defines + section['fragment.declare'] + texts[-1],
         'VTK::Normal::Dec': section['fragment.declare_normal'],
         'VTK::Normal::Impl': section['fragment.normal'],
     }

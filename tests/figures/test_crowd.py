@@ -345,7 +345,9 @@ def test_baking_leaves_rigid_bodies_as_they_are(show, tmp_path, cached):
     cone = pv.Cone(center=(0, 1, 0), direction=(0, 0, 1))
     figure = Figure([FigureMesh(cone, node=0)], Skeleton([-1], joint), [rise])
     for _ in range(1 + cached):
-        pl, crowd = show(figure, apart(1), NEAR, cache=tmp_path, max_error=4.0)
+        # With edges, each has an actor of its own.
+        how = {'cache': tmp_path, 'max_error': 4.0, 'show_edges': True}
+        pl, crowd = show(figure, apart(1), NEAR, **how)
         pl.ibr.time = 0.5
         grab(pl)
         (actor,) = (a for group in crowd.groups for a in group.mesh_actors())

@@ -1,0 +1,107 @@
+"""Near members of a crowd drawn as meshes, many per draw call."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pvibr.figures.mesh_actors import PosedMeshActor, RigidMeshActor, WireMeshActor
+from pvibr.figures.pose_sheet import WIDTH
+from pvibr.gl import Texture, nbytes_of, shader_source
+from pvibr.gl.feature import Feature, sections
+from pvibr.instances.mesh_draws import (
+    MAX_TRIANGLES,
+    MeshDraws,
+    MeshPartDraws,
+    can_batch,
+    draws_feature,
+)
+from pvibr.meshes.materials import culled_faces
+from pvibr.things.shader_draws import ROW, pack
+
+_TEXELS = 4  # per member
+
+
+def can_share_draws(level, mesh_actors) -> bool:
+    """Return whether members may share draws: they look alike, and nothing culls their faces."""
+    # An actor of its own costs more than the copies of a draw that are not used.
+    return can_batch(level, MAX_TRIANGLES) and all(_is_alike(actor) for actor in mesh_actors)
+
+
+def _is_alike(mesh_actor) -> bool:
+    if isinstance(mesh_actor, WireMeshActor) or any(culled_faces(mesh_actor.actor.GetProperty())):
+        return False
+    return isinstance(mesh_actor, RigidMeshActor) or not mesh_actor.has_morphed_colors
+
+
+class CrowdDraws(MeshDraws):
+    """The near members of a group."""
+
+    def __init__(self, level, mesh_actors, poses, *shared):
+        self.mesh_actors, self.poses = mesh_actors, poses
+        super().__init__(level, *shared)
+
+    def _part_draws(self, capacity, center, *shared) -> list:
+        rows = zip(self.level.parts, self.level.materials, self.mesh_actors, strict=True)
+        origin = np.zeros_like(center)  # matrices are those of the meshes
+        return [MemberDraws(*row, self.poses, capacity, origin, *shared) for row in rows]
+
+    def set_inputs(self, _entries, textures, uniforms):
+        """Set the textures and uniforms that all parts share; each has entries of its own."""
+        for draws in self._parts:
+            draws.set_inputs(draws.entries, textures, uniforms)
+
+    def upload(self, window, slots, shares, numbers, eye_from_figure):
+        """Upload the matrix and the pose of each member that is drawn, nearest first."""
+        for k, draws in enumerate(self._parts):
+            entries = np.empty((len(slots), _TEXELS, 4))
+            eye_from_mesh = eye_from_figure @ self.poses.figure_from_mesh[numbers, k]
+            entries[:, :3] = eye_from_mesh[:, :3]
+            entries[:, 3, 0] = self.poses.first_rows(draws.mesh_actor, numbers)
+            entries[:, 3, 1], entries[:, 3, 2] = slots, shares
+            entries[:, 3, 3] = self.poses.turns[numbers, k]
+            draws.upload_entries(window, entries.reshape(-1, 4).astype(np.float32))
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes of the entries on the GPU."""
+        return nbytes_of(*self._parts)
+
+    def release(self, window):
+        """Free GPU memory; the context is current."""
+        for draws in self._parts:
+            draws.release(window)
+
+
+class MemberDraws(MeshPartDraws):
+    """Draws of one mesh of a figure, in the poses of near members."""
+
+    def __init__(self, part, material, mesh_actor, poses, *shared):
+        self.mesh_actor, self.poses = mesh_actor, poses
+        self._uploaded = np.zeros(0, np.float32)
+        super().__init__(part, material, *shared)
+
+    def _feature(self, *, depth=False) -> Feature:
+        section = sections(shader_source(__file__))
+        is_posed = isinstance(self.mesh_actor, PosedMeshActor)
+        defines = f'#define POSED {int(is_posed)}\n#define WIDTH {WIDTH}u\n'
+        normal = '#define normalMC ibr_vertex_normal\n', '#undef normalMC\n'
+        return draws_feature(
+            self.part.mesh,
+            defines + section['vertex.members'],
+            section['vertex.begin'],
+            depth=depth,
+            around_normal=normal if is_posed else ('', ''),
+        )
+
+    def upload_entries(self, window, entries):
+        """Upload the entries unless they are on the GPU."""
+        if self.entries is None or not np.array_equal(entries, self._uploaded):
+            self._uploaded = entries
+            self.entries = self.entries or Texture(window)
+            self.entries.upload(pack(entries, _TEXELS * ROW, 4))
+
+    def _inputs(self):
+        textures, uniforms = super()._inputs()
+        if self.poses.posing is not None and isinstance(self.mesh_actor, PosedMeshActor):
+            textures = textures | self.poses.posing.textures
+        return textures, uniforms
