@@ -5,7 +5,8 @@
 
 //@vertex.members
 uniform sampler2D ibr_entries;    // per member three rows of eye from mesh, then: row of its pose, slot,
-                                  // share of its pixels, -1 where joints mirror it, else 1
+                                  // share of its pixels, distance that it may be off, negative
+                                  // where joints mirror it
 #if POSED
 uniform sampler2D ibr_posed;
 uniform sampler2D ibr_posed_normals;
@@ -31,6 +32,6 @@ vec3 ibr_vertex_normal;
     vec3 position = vertexMC.xyz / SHRUNK;
 #endif
     vec3 at = vec3(r0.w, r1.w, r2.w) + eye_from_mesh * position;
-    ibr_show(int(known.y), known.z, entry < ibr_end, eye_from_mesh, at);
-    ibr_normal_matrix *= known.w;
+    ibr_show(int(known.y), known.z, abs(known.w), entry < ibr_end, eye_from_mesh, at);
+    ibr_normal_matrix *= sign(known.w);
   }

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from pvibr.figures.mesh_actors import PosedMeshActor, RigidMeshActor, WireMeshActor
+from pvibr.figures.mesh_actors import PosedMeshActor, WireMeshActor
 from pvibr.figures.pose_sheet import WIDTH
 from pvibr.gl import Texture, nbytes_of, shader_source
 from pvibr.gl.feature import Feature, sections
@@ -15,22 +15,30 @@ from pvibr.instances.mesh_draws import (
     can_batch,
     draws_feature,
 )
+from pvibr.instances.mesh_pool import PLACE_ERROR
 from pvibr.meshes.materials import culled_faces
 from pvibr.things.shader_draws import ROW, pack
 
 _TEXELS = 4  # per member
 
 
-def can_share_draws(level, mesh_actors) -> bool:
-    """Return whether members may share draws: they look alike, and nothing culls their faces."""
+def can_share_draws(level, mesh_actors, may_mirror) -> bool:
+    """Return whether members may share draws: all look, and wind if faces are culled, alike."""
+    if may_mirror and culls_faces(mesh_actors):
+        return False
     # An actor of its own costs more than the copies of a draw that are not used.
     return can_batch(level, MAX_TRIANGLES) and all(_is_alike(actor) for actor in mesh_actors)
 
 
 def _is_alike(mesh_actor) -> bool:
-    if isinstance(mesh_actor, WireMeshActor) or any(culled_faces(mesh_actor.actor.GetProperty())):
-        return False
-    return isinstance(mesh_actor, RigidMeshActor) or not mesh_actor.has_morphed_colors
+    if isinstance(mesh_actor, PosedMeshActor):
+        return not mesh_actor.has_morphed_colors
+    return not isinstance(mesh_actor, WireMeshActor)
+
+
+def culls_faces(mesh_actors) -> bool:
+    """Return whether the material of any mesh culls faces."""
+    return any(any(culled_faces(actor.actor.GetProperty())) for actor in mesh_actors)
 
 
 class CrowdDraws(MeshDraws):
@@ -50,15 +58,15 @@ class CrowdDraws(MeshDraws):
         for draws in self._parts:
             draws.set_inputs(draws.entries, textures, uniforms)
 
-    def upload(self, window, slots, shares, numbers, eye_from_figure):
-        """Upload the matrix and the pose of each member that is drawn, nearest first."""
+    def upload(self, window, slots, shares, radii, numbers, eye_from_figure):
+        """Upload what places and poses each member that is drawn, nearest first."""
         for k, draws in enumerate(self._parts):
             entries = np.empty((len(slots), _TEXELS, 4))
             eye_from_mesh = eye_from_figure @ self.poses.figure_from_mesh[numbers, k]
             entries[:, :3] = eye_from_mesh[:, :3]
             entries[:, 3, 0] = self.poses.first_rows(draws.mesh_actor, numbers)
             entries[:, 3, 1], entries[:, 3, 2] = slots, shares
-            entries[:, 3, 3] = self.poses.turns[numbers, k]
+            entries[:, 3, 3] = PLACE_ERROR * radii * self.poses.turns[numbers, k]
             draws.upload_entries(window, entries.reshape(-1, 4).astype(np.float32))
 
     @property

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from pvibr.core.progress import baking
-from pvibr.figures.crowd_draws import CrowdDraws, can_share_draws
+from pvibr.figures.crowd_draws import CrowdDraws, can_share_draws, culls_faces
 from pvibr.figures.member_poses import MemberPoses
 from pvibr.figures.mesh_actors import posed_part
 from pvibr.figures.player import Moment
@@ -22,7 +22,7 @@ from pvibr.maths.transforms import signs_of
 
 #: Seconds after which clip times are uploaded again: float32 stays exact to 1/1000 cycle so long.
 _ERA = 512.0
-_UNIFORMS = *('ibr_has_looks', 'ibr_multiply', 'ibr_radius'), *('ibr_clip_from_eye', 'ibr_dither')
+_UNIFORMS = 'ibr_has_looks', 'ibr_multiply', 'ibr_clip_from_eye', 'ibr_dither'
 
 
 class Playback:
@@ -80,10 +80,17 @@ class _PosedMeshes(NearMeshes):
 
     def follow_material(self):
         """Use actors of each member where a material needs more than surfaces."""
-        mesh_actors = self._state.mesh_actors
+        state = self._state
         self.has_own_actors = tuple(
-            not (self.draws and can_share_draws(level, mesh_actors)) for level in self.levels
+            not (self.draws and can_share_draws(level, state.mesh_actors, state.may_mirror()))
+            for level in self.levels
         )
+        self._culls = culls_faces(state.mesh_actors)
+
+    def _need_own_actors(self, group, slots, mesh_levels) -> np.ndarray:
+        needs_own = super()._need_own_actors(group, slots, mesh_levels)
+        # In a mirror image the other faces are culled.
+        return needs_own | group.placement.mirrored(slots) if self._culls else needs_own
 
     def _show_batches(self, group, frame, slots, _centers, _levels, shares, _outside):
         draws = self._crowd_draws
@@ -102,7 +109,8 @@ class _PosedMeshes(NearMeshes):
             clips, seconds = self._state.seconds(time, group.ids[slots])
             numbers = self.poses.pose(window, slots, clips, seconds, self._state.moments)
             eye_from_figure = self._eye_from_world @ group.matrices(slots)
-            self._crowd_draws.upload(window, slots, shares, numbers, eye_from_figure)
+            radii = group.radii[slots]
+            self._crowd_draws.upload(window, slots, shares, radii, numbers, eye_from_figure)
 
     @property
     def nbytes(self) -> int:
@@ -204,6 +212,13 @@ class CrowdState:
         self.motions: list = []
         self.box = np.zeros(6)
 
+    def may_mirror(self) -> bool:
+        """Return whether joints may mirror meshes: by the scales of the rest pose and of clips."""
+        if (self.figure.skeleton.rest.scale < 0).any():
+            return True
+        clips = [motion.clip for motion in self.motions if motion.clip is not None]
+        return any(_may_mirror(clip) for clip in clips)
+
     def seconds(self, time, ids) -> tuple[np.ndarray, np.ndarray]:
         """Return clip indices and clip times of members."""
         clips = self.playback.clip[ids]
@@ -248,6 +263,14 @@ class CrowdState:
     def _pose_of(self, member, time):
         clip_indices, clip_seconds = self.seconds(time, np.array([member]))
         return self.pose(int(clip_indices[0]), float(clip_seconds[0]))
+
+
+def _may_mirror(clip) -> bool:
+    """Return whether a clip has negative scales, or is no sequence of tracks."""
+    tracks = getattr(clip, 'tracks', None)
+    if tracks is None:
+        return True
+    return any(track.path == 'scale' and np.min(track.values) < 0 for track in tracks)
 
 
 class ClipModels(MeshModels):

@@ -10,7 +10,6 @@
 uniform sampler2D ibr_looks;      // per instance rgb, alpha 0 hidden, 128 as it is, 129 to 255 coloured
 uniform int ibr_has_looks;
 uniform vec4 ibr_tint;            // for all that a program draws, where alpha is 1
-uniform float ibr_radius;         // bounding sphere, model units
 uniform mat4 ibr_clip_from_eye;
 flat out vec4 ibr_known;          // packed colour, share of its pixels, distance it may be off, alpha
 #if CELL_NORMALS
@@ -21,8 +20,8 @@ centroid out vec3 ibr_within;     // and where the pixel is covered
 vec4 ibr_vertex;
 mat3 ibr_normal_matrix;
 
-// Place a vertex of an instance, unless it is not drawn.
-void ibr_show(int slot, float share, bool is_drawn, mat3 eye_from_model, vec3 at)
+// Place a vertex of an instance, which may be a distance off, unless it is not drawn.
+void ibr_show(int slot, float share, float distance_off, bool is_drawn, mat3 eye_from_model, vec3 at)
 {
   vec4 look = vec4(0.0, 0.0, 0.0, 0.5);
   for (int i = 0; i < ibr_has_looks; ++i)  // software drivers skip loops, not branches
@@ -30,11 +29,8 @@ void ibr_show(int slot, float share, bool is_drawn, mat3 eye_from_model, vec3 at
     look = texelFetch(ibr_looks, ivec2(slot % 1024, slot / 1024), 0);
   }
   if (ibr_tint.a > 0.5 && look.a > 0.25) { look = ibr_tint; }
-  mat3 squares = transpose(eye_from_model) * eye_from_model;
-  vec3 sums = abs(squares[0]) + abs(squares[1]) + abs(squares[2]);
-  float stretch = ibr_radius * sqrt(max(max(sums.x, sums.y), sums.z));
   float color = dot(floor(look.rgb * 255.0 + 0.5), vec3(1.0, 256.0, 65536.0));
-  ibr_known = vec4(look.a > 0.504 ? color : -1.0, share, 0.02 * stretch, look.a);
+  ibr_known = vec4(look.a > 0.504 ? color : -1.0, share, distance_off, look.a);
   ibr_vertex = vec4(at, 1.0);
   // Outside of any view: all corners of a triangle at one place.
   if (!is_drawn || look.a < 0.25) { ibr_vertex.xyz = vec3(1e18); }
@@ -49,6 +45,7 @@ void ibr_show(int slot, float share, bool is_drawn, mat3 eye_from_model, vec3 at
 uniform sampler2D ibr_entries;    // of what is drawn: centre in eye space, slot and share
 uniform sampler2D ibr_poses;      // rows of the pose, 3 texels an instance (1 where it is a point)
 uniform int ibr_texels;           // texels an instance in ibr_poses: 1 or 3
+uniform float ibr_radius;         // bounding sphere, model units
 uniform mat3 ibr_eye_from_world;
 
 //@vertex.begin
@@ -69,7 +66,10 @@ uniform mat3 ibr_eye_from_world;
     // Of its pixels, while it takes over from a card; nothing behind the slot is all.
     float share = fract(known.w) > 0.0 ? fract(known.w) : 1.0;
     vec3 at = known.xyz + eye_from_model * (vertexMC.xyz / SHRUNK);
-    ibr_show(slot, share, entry < ibr_end, eye_from_model, at);
+    mat3 squares = transpose(eye_from_model) * eye_from_model;
+    vec3 sums = abs(squares[0]) + abs(squares[1]) + abs(squares[2]);
+    float distance_off = 0.02 * ibr_radius * sqrt(max(max(sums.x, sums.y), sums.z));
+    ibr_show(slot, share, distance_off, entry < ibr_end, eye_from_model, at);
 #if CELL_NORMALS
     ibr_eye_normal = ibr_normal_matrix;
 #endif

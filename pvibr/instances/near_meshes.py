@@ -115,10 +115,14 @@ class NearMeshes:
         if not frame.casting:
             fade_shares = (sizes - mesh_from) / np.maximum(mesh_from * (FADE - 1), 1e-6)
         outside = _from_outside(group, frame, slots, centers)
-        is_single = np.array(self.has_own_actors)[mesh_levels]
+        is_single = self._need_own_actors(group, slots, mesh_levels)
         single = (a[is_single] for a in (slots, mesh_levels, fade_shares, outside))
         batch = (a[..., ~is_single] for a in (slots, centers, mesh_levels, fade_shares, outside))
         return self._show_singly(group, *single) + self._show_batches(group, frame, *batch)
+
+    def _need_own_actors(self, _group, _slots, mesh_levels) -> np.ndarray:
+        """Return whether instances need actors of their own."""
+        return np.array(self.has_own_actors)[mesh_levels]
 
     def _large(self, group, frame, limits):
         """Return slots, eye-space centres, sizes and patches of visible meshes, nearest first."""

@@ -52,6 +52,7 @@ FIGURES = {
     'smooth': (lambda: worm(clips=[bending()]), {'smooth_shading': True}),
     'dual': (lambda: worm(clips=[bending()]), {'skinning': 'dual', 'smooth_shading': True}),
     'morphed': (morphed_worm, {'smooth_shading': True}),
+    'culled': (lambda: worm(clips=[bending()]), {'smooth_shading': True, 'culling': 'back'}),
     'key frames': (growing, {'smooth_shading': True}),
     'rigid': (machine, {'color': 'tan'}),
     'mirrored': (mirrored_worm, {'smooth_shading': True}),
@@ -129,8 +130,15 @@ def test_as_the_posed_mesh(name):
 
 
 def test_what_needs_actors_of_its_own_has_them():
-    for look in ({'show_edges': True}, {'culling': 'back'}, {'style': 'wireframe'}):
+    for look in ({'show_edges': True}, {'style': 'wireframe'}):
         crowd_of('skinned', together=False, **look)
+    crowd_of('mirrored', together=False, culling='back')
+
+
+def test_mirrored_members_have_actors_where_faces_are_culled():
+    _, crowd = crowd_of('culled')
+    (near,) = (group.near for group in crowd.groups)
+    assert [len(pool.lent) for pool in near.pools] == [len(range(0, COUNT, 4))]
 
 
 def test_calls_do_not_grow_with_members():
