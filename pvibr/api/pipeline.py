@@ -9,6 +9,7 @@ from difflib import get_close_matches
 from functools import partial
 from typing import Any
 
+from pvibr.core.counts import TOTAL, Counts
 from pvibr.core.effect import Effect, put_into
 from pvibr.core.errors import ClosedError, warn
 from pvibr.core.passes import has_shadows, loses_depth, peels_samples
@@ -63,7 +64,7 @@ class Pipeline:
         self.watch: Any = None
         #: Called when effects came or went.
         self.changed: Callable[[], None] = _unheard
-        self._closed = self._peels = False
+        self._closed, self._peels, self._counts = False, False, Counts()
 
     def __repr__(self) -> str:
         return f'<Pipeline: {self._names() or "no effects"}, {self._frames} frames>'
@@ -108,8 +109,7 @@ class Pipeline:
     def horizon_color(self, frame) -> tuple[float, ...]:
         """Return the colour of what is far away: that of the horizon, else of the background."""
         found = (e.horizon_color(frame) for e in self._effects if e.enabled)
-        seen = next((color for color in found if color is not None), None)
-        return seen or frame.renderer.GetBackground()
+        return next(filter(None, found), None) or frame.renderer.GetBackground()
 
     def add(self, effect) -> Effect:
         """Add an effect or a thing, from the next frame on."""
@@ -186,6 +186,7 @@ class Pipeline:
             self._frames,
             self._stage.nbytes + self.buffers.nbytes,
             '' if self._adaptive_quality is None else self._adaptive_quality.why,
+            self._counts,
         )
 
     def _names(self):
@@ -281,8 +282,7 @@ class Pipeline:
         turn, self._turn = self._turn, None
         if turn is None:
             return
-        if not turn.frame.picking:
-            self._frames += 1
+        self._frames += not turn.frame.picking
         for entry in self._entries:
             if entry.running:
                 turn.guard([entry], entry.effect.finish, turn.frame_of(entry.effect))
@@ -293,6 +293,7 @@ class Pipeline:
             self._peels = True
             if 'llvmpipe' in renderer_name(self.window):
                 turn.failures.append(_PEELS_NOTHING)
+        self._counts = TOTAL.since(turn.counts)
         turn.warn()
 
     def forget_removed(self):
@@ -356,6 +357,7 @@ class _Turn:
         self.failures: list[str] = []
         self.begun: Frame | None = None
         self.camera = None  # once all is prepared for it
+        self.counts = TOTAL.copied()
         self.take(frame)
 
     def take(self, frame):

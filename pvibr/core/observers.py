@@ -5,6 +5,7 @@ from __future__ import annotations
 import weakref
 
 from pvibr.core import _vtk
+from pvibr.core.counts import count_draw
 
 
 def weakly(method):
@@ -21,6 +22,7 @@ def tell_programs(mapper, method):
     def update(_mapper, _event, program):
         bound = method()
         if bound is not None:
+            count_draw(program)
             bound(program)
 
     mapper.AddObserver('UpdateShaderEvent', update)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import asdict, dataclass, field
 
+from pvibr.core.counts import Counts
+
 #: Alignment of each column, and its text for a row.
 _COLUMNS = {
     'name': ('<', lambda row: row.effect),
@@ -34,6 +36,8 @@ class Report:
     frames: int = 0
     picture_bytes: int = 0
     quality: str = ''
+    #: What the last frame asked of the GPU.
+    counts: Counts = field(default_factory=Counts)
 
     def as_dict(self) -> dict:
         """Return the report as JSON values."""
@@ -46,6 +50,7 @@ class Report:
         for row in self.rows:
             text_lines += [f'{row.effect}.{k}: {v}' for k, v in row.details.items()]
         text_lines.append(f'{self.frames} frames, {self.picture_bytes:,} bytes between effects')
+        text_lines.append(f'last frame: {self.counts}')
         if self.quality:
             text_lines.append(f'quality: {self.quality}')
         return '\n'.join(text_lines)

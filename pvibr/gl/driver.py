@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from time import perf_counter
 from types import MappingProxyType, SimpleNamespace
 
+from pvibr.core.counts import TOTAL
 from pvibr.core.determinism import elapsed, is_deterministic
 
 #: Environment variable that overrides what the renderer's name says.
@@ -126,6 +127,7 @@ def timed(window, nominal):
     if is_deterministic() or not driver_of(window).is_software:
         yield measured
         return
+    TOTAL.waits += 1
     window.WaitForCompletion()
     start = perf_counter()
     yield measured

@@ -6,6 +6,7 @@ import re
 from pathlib import Path
 
 from pvibr.core import _vtk
+from pvibr.core.counts import count_draw
 from pvibr.core.errors import ShaderError
 from pvibr.gl import enums as gl
 from pvibr.gl.feature import sections
@@ -103,6 +104,7 @@ class Quad:
             state.vtkglBlendFuncSeparate(*_BLENDS[blend])
         program = self.program
         self._shaders.ReadyShaderProgram(program)
+        count_draw(program)
         objects = [texture.object for texture in textures.values()]
         for name, texture in zip(textures, objects, strict=True):
             texture.Activate()

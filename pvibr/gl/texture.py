@@ -7,6 +7,7 @@ from contextlib import contextmanager
 import numpy as np
 
 from pvibr.core import _vtk
+from pvibr.core.counts import TOTAL
 from pvibr.gl import enums as gl
 
 _VTK_TYPES = {'uint8': 'VTK_UNSIGNED_CHAR', 'uint16': 'VTK_UNSIGNED_SHORT', 'float32': 'VTK_FLOAT'}
@@ -116,6 +117,7 @@ class Texture:
         if not self.object.Create2DFromRaw(width, height, channel_count, data_type, array):
             raise RuntimeError(f'the driver refused a texture of {array.shape} {array.dtype}')
         self.nbytes = array.nbytes
+        TOTAL.uploaded_bytes += array.nbytes
         return self
 
     def allocate(self, width, height, format='rgba8') -> Texture:
@@ -165,6 +167,7 @@ class Texture:
 
     def download(self) -> np.ndarray:
         """Wait for the texels, and return them (height, width, channels), row 0 at v = 0."""
+        TOTAL.waits += 1
         return self.fetch().texels()
 
     def fetch(self) -> PendingTexels:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from pvibr.core.counts import TOTAL
+
 _VECTORS = {2: 'SetUniform2f', 3: 'SetUniform3f', 4: 'SetUniform4f'}
 _IMMUTABLE = {float, int, bool, tuple}
 _MATRICES = {(3, 3): 'SetUniformMatrix3x3', (4, 4): 'SetUniformMatrix4x4'}
@@ -23,6 +25,7 @@ def set_uniforms(program, uniforms):
         if name in held_values and held_values[name] == held_value:
             continue
         held_values[name] = held_value
+        TOTAL.uniforms += 1
         if type(value) is float:  # most are
             program.SetUniformf(name, value)
         else:
