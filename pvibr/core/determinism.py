@@ -18,7 +18,7 @@ class deterministic(ContextDecorator):
     For pictures that are compared with references. While it is on,
 
     - quality is not reduced while the view moves (``pl.ibr.interactive_frame_ms`` is 0);
-    - images or meshes are chosen by fixed costs, not by those measured on this machine, and
+    - images or meshes are chosen by the fixed costs of a software renderer, on a GPU, too, and
       budgets in milliseconds are unlimited;
     - ``pl.ibr.play()`` advances by a sixtieth of a second each time the clock is read.
 

@@ -146,8 +146,7 @@ class ShaderDraws:
             textures = {**textures, 'ibr_entries': self.entries}
             if self._corners == 1:
                 self.entries.window.GetState().SetEnumState(gl.PROGRAM_POINT_SIZE, True)
-        set_uniforms(program, self._binder.bind(textures))
-        set_uniforms(program, uniforms)
+        set_uniforms(program, self._binder.bind(textures) | uniforms)
         if not self.landed:
             self.landed = True
             if self.feature is not None and not self.feature.landed(program):

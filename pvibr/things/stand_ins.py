@@ -11,6 +11,7 @@ import numpy as np
 import pyvista as pv
 
 from pvibr.core import _vtk
+from pvibr.core._vtk import method
 from pvibr.core.errors import warn
 from pvibr.core.observers import weakly
 from pvibr.core.plotters import put_inner
@@ -47,6 +48,8 @@ class StandIns:
         self._drawn_indices: list[int] = []
         self._ray_actors: list = []
         self._drawn_actors: list = []
+        #: Setters of the visibility of those that are visible between frames.
+        self._set_visible: list = []
         self._has_warned = self._is_empty = False
 
     def put_in(self, renderer):
@@ -58,6 +61,7 @@ class StandIns:
         self.clip(self._clip_planes)
         for actor in self.actors():
             put_inner(renderer, actor)
+        self._set_visible = [method(actor, 'SetVisibility') for actor in self.actors()]
         self._empty()
         self._observers = [
             renderer.AddObserver('ModifiedEvent', weakly(self._on_convert)),
@@ -82,7 +86,8 @@ class StandIns:
             self._renderer.RemoveObserver(tag)
         for actor in self.actors():
             self._renderer.RemoveViewProp(actor)
-        self._renderer, self._observers, self._drawn_actors, self._drawn_indices = None, [], [], []
+        self._renderer, self._observers, self._set_visible = None, [], []
+        self._drawn_actors, self._drawn_indices = [], []
         self._area_key = None
 
     def _on_convert(self):
@@ -118,18 +123,18 @@ class StandIns:
     def _on_start(self):
         if self._renderer.GetSelector() is None:
             self._empty()
-        for actor in self.actors():
+        for set_visible in self._set_visible:
+            set_visible(False)
+        for actor in self._drawn_actors[_CLICKED:]:
             actor.VisibilityOff()
 
     def _on_end(self):
         """Let pickers find items between frames."""
         thing = self._thing()
         is_pickable = thing is not None and thing.pickable and thing.visibility
-        for actor, _ in self._ray_actors:
-            actor.SetVisibility(is_pickable)
         # The hardware picker draws only what is visible before its first frame.
-        for actor in self._drawn_actors[:_CLICKED]:
-            actor.SetVisibility(is_pickable)
+        for set_visible in self._set_visible:
+            set_visible(is_pickable)
         self._display_points.clear()
 
     # -- pickers by rays ----------------------------------------------------------------------
