@@ -20,6 +20,8 @@ class FrameTimer:
 
     def start(self, window) -> float | None:
         """Begin a frame; return the milliseconds of the one before, if a GPU drew it."""
+        if not driver_of(window).is_software:
+            window.MakeCurrent()  # events of a window come before its context is made current
         last_ms, self._processor_ms = self._processor_ms, None
         if last_ms is not None and self._span is not None and self._span.Ready():
             last_ms = max(last_ms, self._span.GetElapsedMilliseconds())
