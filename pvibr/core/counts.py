@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 
 @dataclass
@@ -22,12 +22,12 @@ class Counts:
 
     def since(self, start) -> Counts:
         """Return what was counted since some counts."""
-        pairs = ((getattr(self, f.name), getattr(start, f.name)) for f in fields(self))
-        return Counts(*(now - before for now, before in pairs))
+        pairs = zip(vars(self).values(), vars(start).values(), strict=True)
+        return Counts(*[now - before for now, before in pairs])
 
     def copied(self) -> Counts:
         """Return the counts so far."""
-        return self.since(Counts())
+        return Counts(**vars(self))
 
     def __str__(self) -> str:
         return (
