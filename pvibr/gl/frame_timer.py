@@ -65,7 +65,9 @@ class FrameTimer:
         self._start_time = None
 
     def release(self):
-        """Forget the frame; free the GPU's timer if the window still has its context."""
-        if self._span is not None and self._window.IsCurrent():
+        """Forget the frame, and free the GPU's timer."""
+        if self._span is not None:
+            if not self._window.GetNeverRendered():
+                self._window.MakeCurrent()
             self._span.ReleaseGraphicsResources()
         self._window = self._span = self._start_time = self._processor_ms = None

@@ -23,6 +23,8 @@ _DIGITS = np.array([1, 1 << 8, 1 << 16], np.int32)
 def hidden_window(width=64, height=64):
     """Yield a small off-screen window with a live context; restore the previous one afterwards."""
     windows = [w for r in RENDERERS if (w := r.GetRenderWindow()) is not None]
+    # Every window of EGL says that it is the current one: within a frame, it is the one drawn.
+    windows = [w for w in windows if w.CheckInRenderStatus()] or windows
     current_window = next((w for w in windows if not w.GetNeverRendered() and w.IsCurrent()), None)
     renderer = _vtk.vtkOpenGLRenderer()  # first: it loads VTK's OpenGL for the window
     window = _vtk.vtkRenderWindow()

@@ -411,7 +411,11 @@ def test_no_specks_on_steep_terrain(seed, samples):
 
 
 def test_the_first_frame_with_gains_is_right_and_they_can_be_read():
-    """Measuring them draws in another window, within the first frame."""
+    """Measuring them draws in another window, within the first frame, among open plotters."""
+    others = [pv.Plotter(off_screen=True, window_size=(60, 40)) for _ in range(4)]
+    for other in others:
+        other.ibr.add_spheres(np.zeros((1, 3)), 1.0)
+        other.show(auto_close=False)
     base = np.tile(np.linspace(0.3, 0.9, 90)[:, None, None], (1, 90, 3))
     grid = pv.Plane(i_size=4, j_size=4, i_resolution=20, j_resolution=20)
     pl = pv.Plotter(off_screen=True, window_size=(200, 150))
