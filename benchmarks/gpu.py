@@ -157,9 +157,9 @@ def _glyphs(places, mesh):
     return actor
 
 
-def _makers(settings) -> dict:
+def _makers(settings) -> dict[str, whole_frames.Maker]:
     """Return what draws each scene, with pvibr or without, by name."""
-    makers = {
+    makers: dict[str, whole_frames.Maker] = {
         f'{count:,} copies of {triangles:,} triangles': partial(_copies, count, triangles)
         for count, triangles in settings.copies
     }
