@@ -186,9 +186,9 @@ def _draw() -> None:
 
 
 def _window_facts(window) -> dict[str, str]:
-    from pvibr.gl.driver import VARIABLE, driver_of
+    from pvibr.gl.driver import VARIABLE, capabilities_of, driver_of
 
-    capabilities = dict(re.findall(r'OpenGL (\w+) string: *(.*)', window.ReportCapabilities()))
+    capabilities = capabilities_of(window)
     return {
         'OpenGL': capabilities.get('version', 'unknown'),
         'driver': capabilities.get('vendor', 'unknown'),

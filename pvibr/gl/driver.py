@@ -108,16 +108,15 @@ def renderer_name(window=None) -> str:
             from pvibr.gl.hidden_window import hidden_window
 
             with hidden_window() as (hidden, _renderer):
-                _names.append(_renderer_of(hidden))
+                _names.append(capabilities_of(hidden).get('renderer', 'unknown'))
         else:
-            _names.append(_renderer_of(window))
+            _names.append(capabilities_of(window).get('renderer', 'unknown'))
     return _names[0]
 
 
-def _renderer_of(window) -> str:
-    """Return what a window's driver calls its renderer."""
-    name = re.search('OpenGL renderer string: *(.*)', window.ReportCapabilities())
-    return name[1] if name else 'unknown'
+def capabilities_of(window) -> dict[str, str]:
+    """Return what a window's driver calls its vendor, renderer and version."""
+    return dict(re.findall(r'OpenGL (\w+) string: *(.*)', window.ReportCapabilities()))
 
 
 @contextmanager

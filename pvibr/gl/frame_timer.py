@@ -20,13 +20,14 @@ class FrameTimer:
 
     def start(self, window) -> float | None:
         """Begin a frame; return the milliseconds of the one before, if a GPU drew it."""
-        if not driver_of(window).is_software:
+        is_hardware = not driver_of(window).is_software
+        if is_hardware:
             window.MakeCurrent()  # events of a window come before its context is made current
         last_ms, self._processor_ms = self._processor_ms, None
         if last_ms is not None and self._span is not None and self._span.Ready():
             last_ms = max(last_ms, self._span.GetElapsedMilliseconds())
         self._start_time = perf_counter()
-        if not driver_of(window).is_software:
+        if is_hardware:
             self._begin_span(window)
         return last_ms
 

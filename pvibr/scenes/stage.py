@@ -8,6 +8,7 @@ import numpy as np
 import pyvista as pv
 
 from pvibr.core import _vtk
+from pvibr.gl.driver import capabilities_of
 from pvibr.gl.hidden_window import read_pixels
 from pvibr.instances.atlas import bounding_sphere
 from pvibr.maths.image_error import box_reduce
@@ -110,9 +111,7 @@ class Stage:
         """Return the name of the OpenGL renderer."""
         self.look([(0, 0, 1), (0, 1, 1), (0, 0, 1)])
         self.draw()
-        report_lines = self.window.ReportCapabilities().splitlines()
-        driver_lines = (line for line in report_lines if 'renderer string' in line)
-        return next(driver_lines, ':unknown').split(':', 1)[1].strip()
+        return capabilities_of(self.window).get('renderer', 'unknown')
 
     def frame(self) -> Frame:
         """Return the next frame's size, camera and clipping range."""
