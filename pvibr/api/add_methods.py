@@ -7,7 +7,7 @@ from importlib import import_module
 from typing import Generic, TypeVar
 
 from pvibr.core.params import checked_flag
-from pvibr.core.plotters import next_theme
+from pvibr.core.plotters import is_watched, next_theme
 from pvibr.core.signatures import (
     accepts,
     arguments_of,
@@ -70,6 +70,8 @@ def add_thing(
         if kwargs.get('color') is True:  # PyVista's word for the next one
             kwargs['color'] = None
         kwargs.setdefault('theme', next_theme(self._plotter, kwargs.get('color')))
+    if accepts(make, 'wait') and kwargs.get('wait') is None:
+        kwargs['wait'] = not is_watched(self._plotter)
     thing = make(*args, **kwargs)
     thing.bar, thing.label = bar, label
     bar.check(self._plotter, thing)

@@ -104,6 +104,7 @@ def screenshot(
     """
     self._check_open()
     return_img = checked_flag('return_img', return_img)
+    self.wait()
     image = self._screenshots.take(
         scale, window_size, transparent_background, filename, samples=samples
     )
@@ -193,4 +194,5 @@ def movie(
     timing = {'fps': float(fps), 'start': start, 'speed': speed}
     options = {'each': each, 'resume': resume, 'progress': progress}
     options |= {'samples': samples, 'shutter': shutter}
+    self.wait()
     return record(self, self._screenshots, path, count, **timing, **options)

@@ -88,6 +88,7 @@ def to_plain_plotter(self, *, triangles=1_000_000, texture=1024, detail=1 / 1024
     from pvibr.substitutes.billboard_cloud import billboard_cloud
 
     self._check_open()
+    self.wait()
     self._show()
     window = self.pipeline.window
     if window is not None and not window.GetNeverRendered():

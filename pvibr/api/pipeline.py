@@ -62,7 +62,7 @@ class Pipeline:
         self.order = DrawOrder(renderer, self.surfaces.plain_actors)
         self._stage = _Stage(renderer, self.buffers, self.surfaces.plain_actors)
         self.watch: Any = None
-        #: Called when effects came or went.
+        #: Called when effects came or went, or something is made in the background.
         self.changed: Callable[[], None] = _unheard
         self._closed, self._peels, self._counts = False, False, Counts()
 

@@ -15,11 +15,13 @@ from pvibr.api import (
     picking_methods,
     presets,
     state_methods,
+    waiting,
 )
 from pvibr.api.add_methods import AddMethod
 from pvibr.api.click_picking import ClickPicking
 from pvibr.api.mesh_widgets import mesh_widgets
 from pvibr.api.pipeline import Pipeline
+from pvibr.api.waiting import waiting_pictures
 from pvibr.capture.adaptive_quality import AdaptiveQuality
 from pvibr.capture.clock import Clock, checked_time
 from pvibr.capture.tiled_screenshot import TiledScreenshot
@@ -98,7 +100,7 @@ class IBRComponent(metaclass=Complete):
         self._buffer_objects: list = []
         self._at_close: list = []
         self._last_report = Report([])
-        self._hooks = Hooks(plotter)
+        self._hooks, self._picture_hooks = Hooks(plotter), Hooks(plotter)
 
     def __setattr__(self, name, value):
         check_attribute(self, name)
@@ -122,6 +124,7 @@ class IBRComponent(metaclass=Complete):
     stop = capture_methods.stop
     screenshot = capture_methods.screenshot
     movie = capture_methods.movie
+    wait = waiting.wait
     web_report = export_methods.web_report
     to_plain_plotter = export_methods.to_plain_plotter
     export_glb = export_methods.export_glb
@@ -226,6 +229,11 @@ class IBRComponent(metaclass=Complete):
             release_exporters(self._plotter)
             self._hooks.take_off()
             self._adaptive_quality.release()
+        is_pending = any(effect.pending for effect in self._all_effects())
+        if is_pending and not self._picture_hooks:
+            self._picture_hooks.put(waiting_pictures(self._plotter, self))
+        elif self._picture_hooks and not is_pending:
+            self._picture_hooks.take_off()
 
     @property
     def effects(self) -> tuple:

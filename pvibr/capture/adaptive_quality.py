@@ -210,7 +210,7 @@ class AdaptiveQuality:
             self._last_move = perf_counter()
         if self.lowered:
             self._watch_screenshots()
-        if self._may_refine():
+        if self._may_refine() or self._is_pending():
             self._start_ticks()
 
     def _restore_samples(self, window):
@@ -262,7 +262,7 @@ class AdaptiveQuality:
     def _tick(self):
         if perf_counter() - self._last_move < SETTLE:
             return
-        if self.lowered or not self._may_refine():
+        if self.lowered or not (self._may_refine() or self._is_pending()):
             self._stop()
         self._wheel_turned = False
         if self.lowered:
@@ -276,6 +276,10 @@ class AdaptiveQuality:
         if is_dragged(self._window) or filming(self._plotter) or is_deterministic():
             return False
         return not self._playing() and any(effect.unfinished for effect in self._effects())
+
+    def _is_pending(self) -> bool:
+        """Return True if something in the background will refine the view."""
+        return any(effect.pending for effect in self._effects())
 
     def _stop(self):
         old_ticks, self._ticks = self._ticks, None

@@ -30,6 +30,7 @@ _MODULES = (
     'vtkRenderingVolume',
     'vtkRenderingVolumeOpenGL2',
     'vtkInteractionWidgets',
+    'vtkSerializationManager',
 )
 
 

@@ -190,6 +190,15 @@ class Effect(metaclass=Complete):
         """Whether more frames of the same view would refine it."""
         return False
 
+    @property
+    def pending(self) -> bool:
+        """Whether something is made in the background that will refine it."""
+        return False
+
+    def wait(self, timeout=None) -> bool:
+        """Wait for what is pending; return False if that takes more seconds than `timeout`."""
+        return True
+
     def lens_of(self, frame) -> tuple[float, float] | None:
         """Return aperture radius and focus distance if samples take their eyes from a lens."""
         return None

@@ -32,6 +32,12 @@ def is_never_shown(plotter) -> bool:
     return getattr(plotter, '_first_time', False)
 
 
+def is_watched(plotter) -> bool:
+    """Return True if frames are shown as they come: in a window, a notebook or a page."""
+    is_hidden = getattr(plotter, 'off_screen', False)
+    return not is_hidden or getattr(plotter, 'notebook', False) or bool(frame_callbacks(plotter))
+
+
 def renderers_of(plotter) -> list:
     """Return the renderers of a plotter's subplots, in order."""
     return list(getattr(plotter, 'renderers', [plotter.renderer]))

@@ -295,6 +295,6 @@ class ClipModels(MeshModels):
         state.motions, state.box = motions, model.atlas.box.T.ravel()
         self.by_mesh, self.clips = {0: model}, clips
 
-    def remake(self):
+    def remake(self, _index=None):
         """Bake all clips again, in the changed colours."""
         self.show_clips(self.clips)

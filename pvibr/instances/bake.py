@@ -48,6 +48,7 @@ def bake_parts(
     half=False,
     supersample=2,
     sphere=None,
+    support=None,
     turns=None,
     progress=None,
 ) -> Atlas:
@@ -80,7 +81,7 @@ def bake_parts(
         albedo,
         center,
         radius,
-        support_table((points - center) / radius),
+        support_table((points - center) / radius) if support is None else support,
         views,
         tile,
         half,

@@ -12,6 +12,7 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
+import filelock
 import numpy as np
 import platformdirs
 
@@ -24,6 +25,8 @@ if TYPE_CHECKING:
 SUFFIX = '.atlas'
 CAP_BYTES = 2 * 2**30
 ABANDONED_SECONDS = 3600.0
+#: Longest wait for another process, which may be suspended.
+_LOCK_SECONDS = 120.0
 
 _MAGIC = b'pvibrA01'
 _HEAD = struct.Struct('<8s32s')
@@ -74,6 +77,10 @@ class AtlasCache:
             os.utime(file)
         return entry
 
+    def __contains__(self, key: str) -> bool:
+        """Return True if there is such an entry."""
+        return self._file(key).exists()
+
     def load(self, key: str, build: Callable[[Entry], T]) -> T | None:
         """Return what is built of an entry; None, and it is removed, where that fails."""
         entry = self.get(key)
@@ -103,6 +110,18 @@ class AtlasCache:
             self._give_up(error)
             return False
         return True
+
+    @contextlib.contextmanager
+    def locked(self, key: str) -> Iterator[None]:
+        """Let one process at a time make an entry; a folder that cannot be written has no lock."""
+        lock = filelock.FileLock(self._file(key).with_name(f'.{key}.lock'), timeout=_LOCK_SECONDS)
+        with contextlib.ExitStack() as stack:
+            with contextlib.suppress(OSError):  # a timeout is one, too
+                self.path.mkdir(parents=True, exist_ok=True)
+                stack.enter_context(lock)
+                # Those who wait for it look for the entry before they make it.
+                stack.callback(_unlink, Path(lock.lock_file))
+            yield
 
     def clear(self) -> None:
         """Remove every entry; leave the folder and any other file in it."""
@@ -241,8 +260,12 @@ def _write_whole(file: Path, chunks: list[bytes | memoryview]) -> None:
         stream.writelines(chunks)
 
 
-def _discard(file: Path, error: Exception) -> None:
+def _unlink(file: Path) -> None:
     with contextlib.suppress(OSError):
-        file.unlink()
+        file.unlink(missing_ok=True)
+
+
+def _discard(file: Path, error: Exception) -> None:
+    _unlink(file)
     reason = str(error) if isinstance(error, ValueError) else f'its content is wrong ({error!r})'
     warn(f'Removed the cached atlas {str(file)!r}, because {reason}; it will be baked again.')

@@ -11,10 +11,10 @@ from pvibr.core.arguments import check_one_of, naming
 from pvibr.core.determinism import is_deterministic
 from pvibr.core.errors import warn
 from pvibr.core.nan_rows import NanRows
-from pvibr.core.params import Param
+from pvibr.core.params import Param, checked_flag
 from pvibr.core.signatures import takes
 from pvibr.instances import explain as explaining
-from pvibr.instances import plain_copies, updates
+from pvibr.instances import model_changes, plain_copies, updates
 from pvibr.instances.instance_arguments import mesh_looks, placed
 from pvibr.instances.limits import LevelChoice, Limits, checked_force, needs_images
 from pvibr.instances.mesh_groups import MeshGroups
@@ -80,7 +80,11 @@ class Instances(ItemSet):
         or meshes are drawn, and the report says so. The environment variable ``PVIBR_GPU_MEMORY``
         limits all sets together, 2048 MiB by default.
     progress : bool, optional
-        Show a progress bar during the bake; by default in terminals and notebooks.
+        Show a progress bar while a bake is waited for; by default in terminals and notebooks.
+    wait : bool, optional
+        Wait for the bake. Otherwise another process bakes, and until it is done, drafts are drawn:
+        random triangles, enlarged, and a few small images; screenshots, movies and exports wait.
+        By default off screen, but not in windows and notebooks.
     views : {'full', 'half'}
         Bake views from all sides, or only from above the horizon at twice the density.
     theme : pyvista.plotting.themes.Theme, optional
@@ -113,7 +117,7 @@ class Instances(ItemSet):
 
     FOR_USERS: tuple[str, ...] = (
         *('n_instances', 'poses', 'index', 'phase', 'update', 'bounds', 'atlases', 'limits'),
-        *('force_level', 'bake', 'pick', 'explain', 'actors', 'report'),
+        *('force_level', 'bake', 'wait', 'pick', 'explain', 'actors', 'report'),
     )
     web = 'baked', 'meshes, far ones billboard clouds'
     presets = {'fine': {'max_error': 0.5}, 'fast': {'max_error': 3.0}}
@@ -166,6 +170,7 @@ class Instances(ItemSet):
         cache=True,
         gpu_memory=None,
         progress=None,
+        wait=None,
         views='full',
         theme=None,
         force_level=None,
@@ -184,7 +189,8 @@ class Instances(ItemSet):
         mesh_kwargs |= {'opacity': opacity, 'cmap': cmap, 'clim': clim}
         mesh_options = self._begin_looks_of(len(poses), scalars, colors, blend, mesh_kwargs)
         check_one_of('views', views, ('full', 'half'))
-        baking = {'half': views == 'half', 'cache': cache, 'progress': progress}
+        waits = checked_flag('wait', wait, optional=True) is not False
+        baking = {'half': views == 'half', 'cache': cache, 'progress': progress, 'waits': waits}
         looks = {'theme': theme, **mesh_options}
         models = MeshModels.of(meshes, looks, bakes=bake, gpu_memory=gpu_memory, **baking)
         models.forces_images = needs_images(self._forced)
@@ -226,6 +232,14 @@ class Instances(ItemSet):
     update = updates.update
     _base_colors = updates.base_colors
     bake_into = plain_copies.bake_into
+    bake = model_changes.bake
+    wait = model_changes.wait
+    _remake = model_changes.remake
+    _adopt_material = model_changes.adopt_material
+    _adopt_bakes = model_changes.adopt_bakes
+    _follow_meshes = model_changes.follow_meshes
+    _show_models = model_changes.show_models
+    _rank_bakes = model_changes.rank_bakes
     report = explaining.report
     explain = explaining.explain
 
@@ -332,36 +346,6 @@ class Instances(ItemSet):
         self._forced, self._force_level = forced, level
         self._touch()
 
-    def bake(self):
-        """Bake images of the meshes that have none and that images can show."""
-        if self._models.bake(self._items.index):
-            self._rebuild()
-
-    def _remake(self):
-        """Adopt changed colours of all meshes."""
-        self._models.remake()
-        self._rebuild()
-
-    def _follow_meshes(self):
-        """Follow changes of meshes and materials."""
-        relit_meshes, has_new_models = self._models.follow_meshes()
-        if relit_meshes:
-            self.groups.follow_materials(relit_meshes)
-            self._touch()
-        if has_new_models:
-            self._adopt_material()
-            self._rebuild()
-            self._show_bar()
-
-    def _adopt_material(self):
-        """Share the material of the only part, or pass changes of the first on to all."""
-        parts = self._models.parts()
-        self._dressed = (parts[0].actor,) if len(parts) == 1 else ()
-        for actor in self._dressed:
-            self.SetProperty(actor.GetProperty())
-        if len(parts) > 1:
-            self._share_material()
-
     def _materials_of_all(self) -> list:
         return [part.actor.GetProperty() for part in self._models.parts()]
 
@@ -418,7 +402,16 @@ class Instances(ItemSet):
 
     # -- the life of an effect -----------------------------------------------------------------
 
+    pending = property(lambda self: self._models.pending)
+    unfinished = property(lambda self: self._models.has_news)
+
+    def detach(self):
+        """Leave the scene, and stop what is baked for it alone."""
+        self._models.pause()
+        super().detach()
+
     def _put_in(self, renderer):
+        self._models.resume()
         self.order = self.groups.draw_order()
         super()._put_in(renderer)
 
@@ -448,6 +441,8 @@ class Instances(ItemSet):
         """Choose levels again if the camera, size, settings, meshes or materials changed."""
         self._follow_meshes()
         super().prepare(frame)
+        if self.pending and frame.own:
+            self._rank_bakes(frame)
 
     def _upload(self, frame):
         self._check_shaders()

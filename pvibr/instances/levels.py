@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 import weakref
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -63,6 +63,11 @@ class LodModel:
     paint: tuple = (0.0, 0.0, 0.0, 0.0)
     _limits: dict = field(default_factory=dict)
 
+    @property
+    def is_draft(self) -> bool:
+        """Whether its levels are drawn until a bake is done."""
+        return False
+
     @cached_property
     def corners(self) -> np.ndarray:
         """Points on the convex hull of the mesh, model space."""
@@ -82,6 +87,12 @@ class LodModel:
         limits, triangles = self.limits(max_error), [level.triangles for level in self.levels]
         errors = self.atlas.errors
         return depth_limits(limits, errors, triangles, max_error, aspect) if errors else limits
+
+    def to_arrays(self) -> dict:
+        """Return everything that was baked as named arrays, for a file."""
+        arrays = self.atlas.to_arrays() | {'corners': self.corners}
+        are_supplied = supplied_level_count(self.levels[0].parts)
+        return arrays if are_supplied else arrays | to_arrays(self.levels)
 
     def describe(self, limits) -> str:
         """Return views, bake time and the sizes at which levels change, as one line."""
@@ -135,6 +146,66 @@ def make_model(
     tile=None,
 ) -> LodModel:
     """Return the levels of a mesh, baked and measured, or cached."""
+    grid = {'half': half, 'views': views, 'tile': tile}
+    planned = plan_of(parts, count=count, max_bytes=max_bytes, cache=cache, **grid)
+    return planned.bake(progress) if isinstance(planned, BakePlan) else planned
+
+
+@dataclass
+class BakePlan:
+    """A bake that is to be done: its images are not in the cache."""
+
+    parts: list
+    #: As of :func:`plan_of`: views, tile and half.
+    grid: dict
+    cache: AtlasCache | None
+    #: Key in the cache; empty without one.
+    key: str
+    #: What the report adds about its tiles.
+    note: str = ''
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes of GPU memory of the images."""
+        return bytes_of(self.grid['views'], self.grid['tile'])
+
+    def with_key(self) -> BakePlan:
+        """Return the same with the key that it would have in a cache."""
+        key = self.key or atlas_key(content_key(self.parts), *self.grid.values())
+        return replace(self, key=key)
+
+    def bake(self, progress=None) -> LodModel:
+        """Return the levels, baked here or meanwhile by another process."""
+        if self.cache is None:
+            return self._noted(_new_model(self.parts, progress, **self.grid))
+        with self.cache.locked(self.key):  # one process bakes, others wait for it
+            return self.load() or self._stored(_new_model(self.parts, progress, **self.grid))
+
+    def load(self) -> LodModel | None:
+        """Return the levels from the cache, None if they are not there."""
+        if self.cache is None:
+            return None
+        model = self.cache.load(self.key, lambda arrays: _from_cache(self.parts, arrays))
+        if model is None:
+            return None
+        model.atlas = _atlases.setdefault(self.key, model.atlas)
+        return self._noted(model)
+
+    def _noted(self, model) -> LodModel:
+        model.note = self.note
+        return model
+
+    def _stored(self, model) -> LodModel:
+        if self.cache is not None and not model.why_unbaked:
+            self.cache.put(self.key, model.to_arrays())
+            _atlases[self.key] = model.atlas
+        return self._noted(model)
+
+
+def plan_of(
+    parts, *, count=None, max_bytes=None, half=False, cache=True, views=None, tile=None
+) -> LodModel | BakePlan:
+    """Return the levels of a mesh, or the bake that they need."""
     # With a count of instances the mesh is baked only if that pays; with max_bytes of GPU memory
     # its tiles shrink until they fit.
     if reason := no_images(parts, count):
@@ -150,15 +221,10 @@ def make_model(
         reason = 'GPU memory for images is at its limit'
         return unbaked(parts, reason, required_bytes=bytes_of(views, min(tiles(tile))))
     cache_key = '' if atlas_cache is None else atlas_key(content_hash, views, tile_size, half)
-    model = atlas_cache and atlas_cache.load(cache_key, lambda arrays: _from_cache(parts, arrays))
-    if model:
-        model.atlas = _atlases.setdefault(cache_key, model.atlas)
-    else:
-        grid = {'views': views, 'tile': tile_size, 'half': half}
-        model = _new_model(parts, atlas_cache, cache_key, progress, **grid)
-    if tile_size < tile:
-        model.note = f', not {tile}, as GPU memory is limited'
-    return model
+    note = f', not {tile}, as GPU memory is limited' if tile_size < tile else ''
+    grid = {'views': views, 'tile': tile_size, 'half': half}
+    plan = BakePlan(parts, grid, atlas_cache, cache_key, note)
+    return plan.load() or plan
 
 
 def _grid(parts) -> tuple[int, int]:
@@ -177,22 +243,16 @@ def _fitting(content, views, tile, half, max_bytes) -> int:
     return next(filter(fits, tiles(tile)), 0)
 
 
-def _new_model(parts, atlas_cache, cache_key, progress, **grid) -> LodModel:
+def _new_model(parts, progress, **grid) -> LodModel:
     """Bake and measure; without images if the driver fails."""
     try:
-        model = _baked(_levels(parts), progress, **grid)
+        return _baked(_levels(parts), progress, **grid)
     except RuntimeError as error:
         warn(
             f'image cards are disabled, and meshes are drawn instead: {error}. Run `pvibr '
             'doctor`, or update the graphics driver.'
         )
         return unbaked(parts, str(error) or 'the bake failed', required_bytes=np.inf)
-    if atlas_cache is not None:
-        arrays = model.atlas.to_arrays() | {'corners': model.corners}
-        arrays |= {} if supplied_level_count(parts) else to_arrays(model.levels)
-        atlas_cache.put(cache_key, arrays)
-        _atlases[cache_key] = model.atlas
-    return model
 
 
 def _from_cache(parts, arrays) -> LodModel:

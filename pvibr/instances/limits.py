@@ -295,9 +295,10 @@ class LevelChoice:
     def limits(self, model) -> Limits:
         """Return the limits of a mesh's model."""
         level_count = len(model.levels)
-        if self.rule not in ('', 'forced') or not model.atlas.errors:
+        has_levels = model.is_draft or model.atlas.errors
+        if self.rule not in ('', 'forced') or not has_levels:
             return limits_of({}, level_count, 1)
-        if self.rule:
+        if self.rule and not model.is_draft:
             return forced_limits(self.forced, level_count)
         return model.limits(self.max_error)
 

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
 
+from pvibr.core.determinism import is_deterministic
+from pvibr.core.errors import warn
+from pvibr.instances.bake_queue import QUEUE, State, can_run
 from pvibr.instances.baked_materials import MATERIAL_CHANGED, BakedMaterial
+from pvibr.instances.drafts import Draft, draft_of
 from pvibr.instances.instance_arguments import checked_cache
-from pvibr.instances.levels import LodModel, make_model, no_images, unbaked
+from pvibr.instances.levels import BakePlan, LodModel, make_model, no_images, plan_of, unbaked
 from pvibr.instances.memory import available_bytes, checked_share, hold
 from pvibr.instances.mesh_sources import MESH_CHANGED, Sources
 from pvibr.meshes.materials import culled_faces
@@ -19,13 +24,17 @@ from pvibr.meshes.poses import mirror
 class MeshModels:
     """Meshes of a set, and the model of each that is in use."""
 
-    def __init__(self, meshes=(), sources=None, *, bakes=None, max_image_bytes=None, **baking):
+    def __init__(
+        self, meshes=(), sources=None, *, bakes=None, waits=True, max_image_bytes=None, **baking
+    ):
         #: Parts of each mesh.
         self.meshes = list(meshes)
-        #: The models, {mesh: model} in ascending order.
-        self.by_mesh: dict[int, LodModel] = {}
+        self.by_mesh = {}
+        self._is_paused = False
         #: Whether images are baked; None if that pays.
         self.bakes: bool | None = bakes
+        #: Whether bakes are waited for, or drafts drawn until they are done.
+        self.waits = waits or not can_run()
         #: Whether a level that needs images is forced.
         self.forces_images = False
         #: Meshes that are baked even if no instance shows them.
@@ -43,6 +52,16 @@ class MeshModels:
         sources = Sources(meshes, partial(as_parts, **mesh_options), parts)
         options |= {'max_image_bytes': checked_share(gpu_memory, len(meshes))}
         return cls(parts, sources, cache=checked_cache(cache), **options)
+
+    @property
+    def by_mesh(self) -> dict[int, LodModel]:
+        """The models, {mesh: model} in ascending order."""
+        return self._by_mesh
+
+    @by_mesh.setter
+    def by_mesh(self, models):
+        self._by_mesh: dict[int, LodModel] = models
+        self._has_drafts = any(model.is_draft for model in models.values())
 
     def parts(self) -> list:
         """Return the parts of all meshes."""
@@ -87,7 +106,7 @@ class MeshModels:
 
     def _may_have_images(self, k, index) -> bool:
         model = self.by_mesh[k]
-        if not model.why_unbaked or _is_changed(model):
+        if not _lacks_images(model) or _is_changed(model):
             return False
         fits = available_bytes(self._max_image_bytes) >= model.required_bytes
         return fits and not no_images(self.meshes[k], self._count_of(k, index))
@@ -96,22 +115,125 @@ class MeshModels:
         """Return the levels of a mesh, baked on request or if that pays."""
         if self.bakes is False:
             return unbaked(self.meshes[k], 'bake is False')
-        max_bytes, count = available_bytes(self._max_image_bytes), self._count_of(k, index)
-        model = make_model(self.meshes[k], count=count, max_bytes=max_bytes, **self._baking)
+        model = self._draft(k, index) or self._baked(k, index)
         hold(model.atlas)
         return model
+
+    def _baked(self, k, index) -> LodModel:
+        return make_model(self.meshes[k], **self._limits_of(k, index), **self._baking)
+
+    def _limits_of(self, k, index) -> dict:
+        """Return what decides whether a mesh is baked, and how large."""
+        pending_bytes = sum(d.plan.nbytes for i, d in self.drafts().items() if i != k)
+        max_bytes = available_bytes(self._max_image_bytes) - pending_bytes
+        return {'count': self._count_of(k, index), 'max_bytes': max(max_bytes, 0.0)}
 
     def _count_of(self, k, index) -> int | None:
         """Return the number of instances of a mesh, None if it is baked for any number."""
         is_baked_anyway = self.bakes or self.forces_images
         return None if is_baked_anyway else int(np.count_nonzero(index == k))
 
+    # -- bakes in the background -------------------------------------------------------------
+
+    def drafts(self) -> dict[int, Draft]:
+        """Return the models of meshes whose bakes are not done."""
+        return {k: model for k, model in self.by_mesh.items() if isinstance(model, Draft)}
+
+    def _draft(self, k, index) -> LodModel | None:
+        """Return what is drawn until the bake of a mesh is done, None if it is waited for."""
+        if self.waits or is_deterministic():
+            return None
+        grid = {name: value for name, value in self._baking.items() if name != 'progress'}
+        plan = plan_of(self.meshes[k], **self._limits_of(k, index), **grid)
+        if not isinstance(plan, BakePlan):
+            return plan
+        plan = plan.with_key()
+        old_draft = self.drafts().get(k)
+        if old_draft is not None and old_draft.plan.key == plan.key:
+            return old_draft
+        try:
+            draft = draft_of(plan, int(np.count_nonzero(index == k)))
+        except RuntimeError:  # the driver draws no images: the bake says so
+            return None
+        draft.job = QUEUE.job(plan)
+        QUEUE.poll()
+        return draft
+
+    @property
+    def pending(self) -> bool:
+        """Whether bakes are under way."""
+        return self._has_drafts and not self._is_paused
+
+    @property
+    def has_news(self) -> bool:
+        """Whether the bake of a draft is over."""
+        if not self.pending:
+            return False
+        QUEUE.poll()
+        return any(draft.is_over for draft in self.drafts().values())
+
+    @property
+    def shows_progress(self) -> bool | None:
+        """Whether bakes show a progress bar; None in terminals and notebooks."""
+        return self._baking.get('progress')
+
+    @property
+    def fraction(self) -> float:
+        """Fraction done of what is being baked, 0 to 1."""
+        fractions = [draft.job.fraction for draft in self.drafts().values() if draft.job]
+        return sum(fractions) / max(len(fractions), 1)
+
+    def adopt_bakes(self, index) -> bool:
+        """Replace drafts whose bakes are over; return True if there were any."""
+        if not self.has_news:
+            return False
+        news = {k: draft for k, draft in self.drafts().items() if draft.is_over}
+        new_models = {k: self._after(k, draft, index) for k, draft in news.items()}
+        for model in new_models.values():
+            hold(model.atlas)
+        self.by_mesh |= new_models
+        self._take_materials(new_models)
+        return True
+
+    def _after(self, k, draft, index) -> LodModel:
+        """Return the model that follows a draft."""
+        job = draft.job
+        job.pass_warnings_on()
+        if job.state is State.DONE:
+            model = replace(draft.plan, cache=job.result).load()
+            if model is not None:
+                return model
+        why = job.failure or 'its result cannot be read'
+        warn(f'a bake in another process failed ({why}); it is done in this one instead.')
+        return self._baked(k, index)
+
+    def rank(self, sizes):
+        """Bake the meshes first whose largest instances, {mesh: px}, are largest in view."""
+        for k, draft in self.drafts().items():
+            if draft.job is not None:
+                draft.job.priority = sizes.get(k, 0.0)
+
+    def pause(self):
+        """Stop the bakes that no other set waits for, until `resume`."""
+        if self.pending:
+            self._is_paused = True
+            for draft in self.drafts().values():
+                draft.job = None
+            QUEUE.poll()
+
+    def resume(self):
+        """Go on with bakes that were stopped."""
+        if self._is_paused:
+            self._is_paused = False
+            for draft in self.drafts().values():
+                draft.job = QUEUE.job(draft.plan)
+
     def bake(self, index) -> bool:
         """Bake images of meshes without; return True if any now has images."""
         previous, self.bakes = self.bakes, True
         models = self.by_mesh.items()
         try:
-            baked = {k: self._made(k, index) for k, model in models if model.why_unbaked}
+            baked = {k: self._made(k, index) for k, model in models if _lacks_images(model)}
         except BaseException:  # it may be interrupted
             self.bakes = previous
             raise
@@ -120,14 +242,19 @@ class MeshModels:
         }
         self.by_mesh |= baked
         self._take_materials(baked)
-        return any(not model.why_unbaked for model in baked.values())
+        return any(model.is_draft or not model.why_unbaked for model in baked.values())
 
-    def remake(self):
+    def remake(self, index):
         """Drop the images of all meshes, whose colours were changed."""
         models = self.by_mesh.items()
-        reasons = {k: model.why_unbaked or MESH_CHANGED for k, model in models}
-        self.by_mesh = {k: unbaked(self.meshes[k], reason) for k, reason in reasons.items()}
+        self.by_mesh = {k: self._changed(k, model, index) for k, model in models}
         self._take_materials(self.by_mesh)
+
+    def _changed(self, k, model, index) -> LodModel:
+        """Return the model of a mesh that has changed: only bakes under way begin again."""
+        if model.is_draft:
+            return self._made(k, index)
+        return unbaked(self.meshes[k], model.why_unbaked or MESH_CHANGED)
 
     def set_clim(self, clim):
         """Use a range of scalars for meshes that change, unless these are actors."""
@@ -139,7 +266,7 @@ class MeshModels:
 
     # -- changes of meshes and materials -----------------------------------------------------
 
-    def follow_meshes(self) -> tuple[list[int], bool]:
+    def follow_meshes(self, index) -> tuple[list[int], bool]:
         """Follow changes of meshes and materials; outdated images give way to meshes.
 
         Returns the meshes whose materials have changed, and whether models were replaced.
@@ -150,15 +277,18 @@ class MeshModels:
                 part.actor.SetProperty(old_part.actor.GetProperty())
             self.meshes[k] = parts
             if k in self.by_mesh:
-                replaced[k] = unbaked(parts, MESH_CHANGED)
+                replaced[k] = self._changed(k, self.by_mesh[k], index)
                 self._materials[k] = BakedMaterial(parts)
         for k, model in self.by_mesh.items():
             material = self._materials.get(k)
             if material is not None and k not in replaced and material.changed():
-                shown_model = _shown_model(material, model)
+                is_draft = model.is_draft
+                shown_model = self._made(k, index) if is_draft else _shown_model(material, model)
                 relit_meshes.append(k)
                 if shown_model is not model or material.reshaped():
                     replaced[k] = shown_model
+                if is_draft and shown_model is not model:
+                    self._materials[k] = BakedMaterial(self.meshes[k])
         self.by_mesh |= replaced
         return relit_meshes, bool(replaced)
 
@@ -199,6 +329,11 @@ def _shown_model(material, model) -> LodModel:
         material.stale_model = model
         return unbaked(material.parts, MATERIAL_CHANGED)
     return model
+
+
+def _lacks_images(model) -> bool:
+    """Return True if a mesh has no images, and none are being baked."""
+    return bool(model.why_unbaked) and not model.is_draft
 
 
 def _is_changed(model) -> bool:

@@ -104,6 +104,8 @@ def show_items(self, items, *, keeps_bounds=False):
     has_new_models = self._models.follow_poses(items.poses, items.index)
     if has_new_models or not self.groups.have_room(count):
         self._rebuild(keeps_bounds=keeps_bounds)
+        if has_new_models and self.pipeline is not None:
+            self.pipeline.changed()
         return
     self.groups.put(items.poses, items.index)
     if not keeps_bounds:

@@ -128,7 +128,7 @@ class Part:
         actor.SetMapper(mapper)
         actor.SetProperty(self.actor.GetProperty())
         actor.SetBackfaceProperty(self.actor.GetBackfaceProperty())
-        _copy_look(actor, self.actor)
+        copy_look(actor, self.actor)
         return actor
 
     def with_mesh(self, mesh, interpolation=None) -> Part:
@@ -428,14 +428,14 @@ def _copied(actor, mapper, dataset, cutoff=None):
     copy.SetProperty(copied_property(actor.GetProperty()))
     if actor.GetBackfaceProperty() is not None:
         copy.SetBackfaceProperty(copied_property(actor.GetBackfaceProperty()))
-    _copy_look(copy, actor)
+    copy_look(copy, actor)
     copy.user_matrix = pv.array_from_vtkmatrix(actor.GetMatrix())
     part = _finished(copy, cutoff)
     part.of_actor = True
     return part
 
 
-def _copy_look(copy, actor):
+def copy_look(copy, actor):
     """Copy the texture, opacity modes and shader of an actor."""
     copy.SetTexture(actor.GetTexture())
     copy.SetForceOpaque(actor.GetForceOpaque())

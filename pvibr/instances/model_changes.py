@@ -1,0 +1,124 @@
+"""Changes of what instances are drawn as: bakes that end, meshes and materials that change."""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+
+from pvibr.core.arguments import checked_number
+from pvibr.core.determinism import is_deterministic
+from pvibr.core.progress import baking
+
+_POLL_SECONDS = 0.02
+_RANKED_ITEMS = 10_000  # of all, evenly, by which meshes are ranked
+
+
+def wait(self, timeout=None) -> bool:
+    """Wait until all images of the set are baked.
+
+    Parameters
+    ----------
+    timeout : float, optional
+        Seconds to wait at most; by default any time.
+
+    Returns
+    -------
+    bool
+        True if all images are there, False if the time was too short.
+
+    Raises
+    ------
+    ValueError
+        If the timeout is negative or no number.
+    """
+    deadline = np.inf
+    if timeout is not None:
+        deadline = time.monotonic() + checked_number('timeout', timeout, 0)
+    models = self._models
+    models.resume()
+    if not models.pending:
+        return True
+    try:
+        with baking(models.shows_progress) as advance:
+            while models.pending:
+                advance(models.fraction)
+                if self._adopt_bakes() or time.monotonic() < deadline:
+                    time.sleep(_POLL_SECONDS * models.pending)
+                else:
+                    return False
+    except KeyboardInterrupt:
+        models.pause()
+        raise
+    return True
+
+
+def adopt_bakes(self) -> bool:
+    """Draw the levels whose bakes are over; return True if there are any."""
+    if not self._models.adopt_bakes(self._items.index):
+        return False
+    self._show_models()
+    return True
+
+
+def follow_meshes(self):
+    """Follow bakes that end, and changes of meshes and materials."""
+    models = self._models
+    if models.pending:
+        if is_deterministic():
+            self.wait()
+        self._adopt_bakes()
+    relit_meshes, has_new_models = models.follow_meshes(self._items.index)
+    if relit_meshes:
+        self.groups.follow_materials(relit_meshes)
+        self._touch()
+    if has_new_models:
+        self._show_models()
+        self._show_bar()
+
+
+def bake(self):
+    """Bake images of the meshes that have none and that images can show."""
+    self._models.resume()
+    if self._models.bake(self._items.index):
+        self._rebuild()
+
+
+def remake(self):
+    """Adopt changed colours of all meshes."""
+    self._models.remake(self._items.index)
+    self._rebuild()
+
+
+def adopt_material(self):
+    """Share the material of the only part, or pass changes of the first on to all."""
+    parts = self._models.parts()
+    self._dressed = (parts[0].actor,) if len(parts) == 1 else ()
+    for actor in self._dressed:
+        self.SetProperty(actor.GetProperty())
+    if len(parts) > 1:
+        self._share_material()
+
+
+def show_models(self):
+    """Draw new models."""
+    self._adopt_material()
+    self._rebuild()
+    if self.pipeline is not None:
+        self.pipeline.changed()
+
+
+def rank_bakes(self, frame):
+    """Let meshes that are large in view be baked first."""
+    if len(self._models.drafts()) < 2:
+        return
+    centers, radii = self.groups.spheres()
+    items = slice(None, None, max(len(centers) // _RANKED_ITEMS, 1))
+    eye_centers = centers[items] @ frame.view_from_world[:3, :3].T + frame.view_from_world[:3, 3]
+    planes = frame.view.side_planes
+    is_inside = (eye_centers @ planes[:, :3].T + planes[:, 3]).min(1) > -radii[items]
+    distances = 1.0 if frame.parallel else np.linalg.norm(eye_centers, axis=1)
+    sizes = is_inside * radii[items] * frame.pixel_scale / np.maximum(distances, 1e-30)
+    largest = np.zeros(self._items.mesh_count)
+    np.maximum.at(largest, self._items.index[items], 2 * sizes)
+    self._models.rank(dict(enumerate(largest.tolist())))
