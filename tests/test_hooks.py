@@ -8,6 +8,7 @@ import pyvista as pv
 
 import pvibr
 from pvibr.api.mesh_widgets import MESH_WIDGETS
+from pvibr.api.waiting import PICTURES
 from pvibr.core.hooks import Hooks, MethodHook
 from pvibr.export.exporters import EXPORTERS
 from tests.test_every_thing import EVERY
@@ -130,3 +131,15 @@ def test_a_method_is_replaced_while_there_are_instances():
     hook.need(one)
     assert Owner().method() == 12  # not wrapped twice
     Owner.method = method
+
+
+def test_methods_that_take_pictures_wait_while_something_is_baked(plotter, tmp_path):
+    gc.collect()
+    before = state(plotter)
+    options = {'cache': tmp_path, 'bake': True, 'wait': False, 'progress': False}
+    cones = plotter.ibr.add_instances(pv.Cone(), [[0, 0, 0], [2, 0, 0]], **options)
+    assert {name for name in PICTURES if name in vars(plotter)} == set(PICTURES)
+    plotter.ibr.remove(cones)
+    del cones
+    gc.collect()
+    assert not changes(before, state(plotter)).keys() - {('plotter', 'ibr')}

@@ -201,23 +201,37 @@ def play(
 
 
 @app.command
-def bake(mesh: ExistingFile, *, out: _Out = None, sheet: _File = None) -> None:
-    """Bake the atlas of a mesh and write it to a file.
+def bake(
+    *meshes: ExistingFile,
+    processes: _Count | None = None,
+    color: str | None = None,
+    scalars: str | None = None,
+    cmap: str | None = None,
+    smooth_shading: bool | None = None,
+    out: _Out = None,
+    sheet: _File = None,
+) -> int:
+    """Bake the images of meshes into the cache, where scenes find them.
 
-    Meshes are read as in ``pvibr view``; --sheet writes an image of all views.
+    Meshes are read as in ``pvibr view``; looks must be those of the scene, as in add_mesh. What is
+    in the cache is not baked again, so that a call that was stopped goes on. --processes bakes
+    that many at a time. For one mesh, --out writes the images to an .npz file, and --sheet a
+    picture of all views.
     """
-    from pvibr.instances.levels import bake
-    from pvibr.meshes.parts import as_parts
+    from pvibr.cli.bake import fill_cache, save_atlas
+    from pvibr.instances.bake_queue import PROCESSES
 
+    if not meshes:
+        raise ValueError('meshes must be one or more files, got none')
+    options = {'color': color, 'scalars': scalars, 'cmap': cmap, 'smooth_shading': smooth_shading}
+    looks = {name: value for name, value in options.items() if value is not None}
     _require_gl()
-    atlas = bake(as_parts(mesh))
-    out = out or mesh.with_suffix('.atlas.npz')
-    atlas.save(out)
-    views, size = atlas.views**2, out.stat().st_size
-    print(f'wrote {out}: {views} views of {mesh}, {size / 1e6:.1f} MB')
-    if sheet is not None:
-        atlas.contact_sheet(sheet)
-        print(f'wrote {sheet}')
+    if out is None and sheet is None:
+        return OK if fill_cache(meshes, processes or PROCESSES, looks) else FAILED
+    if len(meshes) > 1:
+        raise ValueError(f'--out and --sheet are for one mesh, got {len(meshes)}')
+    save_atlas(meshes[0], out, sheet, looks)
+    return OK
 
 
 def _bench_command(name):

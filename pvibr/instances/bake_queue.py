@@ -25,7 +25,7 @@ from pvibr.instances.cache import AtlasCache
 from pvibr.instances.levels import BakePlan
 
 #: Processes at once: each bake has steps that use one core, and llvmpipe uses all.
-_PROCESSES = max(1, min(4, (os.cpu_count() or 1) // 2))
+PROCESSES = max(1, min(4, (os.cpu_count() or 1) // 2))
 #: Names of programs that run Python; another one would start an application again.
 _INTERPRETERS = 'python', 'pypy', 'pvpython', 'vtkpython'
 _STDERR_BYTES = 2000  # of a child that died, from its end
@@ -171,7 +171,8 @@ class _Child:
 class BakeQueue:
     """The jobs of this process, and the children that do them."""
 
-    def __init__(self):
+    def __init__(self, processes=PROCESSES):
+        self._processes = processes
         self._jobs: weakref.WeakValueDictionary[tuple, Job] = weakref.WeakValueDictionary()
         self._children: list[_Child] = []
         self._pid = os.getpid()
@@ -207,7 +208,7 @@ class BakeQueue:
         for child in self._children:
             if child.is_idle:
                 return child
-        if len(self._children) == _PROCESSES:
+        if len(self._children) == self._processes:
             return None
         try:
             self._children.append(_Child())

@@ -236,7 +236,6 @@ class Instances(ItemSet):
     wait = model_changes.wait
     _remake = model_changes.remake
     _adopt_material = model_changes.adopt_material
-    _adopt_bakes = model_changes.adopt_bakes
     _follow_meshes = model_changes.follow_meshes
     _show_models = model_changes.show_models
     _rank_bakes = model_changes.rank_bakes
@@ -439,6 +438,8 @@ class Instances(ItemSet):
 
     def prepare(self, frame):
         """Choose levels again if the camera, size, settings, meshes or materials changed."""
+        if self.pending and is_deterministic():
+            self.wait()
         self._follow_meshes()
         super().prepare(frame)
         if self.pending and frame.own:

@@ -7,7 +7,6 @@ import time
 import numpy as np
 
 from pvibr.core.arguments import checked_number
-from pvibr.core.determinism import is_deterministic
 from pvibr.core.progress import baking
 
 _POLL_SECONDS = 0.02
@@ -43,35 +42,24 @@ def wait(self, timeout=None) -> bool:
         with baking(models.shows_progress) as advance:
             while models.pending:
                 advance(models.fraction)
-                if self._adopt_bakes() or time.monotonic() < deadline:
-                    time.sleep(_POLL_SECONDS * models.pending)
-                else:
+                self._follow_meshes()
+                if models.pending and time.monotonic() >= deadline:
                     return False
+                time.sleep(_POLL_SECONDS * models.pending)
     except KeyboardInterrupt:
         models.pause()
         raise
     return True
 
 
-def adopt_bakes(self) -> bool:
-    """Draw the levels whose bakes are over; return True if there are any."""
-    if not self._models.adopt_bakes(self._items.index):
-        return False
-    self._show_models()
-    return True
-
-
 def follow_meshes(self):
-    """Follow bakes that end, and changes of meshes and materials."""
-    models = self._models
-    if models.pending:
-        if is_deterministic():
-            self.wait()
-        self._adopt_bakes()
-    relit_meshes, has_new_models = models.follow_meshes(self._items.index)
+    """Follow changes of meshes and materials, and bakes that end."""
+    relit_meshes, has_new_models = self._models.follow_meshes(self._items.index)
     if relit_meshes:
         self.groups.follow_materials(relit_meshes)
         self._touch()
+    # Afterwards: what has changed is being baked again.
+    has_new_models |= self._models.pending and self._models.adopt_bakes(self._items.index)
     if has_new_models:
         self._show_models()
         self._show_bar()

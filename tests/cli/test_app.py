@@ -4,6 +4,7 @@ import types
 from pathlib import Path
 from shutil import copytree, ignore_patterns
 
+import numpy as np
 import pytest
 import pyvista as pv
 
@@ -11,6 +12,7 @@ import benchmarks
 import pvibr
 from pvibr.cli import app as cli
 from pvibr.core.errors import PvibrError
+from pvibr.instances import levels
 
 
 @pytest.fixture
@@ -151,7 +153,7 @@ def test_view_opens_a_window_where_there_is_a_display(called, files, monkeypatch
 
 
 @pytest.mark.slow
-def test_bake_says_what_it_made(tmp_path, capsys):
+def test_bake_writes_files(tmp_path, capsys):
     pv.Sphere(theta_resolution=9, phi_resolution=9).save(tmp_path / 'ball.ply')
     out, sheet = tmp_path / 'ball.npz', tmp_path / 'views.png'
     assert (
@@ -162,6 +164,44 @@ def test_bake_says_what_it_made(tmp_path, capsys):
     assert str(sheet) in said
     assert out.is_file()
     assert sheet.is_file()
+
+
+@pytest.fixture
+def balls(tmp_path, monkeypatch):
+    monkeypatch.setattr(levels, '_GRID', (4, 16))
+    monkeypatch.setenv('PVIBR_CACHE', str(tmp_path / 'cache'))
+    paths = [tmp_path / f'ball{n}.ply' for n in range(2)]
+    for n, path in enumerate(paths):
+        pv.Sphere(theta_resolution=30 + n).save(path)
+    return [str(path) for path in paths]
+
+
+def test_bake_fills_the_cache_and_goes_on_where_it_stopped(balls, tmp_path, capsys):
+    options = ['--color', 'tan', '--smooth-shading']
+    assert cli.main(['bake', balls[0], *options]) == 0
+    assert 'baked in' in capsys.readouterr().out
+    assert cli.main(['bake', *balls, *options, '--processes', '2']) == 0
+    first, second = sorted(capsys.readouterr().out.splitlines())
+    assert 'in the cache already' in first
+    assert 'baked in' in second
+    assert len(list((tmp_path / 'cache').iterdir())) == 2
+    plotter = pv.Plotter(off_screen=True)
+    looks = {'color': 'tan', 'smooth_shading': True}
+    places = np.random.default_rng(0).uniform(-9, 9, (2000, 3))
+    drawn = plotter.ibr.add_instances(balls[1], places, bake=True, wait=False, **looks)
+    assert not drawn.pending
+    plotter.close()
+
+
+def test_bake_names_meshes_that_it_cannot_bake(balls, tmp_path, capsys):
+    page = tmp_path / 'page.ply'
+    page.write_text('<!doctype html>')
+    assert cli.main(['bake', str(page), balls[0]]) == 2
+    said = capsys.readouterr()
+    assert 'page.ply' in said.err
+    assert 'baked in' in said.out
+    assert cli.main(['bake', *balls, '--sheet', str(tmp_path / 'a.png')]) == 2
+    assert 'for one mesh, got 2' in capsys.readouterr().err
 
 
 def test_bench_passes_the_seed_of_a_survey_on(called, capsys):
