@@ -50,6 +50,7 @@ def bake_parts(
     sphere=None,
     support=None,
     turns=None,
+    culls=True,
     progress=None,
 ) -> Atlas:
     """Render the parts of one object from all views into an atlas."""
@@ -64,7 +65,7 @@ def bake_parts(
         while views * tile * supersample > max_texture_size and supersample > 1:
             supersample //= 2
         directions = octahedral.view_directions(views, half)
-        baker = Baker(renderer, parts, center, radius, (views, tile, supersample))
+        baker = Baker(renderer, parts, center, radius, (views, tile, supersample), culls=culls)
         try:
             geometry, albedo = baker.pictures(octahedral.frame(directions), progress)
         finally:
@@ -101,13 +102,13 @@ def check_grid(views, tile):
 class Baker:
     """Renders views of parts; their points may change in between."""
 
-    def __init__(self, renderer, parts, center, radius, grid):
+    def __init__(self, renderer, parts, center, radius, grid, *, culls=True):
         self.window, self.center = renderer.GetRenderWindow(), center
         self.radius = radius
         self.views, self.tile, self.scale = grid
         side = self.tile * self.scale
         self.drawer = Drawer(renderer)
-        self.actors = [unlit_actor(p) for p in parts]
+        self.actors = [unlit_actor(p, None if culls else False) for p in parts]
         self.raster = Target(self.window, self.views * side, side, ('rgba8', 'rgba8'), depth=True)
         strip = (self.views * self.tile, self.tile)
         self.strip = Target(self.window, *strip, ('rgba8', 'rgba8'))

@@ -80,7 +80,7 @@ def draft_of(plan, count) -> Draft:
         levels += _random_levels(parts)
         baked_level = next((k for k in levels if k.triangles <= _BAKED_TRIANGLES), levels[-1])
         options = {'sphere': (atlas.center, atlas.radius), 'support': atlas.support}
-        options |= {'views': _VIEWS, 'tile': _TILE, 'half': plan.grid['half']}
+        options |= {'views': _VIEWS, 'tile': _TILE, 'half': plan.grid['half'], 'culls': False}
         atlas = bake_parts(baked_level.parts, **options)
     return Draft(levels, atlas, BAKING, plan=plan)
 

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
+import scipy  # whose modules load when they are first used
 
 _THIN = 1e-6  # relative thickness below which the two sides of a piece are indistinguishable
 _LINES = 128  # lines of sight along each edge of the bounds
@@ -36,8 +35,10 @@ def _side_by_volume(points, faces) -> int:
     """Return the sign of the volumes of all connected components, 0 if they differ."""
     count = len(points)
     begin, end = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
-    graph = coo_array((np.ones(len(begin), np.int8), (begin, end)), shape=(count, count))
-    _, pieces = connected_components(graph, directed=False)
+    graph = scipy.sparse.coo_array(
+        (np.ones(len(begin), np.int8), (begin, end)), shape=(count, count)
+    )
+    _, pieces = scipy.sparse.csgraph.connected_components(graph, directed=False)
     a, b, c = points[faces.T]
     face_piece = pieces[faces[:, 0]]
     volumes = np.bincount(face_piece, (a * np.cross(b, c)).sum(1) / 6)

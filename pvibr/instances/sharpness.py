@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.ndimage import uniform_filter
+import scipy  # whose modules load when they are first used
 
 _LUMINANCE = np.array([0.299, 0.587, 0.114])
 _WINDOW = 25  # px along a side, in which gradients are averaged
@@ -28,7 +28,9 @@ def local_gradients(images) -> np.ndarray:
     """Return gradients of luminance per pixel, averaged over 25 px windows, (..., h, w)."""
     luminance = np.asarray(images, float) @ _LUMINANCE
     steepness = np.hypot(*np.gradient(luminance, axis=(-2, -1)))
-    return uniform_filter(steepness, (1,) * (steepness.ndim - 2) + (_WINDOW, _WINDOW))
+    return scipy.ndimage.uniform_filter(
+        steepness, (1,) * (steepness.ndim - 2) + (_WINDOW, _WINDOW)
+    )
 
 
 def lowest_ratio(gradients, expected) -> float:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pyvista as pv
-from scipy.sparse import csr_array
+import scipy  # whose modules load when they are first used
 
 from pvibr.maths.vectors import unit_vectors
 from pvibr.meshes.decimate import OUTWARD, Welded, is_foliage, take_arrays
@@ -113,14 +113,19 @@ def _averaged(coarse, normals):
     corner_ids, places = coarse.faces.ravel(), len(coarse.points)
     flat_normals, areas = normals.reshape(-1, 3), np.repeat(_areas(coarse), 3)
     ids = np.arange(len(corner_ids))
-    at_point = csr_array((np.ones(len(ids), np.int8), (ids, corner_ids)), shape=(len(ids), places))
+    at_point = scipy.sparse.csr_array(
+        (np.ones(len(ids), np.int8), (ids, corner_ids)), shape=(len(ids), places)
+    )
     first, second = (at_point @ at_point.T).nonzero()
     angles = np.arccos(np.clip((flat_normals[first] * flat_normals[second]).sum(1), -1, 1))
     # Flat triangles keep their normal beside a bent one.
     bending = np.linalg.norm(normals - np.roll(normals, 1, axis=1), axis=2).max(1).repeat(3)
     is_alike = angles < _MERGE_ANGLE + _BEND_SHARE * np.minimum(bending[first], bending[second])
     first, second = first[is_alike], second[is_alike]
-    sums = csr_array((areas[second], (first, second)), shape=(len(ids), len(ids))) @ flat_normals
+    sums = (
+        scipy.sparse.csr_array((areas[second], (first, second)), shape=(len(ids), len(ids)))
+        @ flat_normals
+    )
     return unit_vectors(sums).reshape(normals.shape)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.spatial import cKDTree
+import scipy  # whose modules load when they are first used
 
 
 def box_reduce(image, factor):
@@ -46,7 +46,9 @@ def outline_distances(coverage, reference):
         pixel_distances[:] = np.hypot(*is_outline.shape)
     elif off_target.any():
         # For few pixels a tree is much cheaper than a distance transform.
-        tree = cKDTree(np.argwhere(is_target), compact_nodes=False, balanced_tree=False)
+        tree = scipy.spatial.cKDTree(
+            np.argwhere(is_target), compact_nodes=False, balanced_tree=False
+        )
         pixel_distances[off_target[is_outline]] = tree.query(np.argwhere(off_target))[0]
     return np.argwhere(is_outline), pixel_distances
 

@@ -7,8 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pyvista as pv
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
+import scipy  # whose modules load when they are first used
 
 from pvibr.core import _vtk
 from pvibr.meshes.parts import Part
@@ -60,8 +59,8 @@ def connected(faces, n_points):
     starts, ends = faces[:, [0, 1]].T
     second_starts, second_ends = faces[:, [1, 2]].T
     i, j = np.concatenate([starts, second_starts]), np.concatenate([ends, second_ends])
-    graph = coo_array((np.ones(len(i), np.int8), (i, j)), shape=(n_points, n_points))
-    _, labels = connected_components(graph, directed=False)
+    graph = scipy.sparse.coo_array((np.ones(len(i), np.int8), (i, j)), shape=(n_points, n_points))
+    _, labels = scipy.sparse.csgraph.connected_components(graph, directed=False)
     components, labels = np.unique(labels[faces[:, 0]], return_inverse=True)
     return len(components), labels
 
