@@ -270,7 +270,10 @@ class Crowd(Instances):
 
     def report(self) -> dict:
         """Return the report of instances, with bytes on the GPU."""
-        return super().report() | {'bytes': nbytes_of(*self.groups)}
+        details = super().report() | {'bytes': nbytes_of(*self.groups)}
+        for group in self.groups:
+            details |= {'poses': group.near.poses.note} if group.near.poses.note else {}
+        return details
 
 
 def _matrix(pose) -> np.ndarray:

@@ -9,7 +9,6 @@ from pvibr.figures.pose_sheet import WIDTH
 from pvibr.gl import Texture, nbytes_of, shader_source
 from pvibr.gl.feature import Feature, sections
 from pvibr.instances.mesh_draws import (
-    MAX_TRIANGLES,
     MeshDraws,
     MeshPartDraws,
     can_batch,
@@ -26,8 +25,8 @@ def can_share_draws(level, mesh_actors, may_mirror) -> bool:
     """Return whether members may share draws: all look, and wind if faces are culled, alike."""
     if may_mirror and culls_faces(mesh_actors):
         return False
-    # An actor of its own costs more than the copies of a draw that are not used.
-    return can_batch(level, MAX_TRIANGLES) and all(_is_alike(actor) for actor in mesh_actors)
+    # Also heavy ones, each with a draw of its own: an actor costs more than that.
+    return can_batch(level, np.inf) and all(_is_alike(actor) for actor in mesh_actors)
 
 
 def _is_alike(mesh_actor) -> bool:

@@ -107,7 +107,10 @@ class _PosedMeshes(NearMeshes):
         slots, shares = self._shared
         if len(slots):
             clips, seconds = self._state.seconds(time, group.ids[slots])
-            numbers = self.poses.pose(window, slots, clips, seconds, self._state.moments)
+            ranks = np.arange(len(slots))
+            ranks = ranks[::-1] if self._crowd_draws.blends else ranks
+            times = clips, seconds, self._state.durations(clips), self._state.moments
+            numbers = self.poses.pose(window, slots, ranks, *times)
             eye_from_figure = self._eye_from_world @ group.matrices(slots)
             radii = group.radii[slots]
             self._crowd_draws.upload(window, slots, shares, radii, numbers, eye_from_figure)
@@ -222,8 +225,11 @@ class CrowdState:
     def seconds(self, time, ids) -> tuple[np.ndarray, np.ndarray]:
         """Return clip indices and clip times of members."""
         clips = self.playback.clip[ids]
-        durations = np.array([m.duration for m in self.motions])[clips]
-        return clips, self.playback.rounds(self.motions, time, ids) * durations
+        return clips, self.playback.rounds(self.motions, time, ids) * self.durations(clips)
+
+    def durations(self, clips) -> np.ndarray:
+        """Return the durations of clips, in seconds."""
+        return np.array([m.duration for m in self.motions])[clips]
 
     def pose(self, clip, seconds):
         """Return the poses at times of a clip."""

@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from pvibr.figures.mesh_actors import PosedMeshActor
-from pvibr.figures.posing import MeshPose, Posing
+from pvibr.figures.posing import MeshPose, Posing, most_poses
 from pvibr.gl import nbytes_of, release
 
-_LEAST = 4  # poses for which there is room
+_LEAST = 4  # poses for which there is room, if there is
+_SHARED = 0.25  # of all poses, where there are too few: phases that members farther away share
 
 
 class MemberPoses:
@@ -19,9 +20,12 @@ class MemberPoses:
         self._posed = [a for a in mesh_actors if isinstance(a, PosedMeshActor)]
         self.posing: Posing | None = None
         self._capacity = 0
-        self._number_by_slot: dict[int, int] = {}
+        #: Number of the pose of each slot, or of each phase that members share, below 0.
+        self._number_of: dict[int, int] = {}
+        #: What members share because there are too few poses; empty if each has its own.
+        self.note = ''
         self._free: list[int] = []
-        self._grow(_LEAST)
+        self._grow(0)
 
     def _grow(self, capacity):
         """Make room for poses."""
@@ -52,31 +56,57 @@ class MemberPoses:
         first, end = (self.posing.rows[self._posed.index(mesh_actor) + k] for k in (0, 1))
         return first + numbers * ((end - first) // self.posing.poses)
 
-    def pose(self, window, slots, clips, seconds, moments_of) -> np.ndarray:
-        """Pose the members at slots whose clip or clip time has changed; return their numbers."""
-        numbers = self._numbers_of(slots)
-        keys = np.stack([clips, seconds], 1)
+    def pose(self, window, slots, ranks, clips, seconds, durations, moments_of) -> np.ndarray:
+        """Pose members, ranked from the nearest; return the numbers of their poses."""
+        most = most_poses(window, [actor.rest_mesh for actor in self._posed])
+        owners, seconds = self._shared(slots, ranks, clips, seconds, durations, most)
+        owners, first, inverse = np.unique(owners, return_index=True, return_inverse=True)
+        numbers = self._numbers_of(owners, most)
+        keys = np.stack([clips[first], seconds[first]], 1)
         (changed,) = np.nonzero((self._keys[numbers] != keys).any(1))
         if len(changed):
             self._pose(numbers[changed], moments_of(keys[changed]))
             self._keys[numbers[changed]] = keys[changed]
         if self._posed and (len(changed) or self.posing is None) and len(slots):
             self._draw(window)
-        return numbers
+        return numbers[inverse]
 
-    def _numbers_of(self, slots) -> np.ndarray:
-        """Return the number of the pose of each slot; those of other slots become free."""
-        slot_list = slots.tolist()
-        if self._number_by_slot.keys() != set(slot_list):
-            for slot in self._number_by_slot.keys() - set(slot_list):
-                self._free.append(self._number_by_slot.pop(slot))
-            new_slots = [s for s in slot_list if s not in self._number_by_slot]
-            if len(new_slots) > len(self._free):
-                needed = len(self._number_by_slot) + len(new_slots)
-                self._grow(1 << (needed - 1).bit_length())
-            for slot in new_slots:
-                self._number_by_slot[slot] = self._free.pop()
-        return np.array([self._number_by_slot[s] for s in slot_list], int)
+    def _shared(self, slots, ranks, clips, seconds, durations, most) -> tuple:
+        """Return the owner of each member's pose and its clip time.
+
+        Where there are fewer poses than members, those farther away share phases of their clips.
+        """
+        self.note = ''
+        if len(slots) <= most:
+            return slots, seconds
+        shown_clips = np.unique(clips)
+        phase_count = max(int(_SHARED * most) // len(shown_clips), 1)
+        exact_count = max(most - phase_count * len(shown_clips), 0)
+        is_far = ranks >= exact_count
+        steps = np.maximum(durations, 1e-12) / phase_count
+        phases = np.minimum((seconds / steps).astype(int), phase_count - 1)
+        places = np.searchsorted(shown_clips, clips) if most >= len(shown_clips) else 0 * phases
+        self.note = (
+            f'{exact_count} nearest in poses of their own, {is_far.sum()} in {phase_count} phases '
+            f'of a clip, {steps.max():.3g} s apart: there is room for {most} poses'
+        )
+        owners = np.where(is_far, -1 - (places * phase_count + phases), slots)
+        return owners, np.where(is_far, (phases + 0.5) * steps, seconds)
+
+    def _numbers_of(self, owners, most) -> np.ndarray:
+        """Return the number of the pose of each owner; those of other owners become free."""
+        owner_list = owners.tolist()
+        if self._number_of.keys() != set(owner_list):
+            for owner in self._number_of.keys() - set(owner_list):
+                self._free.append(self._number_of.pop(owner))
+            new_owners = [owner for owner in owner_list if owner not in self._number_of]
+            if len(new_owners) > len(self._free):
+                needed = len(self._number_of) + len(new_owners)
+                ahead = max(1 << (needed - 1).bit_length(), _LEAST)
+                self._grow(max(min(ahead, most), needed))
+            for owner in new_owners:
+                self._number_of[owner] = self._free.pop()
+        return np.array([self._number_of[owner] for owner in owner_list], int)
 
     def _pose(self, numbers, moments):
         """Take the poses of moments, each of some of the numbers."""

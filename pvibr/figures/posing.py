@@ -13,11 +13,16 @@ from pvibr.figures.pose_sheet import SAMPLERS, WIDTH, sheet_with_room
 from pvibr.figures.shapes import MeshShapes, ShapeStore
 from pvibr.gl import release, shader_source, texture_limit
 from pvibr.gl.feature import Feature, sections
+from pvibr.instances.memory import limit_bytes
 from pvibr.things.shader_draws import pack
 
 #: Most vec4s of a pose that are passed as uniforms, and for how many meshes: OpenGL has room for
 #: 256, and many meshes share one texture upload.
 _UNIFORM_NUMBERS, _UNIFORM_MESHES = 192, 4
+
+
+#: Bytes of a posed vertex, and the share of the GPU's memory for images that poses may take.
+_VERTEX_BYTES, _MEMORY_SHARE = 32, 0.25
 
 
 @dataclass(eq=False)
@@ -54,6 +59,13 @@ class MeshPose:
     shapes: np.ndarray | tuple = ()
     amounts: np.ndarray | tuple = ()
     frames: int = 0
+
+
+def most_poses(window, rest_meshes) -> int:
+    """Return in how many poses the meshes fit one texture and a share of the GPU's memory."""
+    pose_rows = sum(-(-len(mesh.points) // WIDTH) for mesh in rest_meshes)
+    affordable_rows = limit_bytes() * _MEMORY_SHARE // (_VERTEX_BYTES * WIDTH)
+    return max(int(min(texture_limit(window), affordable_rows) // max(pose_rows, 1)), 1)
 
 
 class Posing:

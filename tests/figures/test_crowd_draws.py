@@ -190,3 +190,34 @@ def test_released_and_added_again():
     shot(pl)
     pl.ibr.add(crowd)
     assert off(shot(pl), before).max() <= 1
+
+
+@pytest.mark.parametrize('name', ['skinned', 'morphed', 'key frames'])
+@pytest.mark.parametrize('most', [1, 6])
+def test_members_share_poses_where_there_is_no_room(name, most, monkeypatch):
+    """All members are drawn, in the right pose or, those farther away, in one close to it."""
+    pl, crowd = crowd_of(name)
+    exact = shot(pl)
+    assert 'poses' not in crowd.report()
+    pl.close()
+    monkeypatch.setattr('pvibr.figures.member_poses.most_poses', lambda *_: most)
+    pl, crowd = crowd_of(name)
+    drawn = shot(pl)
+    assert f'there is room for {most} poses' in crowd.report()['poses']
+    background = exact[0, 0].astype(int)
+    covered, covered_exactly = ((np.abs(p - background).max(-1) > 9) for p in (drawn, exact))
+    assert 0.7 < covered.sum() / covered_exactly.sum() < 1.4
+    if most > 1:
+        assert (covered & covered_exactly).sum() > 0.7 * covered_exactly.sum()
+    pl.close()
+
+
+def test_a_small_texture_limit_leaves_no_crowd_out(monkeypatch):
+    """The limit of the driver decides how many poses there are; nothing vanishes, or warns."""
+    for module in ('posing', 'pose_sheet'):
+        monkeypatch.setattr(f'pvibr.figures.{module}.texture_limit', lambda _window: 16)
+    pl, crowd = crowd_of('skinned')
+    drawn = shot(pl)
+    assert 'there is room for' in crowd.report()['poses']
+    assert (np.abs(drawn - drawn[0, 0].astype(int)).max(-1) > 9).mean() > 0.02
+    pl.close()
