@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -19,6 +19,7 @@ class Surface:
 
     points: np.ndarray
     faces: np.ndarray
+    _samples: dict = field(default_factory=dict, init=False)
 
     @cached_property
     def corners(self):
@@ -38,17 +39,25 @@ class Surface:
     def nearest(self, places):
         """Return the nearest triangle, barycentric weights and distance of each point."""
         cell, sub_id, squared = (_vtk.reference(v) for v in (0, 0, 0.0))
-        triangles, closest_points = np.zeros(len(places), int), np.zeros((len(places), 3))
+        cells: list[int] = []
+        coordinates: list[float] = []  # a list, which grows faster than rows of an array are set
         closest = [0.0, 0.0, 0.0]
         find = self._locator.FindClosestPoint
-        for i, place in enumerate(np.asarray(places, float).tolist()):
+        for place in np.asarray(places, float).tolist():
             find(place, closest, cell, sub_id, squared)
-            triangles[i], closest_points[i] = cell.get(), closest
+            cells.append(cell.get())
+            coordinates += closest
+        triangles, closest_points = np.array(cells, int), np.reshape(coordinates, (-1, 3))
         distances = np.linalg.norm(closest_points - places, axis=1)
         return triangles, weights_of(closest_points, self.corners[triangles]), distances
 
     def samples(self, count=_SAMPLES):
         """Return points and random samples by area of the surface."""
+        if count not in self._samples:
+            self._samples[count] = self._drawn_samples(count)
+        return self._samples[count]
+
+    def _drawn_samples(self, count):
         points = np.asarray(self.points, float)[np.unique(self.faces)]
         a, b, c = self.corners.transpose(1, 0, 2)
         area = np.cumsum(np.linalg.norm(np.cross(b - a, c - a), axis=1))
