@@ -33,7 +33,7 @@ from pvibr.things.content_key import textures_of
 
 # Of the cache. Raise it with any change of bake, decimation, measurement, card shaders (errors are
 # measured on their pictures), rules of errors (they decide what is measured) or stored arrays.
-VERSION = 53
+VERSION = 54
 SHARE = 0.25  # triangles of a level relative to the next heavier one
 #: The same for levels within these triangle counts, which are most of what frames draw.
 _HALF, _HALVED = 0.5, (2_500, 40_000)
@@ -333,7 +333,10 @@ def _fitted(parts, copies, level, weld) -> MeshLevel:
     for part, copy, light in zip(parts, copies, level.parts, strict=True):
         fit = interpolated(copy, smoothed(copy, light, weld), weld)
         fitted.append(part if fit is copy else fit)
-    return MeshLevel(fitted, level.error)
+    fitted_level = MeshLevel(fitted, level.error)
+    for material in fitted_level.materials:
+        material.prepare()
+    return fitted_level
 
 
 def _bake_level(levels, reference, tile) -> int:

@@ -8,6 +8,7 @@ from functools import partial
 
 import numpy as np
 
+from pvibr.gl.hidden_window import hidden_window
 from pvibr.instances.card_layers import PATCH_SIDE
 from pvibr.instances.cards import ALL_CARD_SHADERS, CARD_SHADERS
 from pvibr.instances.view_pictures import (
@@ -114,9 +115,10 @@ class Reference:
 
     @contextmanager
     def _open_sheets(self, model):
-        """Yield a sheet for each layout."""
-        with ExitStack() as stack:
-            yield {k: stack.enter_context(Sheet(model, k, self._views(k.side))) for k in LAYOUTS}
+        """Yield a sheet for each layout, all in one window, which holds the images once."""
+        with hidden_window() as shared, ExitStack() as stack:
+            sheets = {k: Sheet(model, k, self._views(k.side), shared) for k in LAYOUTS}
+            yield {k: stack.enter_context(sheet) for k, sheet in sheets.items()}
 
     def of(self, layout) -> list[SizedReference]:
         """Return the reference at each size of a layout."""

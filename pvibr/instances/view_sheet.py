@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from contextlib import ExitStack
+
 import numpy as np
 
 from pvibr.core import _vtk
@@ -16,18 +18,22 @@ from pvibr.things.frame import Frame
 
 
 class Sheet:
-    """Views of a model side by side in a small hidden window."""
+    """Views of a model side by side in a small hidden window, its own or a shared one."""
 
-    def __init__(self, model, layout, views):
+    def __init__(self, model, layout, views, shared=None):
         self.model, self.layout = model, layout
-        self.context = hidden_window()
-        self.window, self.renderer = self.context.__enter__()
+        with ExitStack() as stack:
+            self.window, self.renderer = shared or stack.enter_context(hidden_window())
+            self._set_up(views)
+            self._context = stack.pop_all()
+
+    def _set_up(self, views):
         self.renderer.SetBackground(0, 0, 0)
         self.renderer.SetBackgroundAlpha(0.0)
-        atlas = model.atlas
+        atlas = self.model.atlas
         self.spacing = 2 * atlas.radius * CELL
         poses = _poses(atlas.center, self.spacing, views)
-        self.group = InstanceGroup(model, Binder(), 1, len(poses))
+        self.group = InstanceGroup(self.model, Binder(), 1, len(poses))
         self.group.put(poses, np.arange(len(poses), dtype=np.int32))
         self.group.upload(self.window)
         for actor in self.group.cards.actors():
@@ -36,19 +42,18 @@ class Sheet:
         self.renderer.RemoveAllLights()
         self.lights = _vtk.vtkLightKit()
         self.lights.AddLightsToRenderer(self.renderer)
-        camera = self.renderer.GetActiveCamera()
-        camera.ParallelProjectionOn()
-        camera.SetViewUp(0, 1, 0)
-        camera.SetParallelScale(self.spacing * layout.side / 2)
-        camera.SetClippingRange(2 * atlas.radius, 6 * atlas.radius)
 
     def _resize(self, size, shift=0.0):
         """Set the size in pixels, and shift the camera by a fraction of one to the lower left."""
         cell = round(size * CELL)
         self.window.SetSize(cell * self.layout.side, cell * self.layout.side)
         shift *= self.spacing / cell
-        camera = self.renderer.GetActiveCamera()
-        camera.SetPosition(-shift, -shift, 4 * self.model.atlas.radius)
+        radius, camera = self.model.atlas.radius, self.renderer.GetActiveCamera()
+        camera.ParallelProjectionOn()
+        camera.SetViewUp(0, 1, 0)
+        camera.SetParallelScale(self.spacing * self.layout.side / 2)
+        camera.SetClippingRange(2 * radius, 6 * radius)
+        camera.SetPosition(-shift, -shift, 4 * radius)
         camera.SetFocalPoint(-shift, -shift, 0)
 
     def draw_mesh(self, level):
@@ -77,6 +82,7 @@ class Sheet:
         blocks = np.column_stack([origins, index]).astype(np.float32)
         cards.show(shader, blocks, np.array([0, len(blocks)]))
         picture = fractions(self._picture())
+        cards.hide()
         if not cards.layers[shader].landed:
             raise ShaderError(f'this driver does not draw the cards of shader {shader!r}')
         return picture
@@ -90,8 +96,10 @@ class Sheet:
         return self
 
     def __exit__(self, *_):
+        for actor in self.group.cards.actors():
+            self.renderer.RemoveViewProp(actor)
         self.group.release()
-        self.context.__exit__(None, None, None)
+        self._context.close()
 
 
 def _poses(center, spacing, views):

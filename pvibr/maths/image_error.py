@@ -74,7 +74,7 @@ def _distances(pixels, is_target):
 @cache
 def _circles():
     """Return the distances from a pixel up to `_NEAR`, and the steps to the pixels there."""
-    steps = np.stack(np.indices((2 * _NEAR + 1,) * 2), -1).reshape(-1, 2) - _NEAR
+    steps = np.argwhere(np.ones((2 * _NEAR + 1,) * 2)) - _NEAR
     squares = (steps**2).sum(1)
     return [(d**0.5, steps[squares == d]) for d in np.unique(squares) if 0 < d <= _NEAR**2]
 
