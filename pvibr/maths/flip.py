@@ -138,7 +138,12 @@ def _polynomial(exponent, least):
 
 
 def _mixed(row, channels):
-    return sum(np.float32(factor) * channel for factor, channel in zip(row, channels, strict=True))
+    mixed, *others = (
+        np.float32(factor) * channel for factor, channel in zip(row, channels, strict=True)
+    )
+    for channel in others:
+        mixed += channel
+    return mixed
 
 
 def _featured(y):
