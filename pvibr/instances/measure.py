@@ -74,15 +74,17 @@ def measure(model, progress=None, reference=None) -> dict[str, np.ndarray]:
     # supersampled: at one sample their FLIP would contain the mesh's own.
     atlas = model.atlas
     if reference is None:
-        with workers() as pool, Reference(model, pool) as reference:
-            reference.add_levels(model)
+        with workers() as pool:
+            with Reference(model, pool) as reference:
+                reference.add_levels(model)
             return measure(model, progress, reference)
     table = {'sizes': reference.sizes} | reference.meshes
     table |= reference.cards(model, CARD_SHADERS, progress)
     if atlas.turntable is not None:
         side_views = partial(side_directions, turns=atlas.turntable.turns, half=atlas.half)
-        with Reference(model, reference.pool, side_views) as sides:
-            table |= sides.cards(model, [s for s in ALL_CARD_SHADERS if s.sides])
+        sides = Reference(model, reference.pool, side_views)
+        sides.close()
+        table |= sides.cards(model, [s for s in ALL_CARD_SHADERS if s.sides])
     return table
 
 
@@ -110,6 +112,10 @@ class Reference:
         return self
 
     def __exit__(self, *error):
+        self.close()
+
+    def close(self):
+        """Close the window in which meshes are drawn."""
         self._context.close()
         self._sheets, self._samples = {}, {}
 
@@ -117,8 +123,10 @@ class Reference:
     def _open_sheets(self, model):
         """Yield a sheet for each layout, all in one window, which holds the images once."""
         with hidden_window() as shared, ExitStack() as stack:
-            sheets = {k: Sheet(model, k, self._views(k.side), shared) for k in LAYOUTS}
-            yield {k: stack.enter_context(sheet) for k, sheet in sheets.items()}
+            yield {
+                k: stack.enter_context(Sheet(model, k, self._views(k.side), shared))
+                for k in LAYOUTS
+            }
 
     def of(self, layout) -> list[SizedReference]:
         """Return the reference at each size of a layout."""
