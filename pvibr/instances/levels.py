@@ -333,10 +333,7 @@ def _fitted(parts, copies, level, weld) -> MeshLevel:
     for part, copy, light in zip(parts, copies, level.parts, strict=True):
         fit = interpolated(copy, smoothed(copy, light, weld), weld)
         fitted.append(part if fit is copy else fit)
-    fitted_level = MeshLevel(fitted, level.error)
-    for material in fitted_level.materials:
-        material.prepare()
-    return fitted_level
+    return MeshLevel(fitted, level.error)
 
 
 def _bake_level(levels, reference, tile) -> int:

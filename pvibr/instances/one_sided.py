@@ -35,10 +35,6 @@ class OneSided:
             self._copy.SetFrontfaceCulling(self._winding < 0)
         return self._copy
 
-    def prepare(self):
-        """Find out whether the surface is closed, which takes a while, in any thread."""
-        _ = self._winding
-
     def _is_open(self) -> bool:
         """Return True if the inside can be seen."""
         actor = self._part.actor

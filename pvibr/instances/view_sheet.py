@@ -62,7 +62,6 @@ class Sheet:
         pool = MeshPool(self.model.levels[level])
         slots = range(len(self.group))
         actors = pool.show(slots, self.group.matrix, lambda _: (0.0, 0.0, 0.0, 0.5))
-        pool.show_sides(set(slots))  # as in frames: what cannot be seen takes a third of the time
         for actor in actors:
             self.renderer.AddViewProp(actor)
         picture = self._picture()
