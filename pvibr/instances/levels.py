@@ -272,19 +272,21 @@ def supplied_level_count(parts) -> int:
 
 
 def _levels(parts):
-    """Return the mesh and the lighter levels supplied with it."""
+    return [MeshLevel(list(parts)), *(_supplied_levels(parts) or _lighter_levels(parts, parts))]
+
+
+def _supplied_levels(parts) -> list:
     count = supplied_level_count(parts)
-    lighter_levels = [
+    return [
         MeshLevel([q for p in parts for q in (p.supplied_levels or ((p,),) * count)[k]])
         for k in range(count)
     ]
-    return [MeshLevel(list(parts)), *lighter_levels]
 
 
 def _levels_later(parts, pool) -> Future:
-    """Return what will be the levels of a mesh that are lighter, simplified in a thread."""
+    """Return what will be the lighter levels of a mesh, simplified in a thread."""
     if supplied_level_count(parts):
-        return pool.submit(_levels(parts)[1:].copy)
+        return pool.submit(_supplied_levels, parts)
     # With actors of their own: those of the mesh are drawn meanwhile.
     copies = [part.with_mesh(part.mesh) for part in parts]
     return pool.submit(_lighter_levels, parts, copies)
@@ -294,7 +296,7 @@ def _lighter_levels(parts, copies) -> list:
     """Return lighter levels of parts, made from copies of them."""
     radius, weld = bounding_sphere(_points(parts))[1], Weldings()
     are_surfaces = [is_surface(part, weld) for part in copies]
-    levels = [MeshLevel(copies), *_with_whole_leaves(copies, are_surfaces, weld)]
+    levels = [MeshLevel(list(copies)), *_with_whole_leaves(copies, are_surfaces, weld)]
     while (share := _share(levels[-1].triangles)) * levels[-1].triangles > _LIGHTEST:
         level = MeshLevel([lighter(p, share, weld) or p for p in levels[-1].parts])
         if level.triangles > share**0.5 * levels[-1].triangles:
