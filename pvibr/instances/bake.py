@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
@@ -117,12 +118,16 @@ class Baker:
 
     def pictures(self, frames, progress=None):
         """Return geometry and albedo of all views, (views * tile, views * tile, 4) uint8 each."""
-        strips = []
-        for k, row in enumerate(frames):
-            strips.append(self._row(row))
-            fill_depth(strips[-1][0], self.tile)  # row by row, within the processor's cache
-            if progress is not None:
-                progress((k + 1) / self.views)
+        strips, filled = [], []
+        with ThreadPoolExecutor(1) as pool:  # depth is filled while the next row is drawn
+            for k, row in enumerate(frames):
+                strips.append(self._row(row))
+                # Row by row, within the processor's cache.
+                filled.append(pool.submit(fill_depth, strips[-1][0], self.tile))
+                if progress is not None:
+                    progress((k + 1) / self.views)
+        for future in filled:
+            future.result()
         return [np.concatenate(s) for s in zip(*strips, strict=True)]
 
     def _row(self, frames):

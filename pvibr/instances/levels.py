@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 import weakref
+from concurrent.futures import Future
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -19,12 +20,12 @@ from pvibr.instances.cache import AtlasCache, key_of
 from pvibr.instances.cost_model import why_not_baked
 from pvibr.instances.hulls import hull_corners
 from pvibr.instances.limits import SIDE_SHADERS, Limits, by_cost, depth_limits, limits_of
-from pvibr.instances.measure import Reference, measure, mesh_needs, worst
+from pvibr.instances.measure import Reference, measure, mesh_needs, workers, worst
 from pvibr.instances.memory import bytes_of, tiles
 from pvibr.instances.mesh_pool import MeshLevel
 from pvibr.instances.smoothed import interpolated, smoothed
 from pvibr.instances.stored_levels import from_arrays, to_arrays
-from pvibr.meshes.decimate import displacement, is_surface, lighter
+from pvibr.meshes.decimate import Weldings, displacement, is_surface, lighter
 from pvibr.meshes.parts import as_parts, check_triangles
 from pvibr.meshes.texture_maps import emission_of
 from pvibr.textures.material_textures import TEXTURE_MODES
@@ -32,7 +33,7 @@ from pvibr.things.content_key import textures_of
 
 # Of the cache. Raise it with any change of bake, decimation, measurement, card shaders (errors are
 # measured on their pictures), rules of errors (they decide what is measured) or stored arrays.
-VERSION = 53
+VERSION = 54
 SHARE = 0.25  # triangles of a level relative to the next heavier one
 #: The same for levels within these triangle counts, which are most of what frames draw.
 _HALF, _HALVED = 0.5, (2_500, 40_000)
@@ -246,7 +247,7 @@ def _fitting(content, views, tile, half, max_bytes) -> int:
 def _new_model(parts, progress, **grid) -> LodModel:
     """Bake and measure; without images if the driver fails."""
     try:
-        return _baked(_levels(parts), progress, **grid)
+        return _baked(parts, progress, **grid)
     except RuntimeError as error:
         warn(
             f'image cards are disabled, and meshes are drawn instead: {error}. Run `pvibr '
@@ -295,22 +296,27 @@ def unbaked(parts, why, required_bytes=0.0) -> LodModel:
     return LodModel([MeshLevel(list(parts))], blank, why, required_bytes)
 
 
-def _baked(levels, progress, **grid):
+def _baked(parts, progress, **grid):
     start = time.perf_counter()
-    turns = _turntable_of(levels[0].parts)
-    model = LodModel(levels, Atlas.blank(_points(levels[0].parts), half=grid['half']))
+    turns = _turntable_of(parts)
+    model = LodModel([MeshLevel(list(parts))], Atlas.blank(_points(parts), half=grid['half']))
     bounding = model.atlas.center, model.atlas.radius
-    with baking(progress) as advance:
-        reference = Reference(model, progress=lambda d: advance(d / 3))
-        baked_parts = _lightest_parts(levels[: _bake_level(levels, reference, grid['tile']) + 1])
+    with baking(progress) as advance, workers() as pool:
+        lighter_levels = _levels_later(parts, pool)
+        with Reference(model, pool) as reference:
+            advance(0.1)
+            model.levels += lighter_levels.result()
+            reference.add_levels(model, lambda d: advance(0.1 + 0.4 * d))
+        bake_level = _bake_level(model.levels, reference, grid['tile'])
+        baked_parts = _lightest_parts(model.levels[: bake_level + 1])
         model.atlas = atlas = bake_parts(
             baked_parts,
             sphere=bounding,
             turns=turns,
-            progress=lambda d: advance((1 + d) / 3),
+            progress=lambda d: advance(0.5 + 0.25 * d),
             **grid,
         )
-        atlas.errors = measure(model, lambda d: advance((2 + d) / 3), reference)
+        atlas.errors = measure(model, lambda d: advance(0.75 + 0.25 * d), reference)
     atlas.seconds = time.perf_counter() - start
     return model
 
@@ -326,35 +332,51 @@ def supplied_level_count(parts) -> int:
 
 
 def _levels(parts):
+    return [MeshLevel(list(parts)), *(_supplied_levels(parts) or _lighter_levels(parts, parts))]
+
+
+def _supplied_levels(parts) -> list:
     count = supplied_level_count(parts)
-    lighter_levels = [
+    return [
         MeshLevel([q for p in parts for q in (p.supplied_levels or ((p,),) * count)[k]])
         for k in range(count)
     ]
-    return [MeshLevel(list(parts)), *(lighter_levels or _lighter_levels(parts))]
 
 
-def _lighter_levels(parts) -> list:
-    radius, are_surfaces = bounding_sphere(_points(parts))[1], [is_surface(part) for part in parts]
-    levels = [MeshLevel(list(parts)), *_with_whole_leaves(parts, are_surfaces)]
+def _levels_later(parts, pool) -> Future:
+    """Return what will be the lighter levels of a mesh, simplified in a thread."""
+    if supplied_level_count(parts):
+        return pool.submit(_supplied_levels, parts)
+    # With actors of their own: those of the mesh are drawn meanwhile.
+    copies = [part.with_mesh(part.mesh) for part in parts]
+    return pool.submit(_lighter_levels, parts, copies)
+
+
+def _lighter_levels(parts, copies) -> list:
+    """Return lighter levels of parts, made from copies of them."""
+    radius, weld = bounding_sphere(_points(parts))[1], Weldings()
+    are_surfaces = [is_surface(part, weld) for part in copies]
+    levels = [MeshLevel(list(copies)), *_with_whole_leaves(copies, are_surfaces, weld)]
     while (share := _share(levels[-1].triangles)) * levels[-1].triangles > _LIGHTEST:
-        level = MeshLevel([lighter(p, share) or p for p in levels[-1].parts])
+        level = MeshLevel([lighter(p, share, weld) or p for p in levels[-1].parts])
         if level.triangles > share**0.5 * levels[-1].triangles:
             break
         levels.append(level)
     if all(are_surfaces):  # else images tell: twigs vanishing among leaves do not matter
         for level in levels[1:]:
-            pairs = zip(parts, level.parts, strict=True)
-            level.error = max(displacement(*pair) for pair in pairs) / radius
-    return [_fitted(parts, level) for level in levels[1:]]
+            pairs = zip(copies, level.parts, strict=True)
+            level.error = max(displacement(*pair, weld) for pair in pairs) / radius
+    return [_fitted(parts, copies, level, weld) for level in levels[1:]]
 
 
-def _with_whole_leaves(parts, surfaces) -> list:
+def _with_whole_leaves(parts, surfaces, weld) -> list:
     """Return a level whose surfaces are simplified and foliage is not, if there are both."""
     if all(surfaces) or not any(surfaces):
         return []
     pairs = zip(parts, surfaces, strict=True)
-    level = MeshLevel([(is_bark and lighter(part, SHARE)) or part for part, is_bark in pairs])
+    level = MeshLevel(
+        [(is_bark and lighter(part, SHARE, weld)) or part for part, is_bark in pairs]
+    )
     triangle_count = sum(part.mesh.n_cells for part in parts)
     return [level] if level.triangles < _WORTH_A_LEVEL * triangle_count else []
 
@@ -368,9 +390,11 @@ def _points(parts) -> np.ndarray:
     return np.concatenate([p.mesh.points for p in parts])
 
 
-def _fitted(parts, level) -> MeshLevel:
-    pairs = zip(parts, level.parts, strict=True)
-    fitted = [interpolated(part, smoothed(part, light)) for part, light in pairs]
+def _fitted(parts, copies, level, weld) -> MeshLevel:
+    fitted = []
+    for part, copy, light in zip(parts, copies, level.parts, strict=True):
+        fit = interpolated(copy, smoothed(copy, light, weld), weld)
+        fitted.append(part if fit is copy else fit)
     return MeshLevel(fitted, level.error)
 
 
@@ -379,7 +403,8 @@ def _bake_level(levels, reference, tile) -> int:
     if any(p.supplied_levels for p in levels[0].parts):
         return 0  # supplied levels may be textured quads
     is_within_tile = reference.sizes <= max(tile, reference.sizes[0])
-    level_rows = (reference.meshes[f'mesh{i}'][is_within_tile] for i in range(1, len(levels)))
+    errors = reference.meshes
+    level_rows = (errors[f'mesh{i}'][is_within_tile] for i in range(1, len(levels)))
     looks_alike = [worst(mesh_needs(row)).mean(1).max() <= _ALIKE for row in level_rows]
     return int(np.argmin([*looks_alike, False]))
 

@@ -7,7 +7,7 @@ import pyvista as pv
 import scipy  # whose modules load when they are first used
 
 from pvibr.maths.vectors import unit_vectors
-from pvibr.meshes.decimate import OUTWARD, Welded, is_foliage, take_arrays
+from pvibr.meshes.decimate import OUTWARD, Weldings, is_foliage, take_arrays
 from pvibr.meshes.materials import cell_scalars
 from pvibr.meshes.parts import Part
 
@@ -22,12 +22,12 @@ _ROWS = 2, 7  # rows of samples in a triangle
 _NORMALS = 'pvibr_normals'
 
 
-def smoothed(part, light) -> Part:
+def smoothed(part, light, weld=None) -> Part:
     """Return a lighter part with the normals of the surface, or itself if its own are as good."""
     # Normals are fitted linearly in each triangle; similar ones at a point are averaged.
     if part.alpha_cutoff is not None or light.mesh is part.mesh:
         return light
-    full, coarse = Welded.of(part.mesh), Welded.of(light.mesh)
+    full, coarse = map(weld or Weldings(), (part, light))
     if is_foliage(full):
         return light
     weights, triangles, at = _samples(full, coarse)
@@ -53,13 +53,13 @@ def _normals(part, welded):
     return np.asarray(normals, float)[welded.corners]
 
 
-def interpolated(part, light) -> Part:
+def interpolated(part, light, weld=None) -> Part:
     """Return a lighter part with point for cell scalars, or itself if its own are as good."""
     # Its cells are larger: steps between them are visible before those of the full mesh.
     name = cell_scalars(light.actor.mapper, light.mesh)
     if not name or light.mesh is part.mesh:
         return light
-    full, coarse = Welded.of(part.mesh), Welded.of(light.mesh)
+    full, coarse = map(weld or Weldings(), (part, light))
     values = np.asarray(part.mesh.cell_data[name], float)
     if values.ndim > 1 or not np.isfinite(values).all() or is_foliage(full):
         return light

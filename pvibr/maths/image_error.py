@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+from functools import cache, cached_property
+
 import numpy as np
 import scipy  # whose modules load when they are first used
+
+_NEAR = 4  # pixels within which targets are looked for one by one
 
 
 def box_reduce(image, factor):
@@ -14,18 +18,77 @@ def box_reduce(image, factor):
     return pixel_blocks.mean((1, 3), dtype=np.float64)
 
 
+class Silhouette:
+    """The silhouette of a picture, from its coverage (h, w), 0 to 1."""
+
+    def __init__(self, coverage):
+        self.coverage = np.asarray(coverage)
+
+    @cached_property
+    def outline(self) -> np.ndarray:
+        """Pixels of coverage 1/2 or more beside one of less, or at the border, (h, w)."""
+        inside = self.coverage >= 0.5
+        deep = np.zeros_like(inside)
+        center = deep[1:-1, 1:-1]
+        np.logical_and(inside[:-2, 1:-1], inside[2:, 1:-1], out=center)
+        center &= inside[1:-1, :-2]
+        center &= inside[1:-1, 2:]
+        return inside & ~deep
+
+    @cached_property
+    def crossed(self) -> np.ndarray:
+        """Pixels that the silhouette passes through: partly covered ones and the outline."""
+        return ((self.coverage > 0.05) & (self.coverage < 0.95)) | self.outline
+
+    def distances_to(self, other) -> tuple[np.ndarray, np.ndarray]:
+        """Return the outline's pixels (n, 2) and their distances (n,) to another silhouette."""
+        width = max(self.outline.shape[1], 1)
+        outline_ids = np.flatnonzero(self.outline)
+        pixels = np.stack(np.divmod(outline_ids, width), 1)
+        distances = np.zeros(len(pixels))
+        if other.crossed.any():
+            (off_target,) = np.nonzero(~other.crossed.ravel()[outline_ids])
+            distances[off_target] = _distances(pixels[off_target], other.crossed)
+        else:
+            distances[:] = np.hypot(*self.outline.shape)
+        return pixels, distances
+
+
+def _distances(pixels, is_target):
+    """Return the distances of pixels (n, 2) to the nearest target."""
+    # Most are near one: looked for in growing circles, far fewer are left for a tree.
+    width = is_target.shape[1] + 2 * _NEAR
+    is_near = np.pad(is_target, _NEAR).ravel()
+    places = (pixels + _NEAR) @ [width, 1]
+    distances, left = np.zeros(len(pixels)), np.arange(len(pixels))
+    for distance, steps in _circles():
+        is_met = is_near[places[left, None] + steps @ [width, 1]].any(1)
+        distances[left[is_met]] = distance
+        left = left[~is_met]
+    if len(left):
+        tree = scipy.spatial.cKDTree(
+            np.argwhere(is_target), compact_nodes=False, balanced_tree=False
+        )
+        distances[left] = tree.query(pixels[left])[0]
+    return distances
+
+
+@cache
+def _circles():
+    """Return the distances from a pixel up to `_NEAR`, and the steps to the pixels there."""
+    steps = np.argwhere(np.ones((2 * _NEAR + 1,) * 2)) - _NEAR
+    squares = (steps**2).sum(1)
+    return [(d**0.5, steps[squares == d]) for d in np.unique(squares) if 0 < d <= _NEAR**2]
+
+
 def outline(coverage):
     """Return the pixels of coverage 1/2 or more beside one of less, or at the border, (h, w)."""
-    inside = np.asarray(coverage) >= 0.5
-    deep = np.zeros_like(inside)
-    deep[1:-1, 1:-1] = inside[:-2, 1:-1] & inside[2:, 1:-1] & inside[1:-1, :-2] & inside[1:-1, 2:]
-    return inside & ~deep
+    return Silhouette(coverage).outline
 
 
 def crossed(coverage):
     """Return the pixels that a silhouette passes through: partly covered ones and the outline."""
-    coverage = np.asarray(coverage)
-    return ((coverage > 0.05) & (coverage < 0.95)) | outline(coverage)
+    return Silhouette(coverage).crossed
 
 
 def displacements(coverage, reference):
@@ -33,24 +96,13 @@ def displacements(coverage, reference):
 
     From each outline pixel to the nearest pixel that the other silhouette crosses.
     """
-    pairs = (coverage, reference), (reference, coverage)
-    return np.concatenate([outline_distances(*pair)[1] for pair in pairs])
+    pair = Silhouette(coverage), Silhouette(reference)
+    return np.concatenate([a.distances_to(b)[1] for a, b in (pair, pair[::-1])])
 
 
 def outline_distances(coverage, reference):
     """Return a picture's outline pixels (n, 2) and their distances (n,) to another silhouette."""
-    is_outline, is_target = outline(coverage), crossed(reference)
-    off_target = is_outline & ~is_target
-    pixel_distances = np.zeros(int(is_outline.sum()))
-    if not is_target.any():
-        pixel_distances[:] = np.hypot(*is_outline.shape)
-    elif off_target.any():
-        # For few pixels a tree is much cheaper than a distance transform.
-        tree = scipy.spatial.cKDTree(
-            np.argwhere(is_target), compact_nodes=False, balanced_tree=False
-        )
-        pixel_distances[off_target[is_outline]] = tree.query(np.argwhere(off_target))[0]
-    return np.argwhere(is_outline), pixel_distances
+    return Silhouette(coverage).distances_to(Silhouette(reference))
 
 
 def silhouette_iou(coverage, reference) -> float:

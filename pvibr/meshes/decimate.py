@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import pyvista as pv
@@ -28,14 +29,14 @@ ACTIVE = 'active_scalars_name', 'active_normals_name', 'active_texture_coordinat
 _INWARD = 0.02  # fraction of the way to a triangle's centre at which its side of a seam is read
 
 
-def lighter(part, share) -> Part | None:
+def lighter(part, share, weld=None) -> Part | None:
     """Return a simplified part with a share of the triangles, or None if it cannot be simplified.
 
     Cook et al., "Stochastic Simplification of Aggregate Detail", SIGGRAPH 2007; Garland and
     Heckbert, "Surface Simplification Using Quadric Error Metrics", SIGGRAPH 1997, and
     "Simplifying Surfaces with Color and Texture Using Quadric Error Metrics", 1998, by VTK.
     """
-    welded = Welded.of(part.mesh)
+    welded = (weld or Weldings())(part)
     n_pieces, piece_labels = connected(welded.faces, len(welded.points))
     if is_scattered(welded, piece_labels, n_pieces):
         mesh = _thinned(part.mesh, welded, piece_labels, n_pieces, share)
@@ -45,13 +46,13 @@ def lighter(part, share) -> Part | None:
     return part.with_mesh(mesh) if mesh.n_cells else None
 
 
-def displacement(part, light) -> float:
+def displacement(part, light, weld=None) -> float:
     """Return the distance of a simplified surface from the part's."""
     if light.mesh is part.mesh:
         return 0.0
-    mesh, lighter_mesh = Welded.of(part.mesh), Welded.of(light.mesh)
-    pair = (Surface(w.points * w.size + w.low - mesh.low, w.faces) for w in (mesh, lighter_mesh))
-    return hausdorff(*pair)
+    full, coarse = map(weld or Weldings(), (part, light))
+    points = (coarse.points * coarse.size + coarse.low - full.low) / full.size
+    return full.size * hausdorff(full.surface, Surface(points, coarse.faces))
 
 
 def connected(faces, n_points):
@@ -96,15 +97,29 @@ class Welded:
         """The unit normals of the triangles."""
         return _facets(self.points, self.faces)
 
-    @property
+    @cached_property
     def surface(self) -> Surface:
         """The surface, for distances."""
         return Surface(self.points, self.faces)
 
 
-def is_surface(part) -> bool:
+class Weldings:
+    """Welded meshes of parts, each welded once while this is in use."""
+
+    def __init__(self):
+        self._by_mesh: dict[int, tuple] = {}
+
+    def __call__(self, part) -> Welded:
+        """Return the welded mesh of a part."""
+        mesh = part.mesh
+        if id(mesh) not in self._by_mesh:
+            self._by_mesh[id(mesh)] = mesh, Welded.of(mesh)  # the mesh, lest its id be reused
+        return self._by_mesh[id(mesh)][1]
+
+
+def is_surface(part, weld=None) -> bool:
     """Return True for a part that is neither cut out nor foliage."""
-    return part.alpha_cutoff is None and not is_foliage(Welded.of(part.mesh))
+    return part.alpha_cutoff is None and not is_foliage((weld or Weldings())(part))
 
 
 def is_foliage(welded) -> bool:

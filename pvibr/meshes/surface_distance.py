@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -10,6 +10,7 @@ import pyvista as pv
 
 from pvibr.core import _vtk
 
+_GRID = 48  # cells along a side, by which points are ordered
 _SAMPLES = 4000  # random samples of a surface, and as many of its points at most
 
 
@@ -19,6 +20,7 @@ class Surface:
 
     points: np.ndarray
     faces: np.ndarray
+    _samples: dict = field(default_factory=dict, init=False)
 
     @cached_property
     def corners(self):
@@ -38,17 +40,27 @@ class Surface:
     def nearest(self, places):
         """Return the nearest triangle, barycentric weights and distance of each point."""
         cell, sub_id, squared = (_vtk.reference(v) for v in (0, 0, 0.0))
-        triangles, closest_points = np.zeros(len(places), int), np.zeros((len(places), 3))
+        cells: list[int] = []
+        coordinates: list[float] = []  # a list, which grows faster than rows of an array are set
         closest = [0.0, 0.0, 0.0]
         find = self._locator.FindClosestPoint
-        for i, place in enumerate(np.asarray(places, float).tolist()):
+        order = _neighbours_together(places)
+        for place in np.asarray(places, float)[order].tolist():
             find(place, closest, cell, sub_id, squared)
-            triangles[i], closest_points[i] = cell.get(), closest
+            cells.append(cell.get())
+            coordinates += closest
+        triangles, closest_points = np.zeros(len(order), int), np.zeros((len(order), 3))
+        triangles[order], closest_points[order] = cells, np.reshape(coordinates, (-1, 3))
         distances = np.linalg.norm(closest_points - places, axis=1)
         return triangles, weights_of(closest_points, self.corners[triangles]), distances
 
     def samples(self, count=_SAMPLES):
         """Return points and random samples by area of the surface."""
+        if count not in self._samples:
+            self._samples[count] = self._drawn_samples(count)
+        return self._samples[count]
+
+    def _drawn_samples(self, count):
         points = np.asarray(self.points, float)[np.unique(self.faces)]
         a, b, c = self.corners.transpose(1, 0, 2)
         area = np.cumsum(np.linalg.norm(np.cross(b - a, c - a), axis=1))
@@ -64,6 +76,16 @@ def hausdorff(first, second, count=_SAMPLES) -> float:
     """Return the symmetric Hausdorff distance of two surfaces, from `count` samples each."""
     pairs = ((first, second), (second, first))
     return float(max(a.nearest(b.samples(count))[2].max() for a, b in pairs))
+
+
+def _neighbours_together(places):
+    """Return the order of points, (n,), in which near ones follow one another."""
+    # The locator then finds its cells in the processor's cache.
+    if not len(places):
+        return np.zeros(0, int)
+    low, extent = np.min(places, axis=0), np.ptp(places, axis=0).max() or 1.0
+    cells = ((places - low) * (_GRID / extent)).astype(int)
+    return np.argsort(cells @ [_GRID**2, _GRID, 1], kind='stable')
 
 
 def weights_of(places, corners):

@@ -8,8 +8,10 @@ import pyvista as pv
 
 from benchmarks.instances.single import ONCE, moved_rows
 from pvibr.instances import measure as me
+from pvibr.instances import view_pictures as vp
 from pvibr.instances.levels import make_model
-from pvibr.maths.image_error import box_reduce
+from pvibr.instances.view_sheet import Sheet
+from pvibr.maths.image_error import Silhouette, box_reduce
 from pvibr.meshes.parts import as_parts
 
 pytestmark = pytest.mark.all_sizes
@@ -20,7 +22,13 @@ SMALL, LARGE = me.LAYOUTS
 
 def sheet_of(model, layout=SMALL):
     """Return a model's views of a layout."""
-    return me._Sheet(model, layout, me.directions(layout.side))
+    return Sheet(model, layout, me.directions(layout.side))
+
+
+def moved_by(picture, truth):
+    """Return by how much outlines of a picture are displaced in each patch, px."""
+    silhouettes = (Silhouette(p[..., 3]) for p in (picture, truth))
+    return vp.displacement_of(*silhouettes, 8)
 
 
 @pytest.fixture(scope='module')
@@ -35,11 +43,11 @@ def sheet(atlases):
 @pytest.mark.parametrize('layout', me.LAYOUTS)
 def test_the_sample_is_in_the_middle_of_the_pixel(layout):
     largest, size = layout.sizes[-1], layout.sizes[0]
-    side = round(largest * me._SAMPLES * me._CELL)
+    side = round(largest * vp.SAMPLES * vp.CELL)
     ramp = (np.arange(side) // 2).astype(np.uint16)[:, None] + np.zeros((side, side), np.uint16)
-    truth = box_reduce(me._reduced(ramp[..., None]), largest // size)[..., 0]
+    truth = box_reduce(vp.reduced(ramp[..., None]), largest // size)[..., 0]
     inner = (slice(-1), slice(-1))  # of the last row and column a part is beyond the picture
-    once = me._one_sample(ramp, largest, size)
+    once = vp.one_sample(ramp, largest, size)
     np.testing.assert_allclose(truth[inner], once[inner], atol=0.5 / 255)
 
 
@@ -48,7 +56,7 @@ def test_the_sample_is_in_the_middle_of_the_pixel(layout):
 def test_patches_of_views_are_patches_of_directions(half, layout):
     views = me.directions(layout.side, half)
     assert np.allclose(np.linalg.norm(views, axis=1), 1)
-    means = np.stack([me._patches(v) for v in views.T], 1)
+    means = np.stack([vp.patches(v) for v in views.T], 1)
     assert np.linalg.norm(means, axis=1).min() > 0.7  # its views look much the same way
     apart = np.linalg.norm(means[:, None] - means, axis=2) + np.eye(16)
     assert apart.min() > (0.2 if layout is SMALL else 0.1)
@@ -65,9 +73,9 @@ def test_cards_lie_where_the_mesh_is(atlases):
     ball = make_model(as_parts(pv.Sphere(center=(3, 1, 0))), views=4, tile=64, cache=atlases)
     sheet = sheet_of(ball, LARGE)
     size = LARGE.sizes[-1]
-    cell = round(size * me._CELL)
+    cell = round(size * vp.CELL)
     middles = []
-    for picture in (me._reduced(sheet.draw_mesh(0)), sheet.draw_cards('flat', size)):
+    for picture in (vp.reduced(sheet.draw_mesh(0)), sheet.draw_cards('flat', size)):
         weight = picture[:cell, :cell, 3]
         middles.append((np.indices(weight.shape) * weight).sum((1, 2)) / weight.sum())
     sheet.__exit__()
@@ -77,14 +85,14 @@ def test_cards_lie_where_the_mesh_is(atlases):
 
 def test_one_bad_view_is_told_from_others():
     size = 32
-    cell = round(size * me._CELL)
+    cell = round(size * vp.CELL)
     truth = np.zeros((cell * 8, cell * 8, 4), np.float32)
     row, column = np.indices(truth.shape[:2]) % cell
     truth[np.hypot(row - cell / 2, column - cell / 2) < size / 3] = 1
     picture = truth.copy()
-    assert (me._displacement(picture, truth, 8) == 0).all()
+    assert (moved_by(picture, truth) == 0).all()
     picture[: cell // 2, :cell] = 0  # half of the first view's disk
-    moved = me._displacement(picture, truth, 8)
+    moved = moved_by(picture, truth)
     assert moved[0] > size / 5
     assert (moved[1:] == 0).all()
 
@@ -93,18 +101,18 @@ def test_few_pixels_of_an_outline_are_told_by_all_views_of_a_patch():
     rng = np.random.default_rng(9)
     away, views = rng.exponential(size=7000), rng.integers(0, 64, 7000)
     views[views == 5] = 6
-    found = me._quantiles(away, views, 64, 0.95)
+    found = vp.quantiles(away, views, 64, 0.95)
     truth = [np.percentile(away[views == v], 95) if v != 5 else 0.0 for v in range(64)]
     np.testing.assert_allclose(found, truth)
     size = 64
-    cell = round(size * me._CELL)
+    cell = round(size * vp.CELL)
     truth = np.zeros((cell * 8, cell * 8, 4), np.float32)
     truth[np.indices(truth.shape[:2]).sum(0) % cell > cell // 3] = 1
     picture = truth.copy()
     picture[cell // 2, 10:18] = 0  # a slit within the first view
-    assert me._displacement(picture, truth, 8)[0] > 2
+    assert moved_by(picture, truth)[0] > 2
     picture[cell // 2, 14:18] = 1
-    assert me._displacement(picture, truth, 8)[0] == 0
+    assert moved_by(picture, truth)[0] == 0
 
 
 def test_a_colour_is_allowed_in_shares_of_the_meshs_own():
@@ -137,7 +145,7 @@ def test_blurred_cards_are_told_from_sharp_ones(atlases):
         sheet = sheet_of(model)
         rows = {
             truth.size: truth.card_errors(sheet.draw_cards('flat', truth.size))
-            for truth in me._sized_references(sheet)
+            for truth in me._sized_references(sheet.draw_mesh(0), sheet.layout)
         }
         blurs[tile] = np.median(me.card_needs(rows[64])['blur'])
         assert not rows[16][:, 3].any()
@@ -150,7 +158,7 @@ def test_a_step_of_eight_bits_is_no_error():
     rng = np.random.default_rng(4)
     truth = rng.uniform(0.1, 0.9, (40, 40, 4)).astype(np.float32)
     step = rng.integers(-3, 4, truth.shape) * (rng.random((40, 40, 1)) < 0.5)
-    told = me._without_rounding((truth + step / 255).astype(np.float32), truth)
+    told = vp.without_rounding((truth + step / 255).astype(np.float32), truth)
     more = np.abs(step).max(-1) > 1
     assert 0.3 < more.mean() < 0.6
     assert (told[~more] == truth[~more]).all()
