@@ -174,7 +174,7 @@ class CrowdGroup(InstanceGroup):
             if self._era != era_start:
                 self._era = era_start
                 self.cards.move(self.state.playback.rows(self.state.motions, era_start)[self.ids])
-            self.cards.uniforms['ibr_time'] = float(time - era_start)
+            self.cards.set(ibr_time=float(time - era_start))
         self.near.pose(window, self, time)
         for pool in self.near.pools:
             if pool.lent:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import weakref
 
+from pvibr.gl.texture import SPARE_UNIT
+
 # The binder with bound textures, by window. Shaders can sample 16 to 32 textures: scenes of many
 # things have more, and VTK's own passes need units, too.
 _bound: weakref.WeakKeyDictionary[object, weakref.ref[Binder]] = weakref.WeakKeyDictionary()
@@ -18,17 +20,22 @@ class Binder:
         self._unit_of: dict = {}
 
     def bind(self, textures) -> dict[str, int]:
-        """Bind textures and return their units; others of the draw before are released."""
+        """Bind textures and return their units; others of the draw before are released.
+
+        The units are the same dict for as long as the textures are.
+        """
         if self.textures != textures:
             if not self._unit_of:
                 self._take_over(next(iter(textures.values())).window)
             used_textures = set(textures.values())
             for texture in self._unit_of.keys() - used_textures:
-                texture.deactivate()
+                texture.object.Deactivate()
                 del self._unit_of[texture]
             for texture in textures.values():
                 if texture not in self._unit_of:
-                    self._unit_of[texture] = texture.activate()
+                    texture.object.Activate()
+                    self._unit_of[texture] = texture.object.GetTextureUnit()
+            texture.window.GetState().vtkglActiveTexture(SPARE_UNIT)
             self.textures = dict(textures)
             self.units = {name: self._unit_of[texture] for name, texture in textures.items()}
         return self.units
@@ -43,5 +50,5 @@ class Binder:
     def unbind(self):
         """Release all units; call it when the renderer has drawn."""
         for texture in self._unit_of:
-            texture.deactivate()
+            texture.object.Deactivate()
         self.textures, self._unit_of = {}, {}

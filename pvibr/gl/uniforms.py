@@ -16,7 +16,24 @@ def set_uniforms(program, uniforms):
 
     What it holds already is skipped: most values persist from frame to frame, and each call costs.
     """
-    held_values = _held_by(program)
+    _set_changed(program, _held_by(program).values, uniforms)
+
+
+def set_shared_uniforms(program, *groups):
+    """Set uniforms of each of some dicts, with no name in common, that never change in place.
+
+    A dict that the program has been given last in the same position is skipped.
+    """
+    held = _held_by(program)
+    last_groups = held.groups or [None] * len(groups)
+    for group, last_group in zip(groups, last_groups, strict=True):
+        if group is not last_group:
+            _set_changed(program, held.values, group)
+    held.groups = groups
+
+
+def _set_changed(program, held_values, uniforms):
+    """Set the values that a program does not hold."""
     for name, value in uniforms.items():
         if type(value) is list:
             value = tuple(value)
@@ -33,15 +50,23 @@ def set_uniforms(program, uniforms):
             getattr(program, setter)(name, *values)
 
 
-def _held_by(program) -> dict:
-    """Return the values that a program holds, by uniform; they are gone with the program.
+class _Held:
+    """What a program holds: the value of each uniform, and the dicts that were set last."""
+
+    def __init__(self):
+        self.values: dict = {}
+        self.groups: tuple = ()
+
+
+def _held_by(program) -> _Held:
+    """Return what a program holds; it is gone with the program.
 
     VTK keeps an object's attributes while its C++ lives, also when nothing in Python refers to it.
     """
     try:
         return program.ibr_held
     except AttributeError:
-        program.ibr_held = {}
+        program.ibr_held = _Held()
         return program.ibr_held
 
 

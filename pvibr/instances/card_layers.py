@@ -42,6 +42,8 @@ class CardLayer(SoftDraws):
         self.unit = cards.unit
         self.tint: tuple | None = None  # one colour for all its cards
         self._is_empty = False  # whether it draws nothing since it was shown last
+        self._inputs: tuple[dict, dict] = {}, {}
+        self._shared_uniforms: dict | None = None  # those of the cards that the inputs contain
 
     @property
     def window(self):
@@ -59,6 +61,7 @@ class CardLayer(SoftDraws):
             self._clear()
             return
         self._is_empty = False
+        self.refresh()
         self.fringe.upload(self.cards.window, blocks)
         block_spans = list(pairwise(np.asarray(cuts).tolist()))
         layer_parts = self.parts(solid=self.cards.solid, deep=self.cards.deep)
@@ -76,8 +79,18 @@ class CardLayer(SoftDraws):
             for draws in self.every:
                 draws.show_spans(())
 
+    def refresh(self):
+        """Make the inputs again, after a change of anything but uniforms of the cards."""
+        self._shared_uniforms = None
+
     def inputs(self) -> tuple[dict, dict]:
         """Return the textures and the uniforms of all parts."""
+        if self._shared_uniforms is not self.cards.uniforms:
+            self._shared_uniforms = self.cards.uniforms
+            self._inputs = self._current_inputs()
+        return self._inputs
+
+    def _current_inputs(self) -> tuple[dict, dict]:
         cards, textures = self.cards, self.cards.textures
         uniforms = cards.uniforms | {
             'ibr_ranges': _columns(self.ranges),

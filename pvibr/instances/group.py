@@ -75,7 +75,7 @@ class InstanceGroup:
         self.placement = Placement(self.atlas, unit)
         self._prop = _card_material(self.levels[0].parts)
         self.cards = Cards(self.atlas, capacity, unit, draws, self._prop, binder)
-        self.cards.uniforms['ibr_paint'] = model.paint
+        self.cards.set(ibr_paint=model.paint)
         self.near = self._near_meshes(translucent)
         self.near.draw_many(capacity, self.atlas.center, binder)
         self.looks: np.ndarray | None = None
@@ -110,7 +110,7 @@ class InstanceGroup:
                 if part.actor.GetProperty() is not mesh_part.actor.GetProperty():
                     copy_light(part.actor.GetProperty(), mesh_part.actor.GetProperty())
         self.near.follow_material()
-        self.cards.uniforms['ibr_paint'] = self.model.paint
+        self.cards.set(ibr_paint=self.model.paint)
 
     def put(self, poses, ids):
         """Show the poses of `ids`, ordered so that neighbours are together."""
@@ -224,7 +224,7 @@ class InstanceGroup:
     def set_looks(self, looks, multiply=False):
         """Set colour and alpha of instances, uint8; with `multiply`, times those of the mesh."""
         self.looks = None if looks is None else np.ascontiguousarray(looks[self.ids])
-        self.cards.uniforms['ibr_multiply'] = int(multiply)
+        self.cards.set(ibr_multiply=int(multiply))
         self.cards.look(self.looks)
         self.near.recolor(self, multiply)
 
@@ -238,6 +238,7 @@ class InstanceGroup:
         """Paint each level of detail in one colour, or none."""
         for name, layer in self.cards.layers.items():
             layer.tint = colors.get(name)
+            layer.refresh()
         self.near.tint(self, colors)
 
     def select(self, frame, limits, *, depth=False):

@@ -63,7 +63,7 @@ class MeshDraws:
     def tint(self, color):
         """Paint all instances in one colour, or none."""
         for draws in self._parts:
-            draws.tint = {} if color is None else {'ibr_tint': (*color, 1.0), 'ibr_multiply': 0}
+            draws.tint(color)
 
     def show(self, first, end, outside) -> list:
         """Draw entries first to end; return new actors.
@@ -114,15 +114,24 @@ class MeshPartDraws(ShaderDraws):
         self.part, self._center, self._matrix = part, center, matrix
         self._translucent = translucent
         self.set_feature(self._feature())
-        self.tint: dict = {}
         self._material, self._property = material, part.actor.GetProperty()
         self._half = np.zeros(3)
+        self._shared_uniforms: dict = {}
+        self._tint: dict = {}
         self._depths: _DepthDraws | None = None
 
     def set_inputs(self, entries, textures, uniforms):
         """Set the entries, and the textures and uniforms of all parts."""
-        self.entries, self.textures = entries, textures
-        self.uniforms = uniforms | {'ibr_cutoff': cutoff(self.part)}
+        self.entries, self.textures, self._shared_uniforms = entries, textures, uniforms
+        self.uniforms = uniforms | self._tint if self._tint else uniforms
+        alpha_cutoff = cutoff(self.part)
+        if self.own_uniforms.get('ibr_cutoff') != alpha_cutoff:
+            self.own_uniforms = {'ibr_cutoff': alpha_cutoff}
+
+    def tint(self, color):
+        """Paint all instances in one colour, or none."""
+        self._tint = {} if color is None else {'ibr_tint': (*color, 1.0), 'ibr_multiply': 0}
+        self.uniforms = self._shared_uniforms | self._tint
 
     def _feature(self, *, depth=False) -> Feature:
         """Return the shader of the copies."""
@@ -181,9 +190,6 @@ class MeshPartDraws(ShaderDraws):
             self._depths.entries = None
             self._depths.release(window)
             self._depths = None
-
-    def _inputs(self):
-        return self.textures, self.uniforms | self.tint
 
     def _new_actor(self):
         if not self.actors:
