@@ -304,6 +304,12 @@ class Cards:
         layer.unit = unit or self.unit
         layer.show(blocks, cuts, cored)
 
+    def show_only(self, names):
+        """Draw nothing by shaders of other names."""
+        for name, layer in self.layers.items():
+            if not (layer.is_empty or name in names):
+                layer.clear()
+
     def hide(self):
         """Draw nothing."""
         for layer in self.layers.values():

@@ -28,6 +28,7 @@ class MeshDraws:
     def __init__(self, level, capacity, center, matrix, binder, translucent=False):
         self.level, self._translucent = level, translucent
         self._parts = self._part_draws(capacity, center, matrix, binder, translucent)
+        self.is_shown = False
 
     def _part_draws(self, *shared) -> list:
         """Return the draws of each part."""
@@ -37,8 +38,10 @@ class MeshDraws:
     @property
     def blends(self) -> bool:
         """Whether any part is translucent."""
-        parts = self.level.parts
-        return self._translucent or any(p.actor.HasTranslucentPolygonalGeometry() for p in parts)
+        for part in self.level.parts:
+            if part.actor.HasTranslucentPolygonalGeometry():
+                return True
+        return self._translucent
 
     @property
     def failure(self) -> str | None:
@@ -70,10 +73,14 @@ class MeshDraws:
 
         If the eye is outside all of them, hidden sides are culled.
         """
-        return [actor for draws in self._parts for actor in draws.show(first, end, outside)]
+        self.is_shown, new_actors = end > first, []
+        for draws in self._parts:
+            new_actors += draws.show(first, end, outside)
+        return new_actors
 
     def hide(self):
         """Draw nothing."""
+        self.is_shown = False
         for draws in self._parts:
             draws.show_spans(())
 
@@ -141,7 +148,9 @@ class MeshPartDraws(ShaderDraws):
 
     def show(self, first, end, outside) -> list:
         """Draw entries first to end; return new actors."""
-        entry_spans = [(i, min(i + self.chunk, end)) for i in range(first, end, self.chunk)]
+        entry_spans = [(i, i + self.chunk) for i in range(first, end, self.chunk)]
+        if entry_spans:
+            entry_spans[-1] = entry_spans[-1][0], end
         new_actors = self.grow(len(entry_spans), self._new_actor)
         if entry_spans:
             self._set_property(self._material.material(outside and not self._translucent))

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from functools import cached_property
 
-import numpy as np
-
 from pvibr.core._vtk import address
 from pvibr.gl.doubles import is_cut_out
 from pvibr.instances.enclosing_surfaces import winding
@@ -51,9 +49,3 @@ class OneSided:
             return 0
         welded = Welded.of(part.mesh)
         return winding(welded.points, welded.faces)
-
-
-def faces_outward(frame) -> bool:
-    """Return True unless a frame is mirrored, which reverses the winding."""
-    clip = frame.clip_from_view
-    return bool(np.linalg.det(frame.view_from_world[:3, :3]) * clip[0, 0] * clip[1, 1] > 0)
