@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import repeat
+
 import numpy as np
 
 from pvibr.core.counts import TOTAL
@@ -25,8 +27,7 @@ def set_shared_uniforms(program, *groups):
     A dict that the program has been given last in the same position is skipped.
     """
     held = _held_by(program)
-    last_groups = held.groups or [None] * len(groups)
-    for group, last_group in zip(groups, last_groups, strict=True):
+    for group, last_group in zip(groups, held.groups or repeat(None), strict=False):
         if group is not last_group:
             _set_changed(program, held.values, group)
     held.groups = groups
@@ -89,12 +90,16 @@ def _set_all(targets, uniforms):
 
 def _setter(value) -> tuple:
     """Return the name of the setter of a value, and its arguments after the uniform's name."""
+    if isinstance(value, np.ndarray):
+        return _array_setter(value)
     if isinstance(value, (tuple, list)):
         return _VECTORS[len(value)], [float(v) for v in value]
     if isinstance(value, (int, np.integer)):
         return 'SetUniformi', int(value)
-    if isinstance(value, (float, np.floating)):
-        return 'SetUniformf', float(value)
+    return 'SetUniformf', float(value)
+
+
+def _array_setter(value) -> tuple:
     if value.ndim == 1:
         return _VECTORS[len(value)], value.tolist()
     column_major = value.swapaxes(-1, -2).ravel().tolist()  # OpenGL stores matrices by columns

@@ -70,6 +70,7 @@ class CardLayer(SoftDraws):
     def clear(self):
         """Draw nothing."""
         self.is_empty = True
+        self.ranges, self.side_ranges = np.zeros((2, PATCHES, 4))
         for draws in self.every:
             draws.show_spans(())
 

@@ -151,7 +151,9 @@ class MeshPartDraws(ShaderDraws):
         entry_spans = [(i, i + self.chunk) for i in range(first, end, self.chunk)]
         if entry_spans:
             entry_spans[-1] = entry_spans[-1][0], end
-        new_actors = self.grow(len(entry_spans), self._new_actor)
+        new_actors = []
+        if len(entry_spans) > len(self.actors):
+            new_actors = self.grow(len(entry_spans), self._new_actor)
         if entry_spans:
             self._set_property(self._material.material(outside and not self._translucent))
         self.show_spans(entry_spans)

@@ -99,10 +99,10 @@ class ShaderDraws:
 
     def show_spans(self, spans):
         """Draw one span (first item, end entry) per actor; the other actors draw nothing."""
-        draw_count = max(len(spans), self._span_count)  # the rest is hidden already
+        hidden = self._span_count - len(spans)  # the rest is hidden already
         self._span_count = len(spans)
-        spans = [*spans, *[(0, 0)] * (draw_count - len(spans))]
-        for k, (actor, span) in enumerate(zip(self.actors[:draw_count], spans, strict=True)):
+        spans = [*spans, *[(0, 0)] * hidden]
+        for k, (actor, span) in enumerate(zip(self.actors, spans, strict=False)):
             actor.SetVisibility(span[1] > 0)
             if span != self._spans[k]:  # most persist while the camera moves
                 uniforms = actor.GetShaderProperty().GetVertexCustomUniforms()
