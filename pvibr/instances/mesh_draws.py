@@ -123,6 +123,7 @@ class MeshPartDraws(ShaderDraws):
         self.set_feature(self._feature())
         self._material, self._property = material, part.actor.GetProperty()
         self._half = np.zeros(3)
+        self._copies: pv.PolyData | None = None
         self._shared_uniforms: dict = {}
         self._tint: dict = {}
         self._depths: _DepthDraws | None = None
@@ -218,9 +219,10 @@ class MeshPartDraws(ShaderDraws):
         """Fill the mapper with copies of the mesh."""
         self.mapper.ShallowCopy(self.part.actor.GetMapper())
         self.mapper.SetVBOShiftScaleMethod(self.mapper.DISABLE_SHIFT_SCALE)
-        mesh = copies(self.part.mesh, self.chunk, self._center)
-        spread(mesh, self._half)
-        self.mapper.SetInputDataObject(mesh)
+        # Held: who asks the mapper for it would wrap it again.
+        self._copies = copies(self.part.mesh, self.chunk, self._center)
+        spread(self._copies, self._half)
+        self.mapper.SetInputDataObject(self._copies)
 
 
 class _DepthDraws(ShaderDraws):
