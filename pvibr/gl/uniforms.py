@@ -26,7 +26,10 @@ def set_shared_uniforms(program, *groups):
 
     A dict that the program has been given last in the same position is skipped.
     """
-    held = _held_by(program)
+    try:
+        held = program.ibr_held
+    except AttributeError:
+        held = _held_by(program)
     for group, last_group in zip(groups, held.groups or repeat(None), strict=False):
         if group is not last_group:
             _set_changed(program, held.values, group)
@@ -64,11 +67,9 @@ def _held_by(program) -> _Held:
 
     VTK keeps an object's attributes while its C++ lives, also when nothing in Python refers to it.
     """
-    try:
-        return program.ibr_held
-    except AttributeError:
+    if not hasattr(program, 'ibr_held'):
         program.ibr_held = _Held()
-        return program.ibr_held
+    return program.ibr_held
 
 
 def set_fragment_uniforms(actors, uniforms):

@@ -285,11 +285,12 @@ class Cards:
         """Set the uniforms of a frame's camera; `depth` if an effect reads that of soft edges."""
         self.solid = frame.picking or frame.casting
         self.deep = depth and not self.solid
-        clip, view = frame.clip_from_view, frame.view_from_world
+        view = frame.view
+        clip = view.clip_from_view
         self.set(
-            ibr_parallel=int(frame.parallel),
+            ibr_parallel=int(view.parallel),
             ibr_pixel_scale=frame.pixel_scale,
-            ibr_eye_from_world=view[:3, :3],
+            ibr_eye_from_world=view.view_from_world[:3, :3],
             ibr_clip_from_eye=clip,
             ibr_clip_depth=(clip[2, 2], clip[2, 3], clip[3, 2], clip[3, 3]),
             ibr_fades=int(not self.solid),

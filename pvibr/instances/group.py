@@ -244,10 +244,10 @@ class InstanceGroup:
 
     def select(self, frame, limits, *, depth=False):
         """Return the blocks that each card shader draws, by its name, where there are any."""
-        seen = visible_blocks, origins, _, largest = self.blocks.seen(frame)
+        seen = visible_blocks, origins, _, largest = self.placement.blocks.seen(frame)
         self.visible_blocks, block_count = visible_blocks, len(visible_blocks)
         self.cards.view(frame, depth=depth)
-        total = {'blocks': block_count, 'of blocks': len(self.blocks.centers)}
+        total = {'blocks': block_count, 'of blocks': len(self.placement.blocks.centers)}
         self.counts = total | self._no_cards | self.near.no_counts
         block_table = np.empty((block_count, 4), np.float32)
         block_table[:, :3], block_table[:, 3] = origins, visible_blocks
@@ -278,7 +278,9 @@ class InstanceGroup:
     def patches(self, frame, limits, slots, centers, sizes):
         """Return the patch of each slot's view direction, -1 where unsure or irrelevant."""
         min_size, max_size = limits.varying
-        patches = np.zeros(len(slots), np.intp) + _UNKNOWN
+        patches = np.zeros(slots.shape, np.intp) + _UNKNOWN
+        if min_size > max_size:
+            return patches
         (undecided,) = ((sizes >= min_size) & (sizes < max_size * FADE)).nonzero()
         if len(undecided):
             toward = np.array([[0.0], [0.0], [1.0]]) if frame.parallel else -centers[:, undecided]
@@ -314,8 +316,9 @@ class InstanceGroup:
         else:
             table_rows, slots, centers = self._members_of(frame, table)
         distances = np.maximum(_lengths(centers), 1e-30)
-        pixel_scale = 2 * frame.pixel_scale
-        sizes = pixel_scale * self.placement.radii[slots] / (1.0 if frame.parallel else distances)
+        sizes = 2 * frame.pixel_scale * self.placement.radii[slots]
+        if not frame.view.parallel:
+            sizes /= distances
         return slots, table_rows, centers, distances, sizes
 
     def _members_of(self, frame, table):

@@ -189,7 +189,7 @@ class MeshGroups:
 
     def draw(self, frame, choice, *, depth) -> bool:
         """Choose what draws each instance in a frame; return True if actors may be new."""
-        group_limits = choice.limits_in(frame, [group.model for group in self])
+        group_limits = choice.limits_in(frame, [group.model for group in self._groups])
         pairs = list(zip(self._groups, group_limits, strict=True))
         choices = [group.select(frame, limits, depth=depth) for group, limits in pairs]
         self._show_cards(frame, choices)

@@ -147,12 +147,12 @@ class NearMeshes:
         if group.unit > 1:  # else the blocks in view are the instances in view
             radii, planes = group.radii[slots], frame.view.side_planes.astype(np.float32)
             is_near &= (planes[:, :3] @ centers + planes[:, 3:]).min(0) > -radii
-            if not frame.parallel:
+            if not frame.view.parallel:
                 is_near &= centers[2] < radii
         if group.looks is not None:
             is_near &= group.looks[slots, 3] > 0
         (near,) = is_near.nonzero()
-        near = near[ascending((-centers[2] if frame.parallel else distances)[near])]
+        near = near[ascending((-centers[2] if frame.view.parallel else distances)[near])]
         return slots[near], centers.take(near, 1), sizes[near], patches[near]
 
     def _show_singly(self, group, slots, levels, shares, outside):
@@ -255,7 +255,7 @@ def _from_outside(group, frame, slots, centers) -> np.ndarray:
     """Return the slots that are not mirrored and that the eye is outside of."""
     if frame.casting or frame.view.is_mirrored:  # lights may need the far side
         return np.zeros(len(slots), bool)
-    is_outside = -centers[2] - group.radii[slots] > frame.near
+    is_outside = -centers[2] - group.placement.radii[slots] > frame.view.near
     return is_outside & ~group.placement.mirrored(slots)
 
 

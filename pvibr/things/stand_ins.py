@@ -129,7 +129,8 @@ class StandIns:
     def _on_start(self):
         if self._renderer.GetSelector() is None:
             self._empty()
-        self._show_rays(False)
+        if self._are_rays_visible:
+            self._show_rays(False)
         for set_visible in self._set_visible:
             set_visible(False)
         for actor in self._drawn_actors[_CLICKED:]:
