@@ -64,6 +64,7 @@ class Pipeline:
         self.watch: Any = None
         #: Called when effects came or went, or something is made in the background.
         self.changed: Callable[[], None] = _unheard
+        self._time_of_props = -1  # at which no effect was gone
         self._closed, self._peels, self._counts = False, False, Counts()
 
     def __repr__(self) -> str:
@@ -125,6 +126,7 @@ class Pipeline:
         self._entries = entries
         self._effects = tuple(entry.effect for entry in entries)
         self._things = [e for e in self._effects if isinstance(e, Thing)]
+        self._time_of_props = -1
         self.image_effects = [e for e in self._effects if e.is_image_effect]
 
     def check_addable(self, effect):
@@ -230,11 +232,7 @@ class Pipeline:
             self._turn.put_camera_back()
             self._turn = None
         self.forget_removed()
-        quality = (
-            1.0
-            if self._adaptive_quality is None
-            else self._adaptive_quality.quality(self.renderer)
-        )
+        quality = self._adaptive_quality.quality(self.renderer) if self._adaptive_quality else 1.0
         frame = Frame.of(self.renderer, index=self._frames, time=self.time, quality=quality)
         self.surfaces.begin()
         self._turn = turn = _Turn(frame)
@@ -249,7 +247,7 @@ class Pipeline:
         self._prepare_again(turn)
         if self._entries:
             turn.guard(self._entries, self.order.sort, turn.drawn, self.things)
-        images = [e for e in self._entries if e.running and e.effect.is_image_effect]
+        images = [e for e in self._entries if e.running and e.is_image_effect]
         if images and not frame.picking:
             turn.images = images
             effects = [e.effect for e in images]
@@ -285,7 +283,8 @@ class Pipeline:
         self._frames += not turn.frame.picking
         for entry in self._entries:
             if entry.running:
-                turn.guard([entry], entry.effect.finish, turn.frame_of(entry.effect))
+                frame = turn.frame if entry.is_image_effect else turn.drawn
+                turn.guard([entry], entry.effect.finish, frame)
         turn.put_camera_back()
         self.order.finish()
         self._stage.end(turn)
@@ -298,7 +297,11 @@ class Pipeline:
 
     def forget_removed(self):
         """Forget things whose props were removed by the plotter's own means, between frames."""
-        for effect in self.effects if self._turn is None else ():
+        time = self.renderer.GetViewProps().GetMTime()
+        if self._turn is not None or time == self._time_of_props:
+            return
+        self._time_of_props = time
+        for effect in self._effects:
             if effect.is_gone(self.renderer):
                 self.remove(effect)
 
@@ -307,13 +310,12 @@ class _Entry:
     """An effect in a pipeline, with what it did last."""
 
     def __init__(self, effect, row):
-        self.effect, self.row = effect, row
+        self.effect, self.row, self.is_image_effect = effect, row, effect.is_image_effect
         self.running = self._awake = False
 
     def begin(self, turn):
         """Ask whether the frame needs the effect, and prepare it."""
-        effect, row = self.effect, self.row
-        self.running = False
+        effect, row, self.running = self.effect, self.row, False
         if 0 in turn.frame.size or (turn.frame.picking and not effect.picks):
             return
         row.ms = 0.0
@@ -326,15 +328,17 @@ class _Entry:
         self._awake = self.running
 
     def _ask(self, turn):
-        effect, row = self.effect, self.row
-        frame = turn.frame_of(effect)
-        needed = turn.guard([self], effect.needed, frame)
-        if needed is True:
-            self.running, row.state, row.why = True, 'ran', ''
-            self._awake = True
-            turn.guard([self], effect.prepare, frame)
-        elif effect.enabled:
+        frame = turn.frame if self.is_image_effect else turn.drawn
+        needed = turn.guard([self], self._prepare, frame)
+        if needed is not True and self.effect.enabled:
             self.stop('skipped', needed or 'not needed')
+
+    def _prepare(self, frame):
+        if (needed := self.effect.needed(frame)) is True:
+            self.running = self._awake = True
+            self.row.state, self.row.why = 'ran', ''
+            self.effect.prepare(frame)
+        return needed
 
     def stop(self, state, why):
         self.running = False
@@ -371,10 +375,6 @@ class _Turn:
         sample = self.frame.sample
         if sample is not None:
             self.frame.renderer.SetActiveCamera(sample.camera)
-
-    def frame_of(self, effect):
-        """Return the shown frame for image effects, and that of the scene's target for others."""
-        return self.frame if effect.is_image_effect else self.drawn
 
     def guard(self, entries, hook: Callable, *args):
         """Call a hook; an error must not reach VTK's loop: it disables the effects involved."""

@@ -206,7 +206,7 @@ class AdaptiveQuality:
             self._record(frame_ms)
         self.lowered = self.latest < 1
         self._draw_pending = False
-        if self._is_moving_frame or not all(effect.rests for effect in self._effects()):
+        if self._is_moving_frame or False in [effect.rests for effect in self._effects()]:
             self._last_move = perf_counter()
         if self.lowered:
             self._watch_screenshots()
@@ -275,7 +275,7 @@ class AdaptiveQuality:
         """Return True if more frames of the same view refine it, and may be drawn unprompted."""
         if is_dragged(self._window) or filming(self._plotter) or is_deterministic():
             return False
-        return not self._playing() and any(effect.unfinished for effect in self._effects())
+        return not self._playing() and True in [effect.unfinished for effect in self._effects()]
 
     def _is_pending(self) -> bool:
         """Return True if something in the background will refine the view."""

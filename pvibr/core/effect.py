@@ -255,7 +255,8 @@ class Effect(metaclass=Complete):
         self._set(self._checked(settings))
 
     def __setattr__(self, name, value):
-        check_attribute(self, name)
+        if not name.startswith('_'):
+            check_attribute(self, name)
         super().__setattr__(name, value)
 
     def __dir__(self) -> list[str]:

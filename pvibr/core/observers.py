@@ -10,19 +10,20 @@ from pvibr.core.counts import count_draw
 
 def weakly(method):
     """Return an observer that calls a method while its owner lives."""
-    method = weakref.WeakMethod(method)
-    return lambda *_: (bound := method()) and bound()
+    # Not a WeakMethod, whose calls take longer.
+    owner, function = weakref.ref(method.__self__), method.__func__
+    return lambda *_: None if (living := owner()) is None else function(living)
 
 
 def tell_programs(mapper, method):
     """Call a method, while its owner lives, with the program before each draw of a mapper."""
-    method = weakref.WeakMethod(method)
+    owner, function = weakref.ref(method.__self__), method.__func__
 
     @_vtk.calldata_type(_vtk.VTK_OBJECT)
     def update(_mapper, _event, program):
-        bound = method()
-        if bound is not None:
+        living = owner()
+        if living is not None:
             count_draw(program)
-            bound(program)
+            function(living, program)
 
     mapper.AddObserver('UpdateShaderEvent', update)

@@ -16,7 +16,7 @@ from pvibr.figures.posed_meshes import PosedPool
 from pvibr.gl import nbytes_of
 from pvibr.instances.group import InstanceGroup
 from pvibr.instances.mesh_models import MeshModels
-from pvibr.instances.near_meshes import NearMeshes
+from pvibr.instances.near_meshes import NO_TINT, NearMeshes
 from pvibr.instances.placement import spheres
 from pvibr.maths.transforms import signs_of
 
@@ -81,11 +81,12 @@ class _PosedMeshes(NearMeshes):
     def follow_material(self):
         """Use actors of each member where a material needs more than surfaces."""
         state = self._state
-        self.has_own_actors = tuple(
+        own_actors = [
             not (self.draws and can_share_draws(level, state.mesh_actors, state.may_mirror()))
             for level in self.levels
-        )
+        ]
         self._culls = culls_faces(state.mesh_actors)
+        self._set_own_actors(own_actors, elsewhere=self._culls)
 
     def _need_own_actors(self, group, slots, mesh_levels) -> np.ndarray:
         needs_own = super()._need_own_actors(group, slots, mesh_levels)
@@ -99,7 +100,7 @@ class _PosedMeshes(NearMeshes):
         self._shared, self._eye_from_world = (slots, shares.clip(0, 1)), frame.view_from_world
         uniforms = {name: group.cards.uniforms[name] for name in _UNIFORMS}
         textures = {'ibr_looks': group.cards.textures['ibr_looks']}
-        draws.set_inputs(None, textures, uniforms | {'ibr_tint': (0.0, 0.0, 0.0, 0.0)})
+        draws.set_inputs(None, textures, uniforms | NO_TINT)
         return draws.show(0, len(slots), False)
 
     def pose(self, window, group, time):
@@ -177,7 +178,7 @@ class CrowdGroup(InstanceGroup):
             if self._era != era_start:
                 self._era = era_start
                 self.cards.move(self.state.playback.rows(self.state.motions, era_start)[self.ids])
-            self.cards.uniforms['ibr_time'] = float(time - era_start)
+            self.cards.set(ibr_time=float(time - era_start))
         self.near.pose(window, self, time)
         for pool in self.near.pools:
             if pool.lent:

@@ -103,6 +103,10 @@ class FeatureSet:
         """Return the actors that have features."""
         return [actor for actor, _, _ in self._attached.values()]
 
+    def of(self, actor) -> tuple:
+        """Return the features of an actor that has some."""
+        return self._attached[address(actor)][1]
+
     def match(self, actors, features_of, version_of=None) -> list:
         """Like :meth:`attach`, and detach from all other actors."""
         old_entries, self._attached = self._attached, {}

@@ -17,10 +17,12 @@ class FrameTimer:
         self._span: Any = None  # on the GPU
         self._start_time: float | None = None
         self._processor_ms: float | None = None
+        self._is_software = True
 
     def start(self, window) -> float | None:
         """Begin a frame; return the milliseconds of the one before, if a GPU drew it."""
-        is_hardware = not driver_of(window).is_software
+        self._is_software = driver_of(window).is_software
+        is_hardware = not self._is_software
         if is_hardware:
             window.MakeCurrent()  # events of a window come before its context is made current
         last_ms, self._processor_ms = self._processor_ms, None
@@ -45,13 +47,12 @@ class FrameTimer:
         if start_time is None:
             return None
         self.cancel()
-        is_software = driver_of(window).is_software
-        if is_software:
+        if self._is_software:
             window.WaitForCompletion()
         elif self._span is not None and self._span.Started():
             self._span.Stop()
         elapsed_ms = 1e3 * (perf_counter() - start_time)
-        if is_software:
+        if self._is_software:
             return elapsed_ms
         self._processor_ms = elapsed_ms
         return None

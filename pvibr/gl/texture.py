@@ -10,7 +10,11 @@ from pvibr.core import _vtk
 from pvibr.core.counts import TOTAL
 from pvibr.gl import enums as gl
 
-_VTK_TYPES = {'uint8': 'VTK_UNSIGNED_CHAR', 'uint16': 'VTK_UNSIGNED_SHORT', 'float32': 'VTK_FLOAT'}
+_VTK_TYPES = {
+    np.dtype('uint8'): 'VTK_UNSIGNED_CHAR',
+    np.dtype('uint16'): 'VTK_UNSIGNED_SHORT',
+    np.dtype('float32'): 'VTK_FLOAT',
+}
 # Render targets: GL's sized format (None if VTK derives it from the type), data type, channels and
 # bytes per texel.
 _FORMATS = {
@@ -109,11 +113,10 @@ class Texture:
             raise ValueError(
                 f'texture size must be 1 to {size_limit} here, got {width} x {height}'
             )
-        if array.dtype.name not in _VTK_TYPES:
-            raise ValueError(
-                f'texture dtype must be one of {", ".join(_VTK_TYPES)}, got {array.dtype}'
-            )
-        data_type = getattr(_vtk, _VTK_TYPES[array.dtype.name])
+        if array.dtype not in _VTK_TYPES:
+            dtypes = ', '.join(map(str, _VTK_TYPES))
+            raise ValueError(f'texture dtype must be one of {dtypes}, got {array.dtype}')
+        data_type = getattr(_vtk, _VTK_TYPES[array.dtype])
         if not self.object.Create2DFromRaw(width, height, channel_count, data_type, array):
             raise RuntimeError(f'the driver refused a texture of {array.shape} {array.dtype}')
         self.nbytes = array.nbytes

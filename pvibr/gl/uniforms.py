@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import repeat
+
 import numpy as np
 
 from pvibr.core.counts import TOTAL
@@ -16,7 +18,26 @@ def set_uniforms(program, uniforms):
 
     What it holds already is skipped: most values persist from frame to frame, and each call costs.
     """
-    held_values = _held_by(program)
+    _set_changed(program, _held_by(program).values, uniforms)
+
+
+def set_shared_uniforms(program, *groups):
+    """Set uniforms of each of some dicts, with no name in common, that never change in place.
+
+    A dict that the program has been given last in the same position is skipped.
+    """
+    try:
+        held = program.ibr_held
+    except AttributeError:
+        held = _held_by(program)
+    for group, last_group in zip(groups, held.groups or repeat(None), strict=False):
+        if group is not last_group:
+            _set_changed(program, held.values, group)
+    held.groups = groups
+
+
+def _set_changed(program, held_values, uniforms):
+    """Set the values that a program does not hold."""
     for name, value in uniforms.items():
         if type(value) is list:
             value = tuple(value)
@@ -33,16 +54,22 @@ def set_uniforms(program, uniforms):
             getattr(program, setter)(name, *values)
 
 
-def _held_by(program) -> dict:
-    """Return the values that a program holds, by uniform; they are gone with the program.
+class _Held:
+    """What a program holds: the value of each uniform, and the dicts that were set last."""
+
+    def __init__(self):
+        self.values: dict = {}
+        self.groups: tuple = ()
+
+
+def _held_by(program) -> _Held:
+    """Return what a program holds; it is gone with the program.
 
     VTK keeps an object's attributes while its C++ lives, also when nothing in Python refers to it.
     """
-    try:
-        return program.ibr_held
-    except AttributeError:
-        program.ibr_held = {}
-        return program.ibr_held
+    if not hasattr(program, 'ibr_held'):
+        program.ibr_held = _Held()
+    return program.ibr_held
 
 
 def set_fragment_uniforms(actors, uniforms):
@@ -64,12 +91,16 @@ def _set_all(targets, uniforms):
 
 def _setter(value) -> tuple:
     """Return the name of the setter of a value, and its arguments after the uniform's name."""
+    if isinstance(value, np.ndarray):
+        return _array_setter(value)
     if isinstance(value, (tuple, list)):
         return _VECTORS[len(value)], [float(v) for v in value]
     if isinstance(value, (int, np.integer)):
         return 'SetUniformi', int(value)
-    if isinstance(value, (float, np.floating)):
-        return 'SetUniformf', float(value)
+    return 'SetUniformf', float(value)
+
+
+def _array_setter(value) -> tuple:
     if value.ndim == 1:
         return _VECTORS[len(value)], value.tolist()
     column_major = value.swapaxes(-1, -2).ravel().tolist()  # OpenGL stores matrices by columns

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pvibr.core import _vtk
+from pvibr.core._vtk import method
 from pvibr.things.content_key import images_of
 
 _LIGHT = (
@@ -22,6 +23,9 @@ class BakedMaterial:
 
     def __init__(self, parts):
         self.parts = parts
+        self._get_times = [method(part.actor, 'GetMTime') for part in parts]
+        self._actor_times: list = []
+        self._images: list = []  # as of these times
         #: Model whose images do not match the current materials.
         self.stale_model = None
         self._baked_look, self._shape = self._look(), self._shape_now()
@@ -47,8 +51,11 @@ class BakedMaterial:
         return self._shape != previous_shape
 
     def _times_now(self):
-        actors = [part.actor for part in self.parts]
-        return [vtk_object.GetMTime() for a in actors for vtk_object in (a, *images_of(a))]
+        actor_times = [get_time() for get_time in self._get_times]
+        if actor_times != self._actor_times:  # those of materials and textures included
+            self._actor_times = actor_times
+            self._images = [image for part in self.parts for image in images_of(part.actor)]
+        return [*actor_times, *[image.GetMTime() for image in self._images]]
 
     def _props(self):
         return [part.actor.GetProperty() for part in self.parts]

@@ -14,11 +14,6 @@ PATCH_SIDE = 4
 PATCHES = PATCH_SIDE**2
 
 
-def at_patches(values, patches) -> np.ndarray:
-    """Return the values at patches, the least of all where a patch is unknown, -1."""
-    return np.append(values, values.min(-1, keepdims=True), -1)[..., patches]
-
-
 class CardLayer(SoftDraws):
     """The cards of one shader: cores, fringes and depth, from the same entries."""
 
@@ -41,7 +36,9 @@ class CardLayer(SoftDraws):
         self.ranges, self.side_ranges = np.zeros((2, PATCHES, 4))
         self.unit = cards.unit
         self.tint: tuple | None = None  # one colour for all its cards
-        self._is_empty = False  # whether it draws nothing since it was shown last
+        self.is_empty = False  # whether it draws nothing since it was shown last
+        self._inputs: tuple[dict, dict] = {}, {}
+        self._shared_uniforms: dict | None = None  # those of the cards that the inputs contain
 
     @property
     def window(self):
@@ -56,9 +53,10 @@ class CardLayer(SoftDraws):
     def show(self, blocks, cuts, cored):
         """Draw blocks between cuts, from far to near; from index `cored` on with cores."""
         if not len(blocks):
-            self._clear()
+            self.clear()
             return
-        self._is_empty = False
+        self.is_empty = False
+        self.refresh()
         self.fringe.upload(self.cards.window, blocks)
         block_spans = list(pairwise(np.asarray(cuts).tolist()))
         layer_parts = self.parts(solid=self.cards.solid, deep=self.cards.deep)
@@ -69,15 +67,25 @@ class CardLayer(SoftDraws):
             part_spans = [(max(a, first_entry), b) for a, b in block_spans] if layer_part else []
             draws.show_spans([(a * self.unit, b) if b > a else (0, 0) for a, b in part_spans])
 
-    def _clear(self):
+    def clear(self):
         """Draw nothing."""
-        if not self._is_empty:
-            self._is_empty = True
-            for draws in self.every:
-                draws.show_spans(())
+        self.is_empty = True
+        self.ranges, self.side_ranges = np.zeros((2, PATCHES, 4))
+        for draws in self.every:
+            draws.show_spans(())
+
+    def refresh(self):
+        """Make the inputs again, after a change of anything but uniforms of the cards."""
+        self._shared_uniforms = None
 
     def inputs(self) -> tuple[dict, dict]:
         """Return the textures and the uniforms of all parts."""
+        if self._shared_uniforms is not self.cards.uniforms:
+            self._shared_uniforms = self.cards.uniforms
+            self._inputs = self._current_inputs()
+        return self._inputs
+
+    def _current_inputs(self) -> tuple[dict, dict]:
         cards, textures = self.cards, self.cards.textures
         uniforms = cards.uniforms | {
             'ibr_ranges': _columns(self.ranges),

@@ -148,7 +148,8 @@ class Cards:
         self._looks = np.zeros((1, 1, 4), np.uint8)
         # Textures that changed since their upload: rows, None for all.
         self._stale: dict[str, list | None] = {}
-        self.uniforms = {
+        #: Replaced with every change.
+        self.uniforms: dict = {
             'ibr_count': 0,
             'ibr_views': atlas.views,
             'ibr_half': int(atlas.half),
@@ -222,9 +223,13 @@ class Cards:
         """Return all actors in drawing order."""
         return [actor for _, actor in self.order()]
 
+    def set(self, **uniforms):
+        """Set uniforms of all shaders."""
+        self.uniforms = self.uniforms | uniforms
+
     def place(self, placement, changed_rows=None):
         """Schedule the upload of a placement's poses, or of some rows of the texture."""
-        self.uniforms |= {'ibr_count': len(placement.ids), 'ibr_texels': placement.texels_per_pose}
+        self.set(ibr_count=len(placement.ids), ibr_texels=placement.texels_per_pose)
         self._poses, stale = placement.pose_texture, self._stale.get('ibr_poses', ())
         is_partial = changed_rows is not None and stale is not None
         self._stale['ibr_poses'] = [*(stale or ()), changed_rows] if is_partial else None
@@ -243,7 +248,7 @@ class Cards:
 
     def look(self, looks):
         """Schedule the upload of instance colours, (n, 4) uint8 or None."""
-        self.uniforms['ibr_has_looks'] = int(looks is not None)
+        self.set(ibr_has_looks=int(looks is not None))
         self._looks = np.zeros((1, 1, 4), np.uint8) if looks is None else pack(looks, ROW, 4)
         self._stale['ibr_looks'] = None
 
@@ -264,9 +269,11 @@ class Cards:
         self._images = self._images or AtlasTextures.of(self.atlas, window)
         if self.atlas.animated:
             self._textures['ibr_moves'] = Texture(window)
-            self.uniforms['ibr_pages'] = self.atlas.pages
+            self.set(ibr_pages=self.atlas.pages)
         self._textures |= {name: Texture(window) for name in ('ibr_poses', 'ibr_looks')}
         self.textures = self._images.views | self._textures
+        for layer in self.layers.values():
+            layer.refresh()
         self._stale = dict.fromkeys(('ibr_poses', 'ibr_looks'))
         self.window = window  # last: after a failure all is made again
 
@@ -278,17 +285,18 @@ class Cards:
         """Set the uniforms of a frame's camera; `depth` if an effect reads that of soft edges."""
         self.solid = frame.picking or frame.casting
         self.deep = depth and not self.solid
-        clip, view = frame.clip_from_view, frame.view_from_world
-        self.uniforms |= {
-            'ibr_parallel': int(frame.parallel),
-            'ibr_pixel_scale': frame.pixel_scale,
-            'ibr_eye_from_world': view[:3, :3],
-            'ibr_clip_from_eye': clip,
-            'ibr_clip_depth': (clip[2, 2], clip[2, 3], clip[3, 2], clip[3, 3]),
-            'ibr_fades': int(not self.solid),
-            'ibr_dither': frame.vary('levels')[0],
-            'ibr_error': 1.0 / frame.quality,
-        }
+        view = frame.view
+        clip = view.clip_from_view
+        self.set(
+            ibr_parallel=int(view.parallel),
+            ibr_pixel_scale=frame.pixel_scale,
+            ibr_eye_from_world=view.view_from_world[:3, :3],
+            ibr_clip_from_eye=clip,
+            ibr_clip_depth=(clip[2, 2], clip[2, 3], clip[3, 2], clip[3, 3]),
+            ibr_fades=int(not self.solid),
+            ibr_dither=frame.vary('levels')[0],
+            ibr_error=1.0 / frame.quality,
+        )
 
     def show(self, name, blocks, cuts, *, ranges=(ALWAYS, ALWAYS), unit=None, cored=0):
         """Draw blocks by a shader from far to near; those before `cored` have no core."""
@@ -296,6 +304,12 @@ class Cards:
         layer.ranges, layer.side_ranges = ranges
         layer.unit = unit or self.unit
         layer.show(blocks, cuts, cored)
+
+    def show_only(self, names):
+        """Draw nothing by shaders of other names."""
+        for name, layer in self.layers.items():
+            if not (layer.is_empty or name in names):
+                layer.clear()
 
     def hide(self):
         """Draw nothing."""

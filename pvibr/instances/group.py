@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from pvibr.instances.baked_materials import copy_light
-from pvibr.instances.card_layers import PATCH_SIDE, at_patches
-from pvibr.instances.card_spans import NOWHERE, CardSpan
+from pvibr.instances.card_layers import PATCH_SIDE
+from pvibr.instances.card_spans import CardSpan
 from pvibr.instances.cards import FADE, Cards
 from pvibr.instances.near_meshes import NearMeshes
 from pvibr.instances.placement import Placement, spheres
@@ -75,11 +75,12 @@ class InstanceGroup:
         self.placement = Placement(self.atlas, unit)
         self._prop = _card_material(self.levels[0].parts)
         self.cards = Cards(self.atlas, capacity, unit, draws, self._prop, binder)
-        self.cards.uniforms['ibr_paint'] = model.paint
+        self.cards.set(ibr_paint=model.paint)
         self.near = self._near_meshes(translucent)
         self.near.draw_many(capacity, self.atlas.center, binder)
         self.looks: np.ndarray | None = None
         self.counts: dict[str, int] = {}
+        self._no_cards = dict.fromkeys(self.cards.layers, 0)
         self.visible_blocks = np.zeros(0, int)
         #: Blocks that may have instances too large for cards: origin in eye space, index.
         self.mesh_blocks = np.zeros((0, 4), np.float32)
@@ -110,7 +111,7 @@ class InstanceGroup:
                 if part.actor.GetProperty() is not mesh_part.actor.GetProperty():
                     copy_light(part.actor.GetProperty(), mesh_part.actor.GetProperty())
         self.near.follow_material()
-        self.cards.uniforms['ibr_paint'] = self.model.paint
+        self.cards.set(ibr_paint=self.model.paint)
 
     def put(self, poses, ids):
         """Show the poses of `ids`, ordered so that neighbours are together."""
@@ -224,7 +225,7 @@ class InstanceGroup:
     def set_looks(self, looks, multiply=False):
         """Set colour and alpha of instances, uint8; with `multiply`, times those of the mesh."""
         self.looks = None if looks is None else np.ascontiguousarray(looks[self.ids])
-        self.cards.uniforms['ibr_multiply'] = int(multiply)
+        self.cards.set(ibr_multiply=int(multiply))
         self.cards.look(self.looks)
         self.near.recolor(self, multiply)
 
@@ -238,35 +239,48 @@ class InstanceGroup:
         """Paint each level of detail in one colour, or none."""
         for name, layer in self.cards.layers.items():
             layer.tint = colors.get(name)
+            layer.refresh()
         self.near.tint(self, colors)
 
     def select(self, frame, limits, *, depth=False):
-        """Return the blocks that each card shader draws, by its name."""
-        visible_blocks, origins, smallest, largest = self.blocks.seen(frame)
-        self.visible_blocks = visible_blocks
+        """Return the blocks that each card shader draws, by its name, where there are any."""
+        seen = visible_blocks, origins, _, largest = self.placement.blocks.seen(frame)
+        self.visible_blocks, block_count = visible_blocks, len(visible_blocks)
         self.cards.view(frame, depth=depth)
-        self.counts = {'blocks': len(visible_blocks), 'of blocks': len(self.blocks.centers)}
-        block_table = np.empty((len(visible_blocks), 4), np.float32)
+        total = {'blocks': block_count, 'of blocks': len(self.placement.blocks.centers)}
+        self.counts = total | self._no_cards | self.near.no_counts
+        block_table = np.empty((block_count, 4), np.float32)
         block_table[:, :3], block_table[:, 3] = origins, visible_blocks
-        depths = origins[:, 2] if frame.parallel else -_lengths(origins.T)
-        elevations = self._elevations(frame, visible_blocks, origins)
-        patches = np.full(len(visible_blocks), _UNKNOWN)
+        patches: Any = _UNKNOWN
         if self.unit == 1:
             patches = self.patches(frame, limits, visible_blocks, origins.T, largest)
+        self.mesh_blocks = block_table[largest >= limits.mesh_from_at[patches]]
+        if not limits.drawn_cards or not block_count:
+            return {}
+        return self._card_blocks(frame, limits, seen, block_table, patches)
+
+    def _card_blocks(self, frame, limits, seen, block_table, patches):
+        """Return the blocks of each card shader that draws any."""
+        visible_blocks, origins, smallest, largest = seen
+        depths = origins[:, 2] if frame.parallel else -_lengths(origins.T)
+        elevations = self._elevations(frame, visible_blocks, origins)
         choices = {}
-        for name, layer in self.cards.layers.items():
-            spans = limits.spans.get(name, (NOWHERE, NOWHERE))
-            in_span = _which_fit(spans, elevations, patches, smallest, largest)
-            blocks = block_table[in_span], depths[in_span], largest[in_span]
-            choices[name] = CardBlocks(*blocks, spans, layer.core_size, limits)
-            self.counts[name] = min(len(in_span) * self.unit, len(self))
-        self.mesh_blocks = block_table[largest >= at_patches(limits.mesh_from, patches)]
+        for name in limits.drawn_cards:
+            layer, spans = self.cards.layers.get(name), limits.spans[name]
+            if layer is not None:
+                in_span = _which_fit(spans, elevations, patches, smallest, largest)
+                if len(in_span):
+                    blocks = block_table[in_span], depths[in_span], largest[in_span]
+                    choices[name] = CardBlocks(*blocks, spans, layer.core_size, limits)
+                    self.counts[name] = min(len(in_span) * self.unit, len(self))
         return choices
 
     def patches(self, frame, limits, slots, centers, sizes):
         """Return the patch of each slot's view direction, -1 where unsure or irrelevant."""
-        patches = np.full(len(slots), _UNKNOWN)
         min_size, max_size = limits.varying
+        patches = np.zeros(slots.shape, np.intp) + _UNKNOWN
+        if min_size > max_size:
+            return patches
         (undecided,) = ((sizes >= min_size) & (sizes < max_size * FADE)).nonzero()
         if len(undecided):
             toward = np.array([[0.0], [0.0], [1.0]]) if frame.parallel else -centers[:, undecided]
@@ -296,16 +310,26 @@ class InstanceGroup:
 
         Centres are in eye space, shape (3, n); sizes are diameters in pixels.
         """
+        if self.unit == 1:
+            table_rows, slots = np.arange(len(table)), table[:, 3].astype(int)
+            centers = np.ascontiguousarray(table[:, :3].T)
+        else:
+            table_rows, slots, centers = self._members_of(frame, table)
+        distances = np.maximum(_lengths(centers), 1e-30)
+        sizes = 2 * frame.pixel_scale * self.placement.radii[slots]
+        if not frame.view.parallel:
+            sizes /= distances
+        return slots, table_rows, centers, distances, sizes
+
+    def _members_of(self, frame, table):
+        """Return table rows, slots and eye-space centres, (3, n), of the instances of blocks."""
         slots = (table[:, 3].astype(int)[:, None] * self.unit + np.arange(self.unit)).ravel()
         table_rows = np.repeat(np.arange(len(table)), self.unit)[slots < len(self)]
         slots = slots[slots < len(self)]
         rotation = frame.view_from_world[:3, :3].astype(np.float32)
         # Not a threaded matrix product, which is slower on a busy machine.
         centers = np.einsum('ij,jn->in', rotation, self.placement.local(slots))
-        centers += table[:, :3].T.take(table_rows, 1)
-        distances = np.maximum(_lengths(centers), 1e-30)
-        sizes = 2 * frame.pixel_scale * self.radii[slots] / (1.0 if frame.parallel else distances)
-        return slots, table_rows, centers, distances, sizes
+        return table_rows, slots, centers + table[:, :3].T.take(table_rows, 1)
 
     def refine(self, frame, choice):
         """Return selected blocks as single sorted instances, without those of other sizes."""
@@ -338,8 +362,6 @@ class InstanceGroup:
 def _which_fit(spans, elevations, patches, smallest, largest) -> np.ndarray:
     """Return the blocks that may have instances within spans, from above and from the side."""
     above, side = spans
-    if (above.is_empty and side.is_empty) or not len(patches):
-        return np.zeros(0, np.intp)
     fits = above.fits(patches, smallest, largest)
     if side is not above:
         fits_side = side.fits(patches, smallest, largest)
@@ -352,7 +374,7 @@ def _which_fit(spans, elevations, patches, smallest, largest) -> np.ndarray:
 
 def _lengths(columns):
     """Return the lengths of column vectors."""
-    return np.sqrt((columns * columns).sum(0))
+    return np.sqrt(np.add.reduce(columns * columns))
 
 
 def _largest(parts):

@@ -53,12 +53,33 @@ class Limits:
         return {n: (above.get(n, NOWHERE), side.get(n, NOWHERE)) for n in {**above, **side}}
 
     @cached_property
+    def drawn_cards(self) -> list[str]:
+        """The shaders that draw at some size."""
+        spans = self.spans.items()
+        return [n for n, (above, side) in spans if not (above.is_empty and side.is_empty)]
+
+    @cached_property
+    def mesh_from_at(self) -> np.ndarray:
+        """`mesh_from`, with the least of all last, for an unknown patch; shape (PATCHES + 1,)."""
+        return _with_least(self.mesh_from)
+
+    @cached_property
+    def lighter_to_at(self) -> np.ndarray:
+        """`mesh_to` of the lighter levels, with the least of all last."""
+        return _with_least(self.mesh_to[1:])
+
+    @cached_property
     def varying(self) -> tuple[float, float]:
         """The sizes between which the level depends on the view direction."""
         spans = [*self.cards.values(), *self.side_cards.values()]
         ends = np.stack([self.mesh_from, *self.mesh_to, *(high for _, high in spans)])
         ends = ends[ends.min(1) < ends.max(1)]
         return (float(ends.min()), float(ends.max())) if ends.size else (np.inf, 0.0)
+
+
+def _with_least(values) -> np.ndarray:
+    """Return values of patches with the least of all appended."""
+    return np.append(values, values.min(-1, keepdims=True), -1)
 
 
 def _contiguous(highs) -> dict[str, np.ndarray]:

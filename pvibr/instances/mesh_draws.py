@@ -28,6 +28,7 @@ class MeshDraws:
     def __init__(self, level, capacity, center, matrix, binder, translucent=False):
         self.level, self._translucent = level, translucent
         self._parts = self._part_draws(capacity, center, matrix, binder, translucent)
+        self.is_shown = False
 
     def _part_draws(self, *shared) -> list:
         """Return the draws of each part."""
@@ -37,8 +38,10 @@ class MeshDraws:
     @property
     def blends(self) -> bool:
         """Whether any part is translucent."""
-        parts = self.level.parts
-        return self._translucent or any(p.actor.HasTranslucentPolygonalGeometry() for p in parts)
+        for part in self.level.parts:
+            if part.actor.HasTranslucentPolygonalGeometry():
+                return True
+        return self._translucent
 
     @property
     def failure(self) -> str | None:
@@ -63,17 +66,21 @@ class MeshDraws:
     def tint(self, color):
         """Paint all instances in one colour, or none."""
         for draws in self._parts:
-            draws.tint = {} if color is None else {'ibr_tint': (*color, 1.0), 'ibr_multiply': 0}
+            draws.tint(color)
 
     def show(self, first, end, outside) -> list:
         """Draw entries first to end; return new actors.
 
         If the eye is outside all of them, hidden sides are culled.
         """
-        return [actor for draws in self._parts for actor in draws.show(first, end, outside)]
+        self.is_shown, new_actors = end > first, []
+        for draws in self._parts:
+            new_actors += draws.show(first, end, outside)
+        return new_actors
 
     def hide(self):
         """Draw nothing."""
+        self.is_shown = False
         for draws in self._parts:
             draws.show_spans(())
 
@@ -114,15 +121,25 @@ class MeshPartDraws(ShaderDraws):
         self.part, self._center, self._matrix = part, center, matrix
         self._translucent = translucent
         self.set_feature(self._feature())
-        self.tint: dict = {}
         self._material, self._property = material, part.actor.GetProperty()
         self._half = np.zeros(3)
+        self._copies: pv.PolyData | None = None
+        self._shared_uniforms: dict = {}
+        self._tint: dict = {}
         self._depths: _DepthDraws | None = None
 
     def set_inputs(self, entries, textures, uniforms):
         """Set the entries, and the textures and uniforms of all parts."""
-        self.entries, self.textures = entries, textures
-        self.uniforms = uniforms | {'ibr_cutoff': cutoff(self.part)}
+        self.entries, self.textures, self._shared_uniforms = entries, textures, uniforms
+        self.uniforms = uniforms | self._tint if self._tint else uniforms
+        alpha_cutoff = cutoff(self.part)
+        if self.own_uniforms.get('ibr_cutoff') != alpha_cutoff:
+            self.own_uniforms = {'ibr_cutoff': alpha_cutoff}
+
+    def tint(self, color):
+        """Paint all instances in one colour, or none."""
+        self._tint = {} if color is None else {'ibr_tint': (*color, 1.0), 'ibr_multiply': 0}
+        self.uniforms = self._shared_uniforms | self._tint
 
     def _feature(self, *, depth=False) -> Feature:
         """Return the shader of the copies."""
@@ -132,8 +149,12 @@ class MeshPartDraws(ShaderDraws):
 
     def show(self, first, end, outside) -> list:
         """Draw entries first to end; return new actors."""
-        entry_spans = [(i, min(i + self.chunk, end)) for i in range(first, end, self.chunk)]
-        new_actors = self.grow(len(entry_spans), self._new_actor)
+        entry_spans = [(i, i + self.chunk) for i in range(first, end, self.chunk)]
+        if entry_spans:
+            entry_spans[-1] = entry_spans[-1][0], end
+        new_actors = []
+        if len(entry_spans) > len(self.actors):
+            new_actors = self.grow(len(entry_spans), self._new_actor)
         if entry_spans:
             self._set_property(self._material.material(outside and not self._translucent))
         self.show_spans(entry_spans)
@@ -182,9 +203,6 @@ class MeshPartDraws(ShaderDraws):
             self._depths.release(window)
             self._depths = None
 
-    def _inputs(self):
-        return self.textures, self.uniforms | self.tint
-
     def _new_actor(self):
         if not self.actors:
             self._fill()
@@ -201,9 +219,10 @@ class MeshPartDraws(ShaderDraws):
         """Fill the mapper with copies of the mesh."""
         self.mapper.ShallowCopy(self.part.actor.GetMapper())
         self.mapper.SetVBOShiftScaleMethod(self.mapper.DISABLE_SHIFT_SCALE)
-        mesh = copies(self.part.mesh, self.chunk, self._center)
-        spread(mesh, self._half)
-        self.mapper.SetInputDataObject(mesh)
+        # Held: who asks the mapper for it would wrap it again.
+        self._copies = copies(self.part.mesh, self.chunk, self._center)
+        spread(self._copies, self._half)
+        self.mapper.SetInputDataObject(self._copies)
 
 
 class _DepthDraws(ShaderDraws):

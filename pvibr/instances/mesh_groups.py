@@ -189,36 +189,39 @@ class MeshGroups:
 
     def draw(self, frame, choice, *, depth) -> bool:
         """Choose what draws each instance in a frame; return True if actors may be new."""
-        group_limits = choice.limits_in(frame, [group.model for group in self])
-        pairs = list(zip(self, group_limits, strict=True))
+        group_limits = choice.limits_in(frame, [group.model for group in self._groups])
+        pairs = list(zip(self._groups, group_limits, strict=True))
         choices = [group.select(frame, limits, depth=depth) for group, limits in pairs]
-        for shader in self[0].cards.shaders():
-            self._show_cards(frame, shader, [c[shader.name] for c in choices])
+        self._show_cards(frame, choices)
         has_new_actors = False
         for group, limits in pairs:
             for actor in group.near.select(group, frame, limits):
                 put_inner(frame.renderer, actor)
                 has_new_actors = True
-            has_new_actors |= any(group.near.has_own_actors)
+            has_new_actors |= True in group.near.has_own_actors
         return has_new_actors
 
-    def _show_cards(self, frame, shader, choices):
-        if not [choice for choice in choices if len(choice.table)]:
-            for group, choice in zip(self, choices, strict=True):
-                group.cards.show(shader.name, choice.table, (), ranges=choice.ranges)
-            return
-        unit = self[0].unit
+    def _show_cards(self, frame, choices):
+        """Draw the chosen blocks of each group by the shaders that they are chosen for."""
+        for group, choice in zip(self._groups, choices, strict=True):
+            group.cards.show_only(choice)
+        shader_names = {name for choice in choices for name in choice}
+        for shader in self[0].cards.shaders() if shader_names else ():
+            if shader.name in shader_names:
+                pairs = zip(self._groups, choices, strict=True)
+                drawn = [(g, c[shader.name]) for g, c in pairs if shader.name in c]
+                self._show_layer(frame, shader, *zip(*drawn, strict=True))
+
+    def _show_layer(self, frame, shader, groups, choices):
+        """Draw the blocks of some groups by a shader."""
+        unit = groups[0].unit
         if unit > 1 and sum(len(choice.table) for choice in choices) * unit <= SORTED_SEEN:
-            pairs = zip(self, choices, strict=True)
+            pairs = zip(groups, choices, strict=True)
             unit, choices = 1, [group.refine(frame, choice) for group, choice in pairs]
-        capacity = self[0].cards.chunk // unit
+        capacity = groups[0].cards.chunk // unit
         cuts = slabs([choice.depths for choice in choices], shader.turns, capacity)
-        for group, choice, group_cuts in zip(self, choices, cuts, strict=True):
-            options = {
-                'ranges': choice.ranges,
-                'unit': unit,
-                'cored': choice.cored,
-            }
+        for group, choice, group_cuts in zip(groups, choices, cuts, strict=True):
+            options = {'ranges': choice.ranges, 'unit': unit, 'cored': choice.cored}
             group.cards.show(shader.name, choice.table, group_cuts, **options)
 
     def draw_order(self) -> tuple:

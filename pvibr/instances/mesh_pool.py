@@ -215,4 +215,6 @@ def with_looks(part, mapper):
 
 def cutoff(part) -> float:
     """Return the alpha below which a part is cut out, scaled by its opacity."""
-    return (part.alpha_cutoff or 0.0) * part.actor.GetProperty().GetOpacity()
+    if not part.alpha_cutoff:
+        return 0.0
+    return part.alpha_cutoff * part.actor.GetProperty().GetOpacity()

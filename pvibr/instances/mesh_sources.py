@@ -46,6 +46,8 @@ class Sources:
 
 def _times_of(mesh) -> tuple:
     """Return VTK's modification times of a dataset, none if it has none."""
+    if isinstance(mesh, _vtk.vtkDataSet):  # most are
+        return (mesh.GetMTime(),)
     if isinstance(mesh, _vtk.vtkActor):
         mapper = mesh.GetMapper()
         return mapper.GetMTime(), *_times_of(mapper.GetInputDataObject(0, 0))

@@ -2,24 +2,25 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
-
 import numpy as np
 
 from pvibr.core import _vtk
 from pvibr.gl import Texture, release
-from pvibr.instances.card_layers import at_patches
 from pvibr.instances.cards import FADE
 from pvibr.instances.mesh_draws import MeshDraws, can_batch
 from pvibr.instances.mesh_pool import MeshPool
-from pvibr.instances.one_sided import faces_outward
 from pvibr.maths.blocks import ascending
 from pvibr.things.appearance import is_clear
-from pvibr.things.shader_draws import ROW, pack
+from pvibr.things.shader_draws import ROW
 
 _SHARE_BITS = 6  # of the dithered share of an instance's pixels
-_SHARED = 'ibr_texels', 'ibr_has_looks', 'ibr_multiply', 'ibr_radius'
-_OF_FRAME = 'ibr_eye_from_world', 'ibr_clip_from_eye', 'ibr_dither'
+#: Those of the cards that meshes need, too.
+_TEXTURES = 'ibr_poses', 'ibr_looks'
+_UNIFORMS = (
+    *('ibr_texels', 'ibr_has_looks', 'ibr_multiply', 'ibr_radius'),
+    *('ibr_eye_from_world', 'ibr_clip_from_eye', 'ibr_dither'),
+)
+NO_TINT = {'ibr_tint': (0.0, 0.0, 0.0, 0.0)}
 
 
 class NearMeshes:
@@ -35,13 +36,16 @@ class NearMeshes:
             pool.translucent = True
         self.draws: list[MeshDraws] = []
         #: By level, whether each instance has an actor.
-        self.has_own_actors = (True,) * len(self.levels)
+        self.has_own_actors = [True] * len(self.levels)
+        self._may_need_own_actors = True
         self._matrix = _vtk.vtkMatrix4x4()
         self._entries: Texture | None = None
         #: Mesh level of each slot in the last frame, -1 if it was no mesh.
         self.level_of = np.zeros(0, np.int8)
         self._slots = np.zeros(0, int)
-        self._no_counts = dict.fromkeys((f'mesh {level.triangles}' for level in self.levels), 0)
+        self._level_names = [f'mesh {level.triangles}' for level in self.levels]
+        #: By the name of each level, 0 instances.
+        self.no_counts = dict.fromkeys(self._level_names, 0)
 
     def _pools(self) -> list:
         return [MeshPool(level) for level in self.levels]
@@ -80,7 +84,13 @@ class NearMeshes:
 
     def follow_material(self):
         """Use an actor per instance where a material needs more than surfaces."""
-        self.has_own_actors = tuple(not (self.draws and can_batch(k)) for k in self.levels)
+        self._set_own_actors([not (self.draws and can_batch(level)) for level in self.levels])
+
+    def _set_own_actors(self, by_level, *, elsewhere=False):
+        """Set in which levels each instance has an actor, and whether some elsewhere have."""
+        self.has_own_actors, self._may_need_own_actors = by_level, elsewhere or True in by_level
+        for pool in () if self._may_need_own_actors else self.pools:
+            pool.lend((), None)
 
     def clip(self, planes):
         """Clip the actors of instances by a vtkPlaneCollection, or None."""
@@ -97,24 +107,29 @@ class NearMeshes:
     def select(self, group, frame, limits) -> list:
         """Draw the instances too large for cards; return new actors."""
         if not (len(group.mesh_blocks) or len(self._slots)):
-            group.counts |= self._no_counts
             return []
         slots, centers, sizes, patches = self._large(group, frame, limits)
-        mesh_from = at_patches(limits.mesh_from, patches)
-        mesh_levels = _levels(sizes, at_patches(limits.mesh_to, patches))
+        # From the view alone, without hysteresis: a picture does not depend on earlier ones.
+        is_accurate = sizes <= limits.lighter_to_at[:, patches]  # falls from level to level
+        mesh_levels = np.add.reduce(is_accurate, dtype=np.int8)
         self.level_of[self._slots] = -1
         self.level_of[slots], self._slots = mesh_levels, slots
         if self.translucent:
             clear_slots = is_clear(group.looks[slots]).astype(np.int8)
             mesh_levels = mesh_levels + self._n_opaque * clear_slots
-        for k, pool in enumerate(self.pools):
-            key = f'mesh {pool.level.triangles}'
-            opaque_count = group.counts.get(key, 0) if k >= self._n_opaque else 0
-            group.counts[key] = opaque_count + int((mesh_levels == k).sum())
-        fade_shares = np.ones(len(sizes), np.float32)
-        if not frame.casting:
+        level_counts = np.bincount(mesh_levels, minlength=len(self._level_names)).tolist()
+        for name, count in zip(self._level_names, level_counts, strict=True):
+            group.counts[name] += count
+        if frame.casting:
+            fade_shares = np.ones(len(sizes), np.float32)
+        else:
+            mesh_from = limits.mesh_from_at[patches]
             fade_shares = (sizes - mesh_from) / np.maximum(mesh_from * (FADE - 1), 1e-6)
         outside = _from_outside(group, frame, slots, centers)
+        if not self._may_need_own_actors:
+            return self._show_batches(
+                group, frame, slots, centers, mesh_levels, fade_shares, outside
+            )
         is_single = self._need_own_actors(group, slots, mesh_levels)
         single = (a[is_single] for a in (slots, mesh_levels, fade_shares, outside))
         batch = (a[..., ~is_single] for a in (slots, centers, mesh_levels, fade_shares, outside))
@@ -127,17 +142,17 @@ class NearMeshes:
     def _large(self, group, frame, limits):
         """Return slots, eye-space centres, sizes and patches of visible meshes, nearest first."""
         slots, _, centers, distances, sizes = group.instances_of(frame, group.mesh_blocks)
-        planes = frame.view.side_planes.astype(np.float32)
-        radii = group.radii[slots]
-        in_view = (planes[:, :3] @ centers + planes[:, 3:]).min(0) > -radii
-        if not frame.parallel:
-            in_view &= centers[2] < radii
         patches = group.patches(frame, limits, slots, centers, sizes)
-        is_near = in_view & (sizes >= at_patches(limits.mesh_from, patches))
+        is_near = sizes >= limits.mesh_from_at[patches]
+        if group.unit > 1:  # else the blocks in view are the instances in view
+            radii, planes = group.radii[slots], frame.view.side_planes.astype(np.float32)
+            is_near &= (planes[:, :3] @ centers + planes[:, 3:]).min(0) > -radii
+            if not frame.view.parallel:
+                is_near &= centers[2] < radii
         if group.looks is not None:
             is_near &= group.looks[slots, 3] > 0
         (near,) = is_near.nonzero()
-        near = near[ascending((-centers[2] if frame.parallel else distances)[near])]
+        near = near[ascending((-centers[2] if frame.view.parallel else distances)[near])]
         return slots[near], centers.take(near, 1), sizes[near], patches[near]
 
     def _show_singly(self, group, slots, levels, shares, outside):
@@ -153,28 +168,38 @@ class NearMeshes:
         return new_actors
 
     def _show_batches(self, group, frame, slots, centers, levels, shares, outside):
-        if any(draws.blends for draws in self.draws):
+        if self._blends():
             slots, centers, levels, shares, outside = (
                 a[..., ::-1] for a in (slots, centers, levels, shares, outside)
             )
-        level_order = np.argsort(levels.astype(np.uint8), kind='stable')  # a radix sort
-        level_starts = np.searchsorted(levels[level_order], np.arange(len(self.draws) + 1))
-        if len(slots):
-            entries = np.empty((len(slots), 4), np.float32)
-            entries[:, :3] = centers.take(level_order, 1).T
-            entries[:, 3] = _with_shares(slots[level_order], shares[level_order], len(group))
+        level_order = levels.argsort(kind='stable')  # a radix sort
+        if count := len(slots):
+            entries = np.zeros((-(-count // ROW), ROW, 4), np.float32)
+            rows = entries.reshape(-1, 4)[:count]
+            rows[:, :3] = centers.take(level_order, 1).T
+            rows[:, 3] = _with_shares(slots[level_order], shares[level_order], len(group.ids))
             self._entries = self._entries or Texture(frame.window)
-            self._entries.upload(pack(entries, ROW, 4))
-        cards = group.cards
-        textures = {name: cards.textures[name] for name in ('ibr_poses', 'ibr_looks')}
-        uniforms = {name: cards.uniforms[name] for name in (*_SHARED, *_OF_FRAME)}
-        uniforms['ibr_tint'] = (0.0, 0.0, 0.0, 0.0)
-        new_actors = []
-        spans = pairwise(level_starts.tolist())
-        for draws, (first, end) in zip(self.draws, spans, strict=True):
-            draws.set_inputs(self._entries, textures, uniforms)
-            new_actors += draws.show(first, end, bool(outside[level_order[first:end]].all()))
+            self._entries.upload(entries)
+        textures = {name: group.cards.textures[name] for name in _TEXTURES}
+        uniforms = {name: group.cards.uniforms[name] for name in _UNIFORMS} | NO_TINT
+        new_actors, end = [], 0
+        level_counts = np.bincount(levels, minlength=len(self.draws)).tolist()
+        for draws, count in zip(self.draws, level_counts, strict=True):
+            first, end = end, end + count
+            if count:
+                draws.set_inputs(self._entries, textures, uniforms)
+                are_outside = np.logical_and.reduce(outside[level_order[first:end]])
+                new_actors += draws.show(first, end, are_outside)
+            elif draws.is_shown:
+                draws.hide()
         return new_actors
+
+    def _blends(self) -> bool:
+        """Return whether any batch is translucent."""
+        for draws in self.draws:  # noqa: SIM110, a generator takes longer
+            if draws.blends:
+                return True
+        return False
 
     def depths(self) -> list:
         """Return the actors that draw the depth of visible instances."""
@@ -228,16 +253,10 @@ class NearMeshes:
 
 def _from_outside(group, frame, slots, centers) -> np.ndarray:
     """Return the slots that are not mirrored and that the eye is outside of."""
-    if frame.casting or not faces_outward(frame):  # lights may need the far side
+    if frame.casting or frame.view.is_mirrored:  # lights may need the far side
         return np.zeros(len(slots), bool)
-    is_outside = -centers[2] - group.radii[slots] > frame.near
+    is_outside = -centers[2] - group.placement.radii[slots] > frame.view.near
     return is_outside & ~group.placement.mirrored(slots)
-
-
-def _levels(sizes, limits) -> np.ndarray:
-    """Return the lightest accurate mesh level of each slot."""
-    # From the view alone, without hysteresis: a picture does not depend on earlier ones.
-    return (sizes <= limits[1:]).sum(0, dtype=np.int8)  # limits fall from level to level
 
 
 def _with_shares(slots, shares, count):

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from functools import cached_property
 
-import numpy as np
-
-from pvibr.core._vtk import address
+from pvibr.core._vtk import method
 from pvibr.gl.doubles import is_cut_out
 from pvibr.instances.enclosing_surfaces import winding
 from pvibr.meshes.decimate import Welded
@@ -20,28 +18,39 @@ class OneSided:
     """The material of a part, and a copy that culls the hidden side."""
 
     def __init__(self, part):
-        self._part = part
-        self._copy, self._known = None, None
+        self._part, actor = part, part.actor
+        #: Methods of the actor, which each frame calls.
+        self._actor_time, self._is_translucent, self._property = (
+            method(actor, name)
+            for name in ('GetMTime', 'HasTranslucentPolygonalGeometry', 'GetProperty')
+        )
+        # The copy, None if both sides may be seen, and the times that it was made at.
+        self._copy, self._times = None, None
 
     def material(self, outside):
         """Return the material; it culls the inner side, if hidden, when the eye is outside."""
-        prop = self._part.actor.GetProperty()
-        if not outside or any(culled_faces(prop)) or self._is_open() or not self._winding:
-            return prop
-        version = address(prop), prop.GetMTime()
-        if version != self._known:
-            self._copy, self._known = copied_property(prop), version
-            self._copy.SetBackfaceCulling(self._winding > 0)
-            self._copy.SetFrontfaceCulling(self._winding < 0)
-        return self._copy
+        if not outside or self._is_translucent():
+            return self._property()
+        times = self._actor_time(), self._part.actor.GetMapper().GetMTime()
+        if times != self._times:
+            self._copy, self._times = self._culling_copy(), times
+        return self._copy or self._property()
+
+    def _culling_copy(self):
+        """Return a copy that culls the hidden side, None if there is none."""
+        prop = self._property()
+        if any(culled_faces(prop)) or self._is_open() or not self._winding:
+            return None
+        copy = copied_property(prop)
+        copy.SetBackfaceCulling(self._winding > 0)
+        copy.SetFrontfaceCulling(self._winding < 0)
+        return copy
 
     def _is_open(self) -> bool:
         """Return True if the inside can be seen."""
-        actor = self._part.actor
-        planes = actor.GetMapper().GetClippingPlanes()
+        planes = self._part.actor.GetMapper().GetClippingPlanes()
         is_clipped = planes is not None and planes.GetNumberOfItems() > 0
-        is_translucent = actor.GetProperty().GetOpacity() < 1  # blended even if forced opaque
-        return is_clipped or is_translucent or bool(actor.HasTranslucentPolygonalGeometry())
+        return is_clipped or self._property().GetOpacity() < 1  # blended even if forced opaque
 
     @cached_property
     def _winding(self) -> int:
@@ -51,9 +60,3 @@ class OneSided:
             return 0
         welded = Welded.of(part.mesh)
         return winding(welded.points, welded.faces)
-
-
-def faces_outward(frame) -> bool:
-    """Return True unless a frame is mirrored, which reverses the winding."""
-    clip = frame.clip_from_view
-    return bool(np.linalg.det(frame.view_from_world[:3, :3]) * clip[0, 0] * clip[1, 1] > 0)

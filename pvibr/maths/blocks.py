@@ -107,22 +107,22 @@ class Blocks:
 
         Indices (k,), origins in view space (k, 3), bounds of on-screen diameters in pixels (k,).
         """
-        view_from_world = frame.view_from_world
-        planes = frame.view.side_planes
-        near_blocks = self._near(view_from_world, planes, frame.parallel)
+        view = frame.view
+        view_from_world, planes, parallel = view.view_from_world, view.side_planes, view.parallel
+        near_blocks = self._near(view_from_world, planes, parallel)
         # Rows of coordinates, each contiguous, are several times faster.
         origins = view_from_world[:3, :3] @ self.centers[near_blocks].T + view_from_world[:3, 3:]
         outer_radii = self.reach[near_blocks] + self.largest[near_blocks]
-        (in_frustum,) = _inside(origins, outer_radii, planes, frame.parallel).nonzero()
+        (in_frustum,) = _inside(origins, outer_radii, planes, parallel).nonzero()
         origins = origins.take(in_frustum, 1)
-        depths = origins[2] if frame.parallel else -np.sqrt((origins * origins).sum(0))
-        far_first = np.argsort(depths)
+        depths = origins[2] if parallel else -np.sqrt(np.add.reduce(origins * origins))
+        far_first = depths.argsort()
         origins = origins.take(far_first, 1).T
         depths = depths[far_first]
         in_frustum = in_frustum[far_first]
         visible = in_frustum if isinstance(near_blocks, slice) else near_blocks[in_frustum]
         scale = 2 * frame.pixel_scale
-        if frame.parallel:
+        if parallel:
             near = far = 1.0
         else:
             center_reach, eye_distances = self.reach[visible], -depths
@@ -153,7 +153,8 @@ def members(blocks, size, count) -> np.ndarray:
 
 def _inside(origins, outer_radii, planes, parallel):
     """Return which spheres, in view space, intersect a frustum."""
-    is_inside = (planes[:, :3] @ origins + planes[:, 3:]).min(0) > -outer_radii
+    distances = planes[:, :3] @ origins + planes[:, 3:]
+    is_inside = np.minimum.reduce(distances) > -outer_radii
     if not parallel:
         is_inside &= origins[2] < outer_radii  # no plane lies behind the eye
     return is_inside
@@ -163,6 +164,6 @@ def ascending(values):
     """Return the ascending order of values by a radix sort, exact to 1/65 536 of their range."""
     if not len(values):
         return np.zeros(0, np.intp)
-    lowest = values.min()
-    scale = 65535 / max(float(values.max() - lowest), 1e-30)
-    return np.argsort(((values - lowest) * scale).astype(np.uint16), kind='stable')
+    lowest = np.minimum.reduce(values)
+    scale = 65535 / max(float(np.maximum.reduce(values) - lowest), 1e-30)
+    return ((values - lowest) * scale).astype(np.uint16).argsort(kind='stable')

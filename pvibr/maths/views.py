@@ -58,6 +58,13 @@ class View:
         """
         return frustum_planes(self.clip_from_view)[:4]
 
+    @cached_property
+    def is_mirrored(self) -> bool:
+        """Whether it is a mirror image, which reverses the winding of faces on the screen."""
+        clip = self.clip_from_view
+        handedness = np.linalg.det(self.view_from_world[:3, :3])
+        return not handedness * clip[0, 0] * clip[1, 1] > 0
+
     def key(self) -> bytes:
         """Return the matrices as bytes."""
         return self.view_from_world.tobytes() + self.clip_from_view.tobytes()

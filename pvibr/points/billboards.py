@@ -381,7 +381,9 @@ class Billboards(ItemSet):
         sort = self.blends and active_draws is self._draws
         entries, unit, part_cuts = self.layout.entries_in_view(frame, other_depths, sort=sort)
         self._drawn_count = min(len(entries) * unit, len(self))
-        self._uniforms |= self.layout.view_uniforms(frame) | {
+        self._uniforms = {
+            **self._uniforms,
+            **self.layout.view_uniforms(frame),
             **(self.clipping.uniforms(frame) if self.clipping else {}),
             'ibr_unit': unit,
             'ibr_step': self._step(),
@@ -390,6 +392,7 @@ class Billboards(ItemSet):
             'ibr_parallel': int(frame.parallel),
             'ibr_least_opacity': least_opacity,
         }
+        active_draws.uniforms = self._uniforms
         if idle_draws is not None:
             idle_draws.show_spans(())
         active_draws.upload(self._textures.window, np.asarray(entries, np.float32).reshape(-1, 1))
@@ -412,8 +415,10 @@ class Billboards(ItemSet):
             'ibr_rects': (self._images.rects, ROW, 4),
         }
         if 'ibr_points' in self._textures.upload(frame.window, texels):
-            self._uniforms |= self.layout.uniforms()
-        self._uniforms |= self._images.uniforms() | {
+            self._uniforms = self._uniforms | self.layout.uniforms()
+        self._uniforms = {
+            **self._uniforms,
+            **self._images.uniforms(),
             'ibr_cutout': float(self.cutout or 0.0),
             'ibr_padded': int(not isinstance(self._images, LiveImage)),
         }

@@ -286,7 +286,9 @@ class Shadows(Effect):
             return actor.GetMTime(), receiver_feature
 
         for actor in self._receiver_features.match(receivers, features_of, version_of):
-            set_surface_uniforms(actor, casts=address(actor) in self._caster_addresses)
+            features = self._receiver_features.of(actor)
+            casts = address(actor) in self._caster_addresses
+            set_surface_uniforms(actor, features, casts=casts)
         set_receiver_uniforms(receivers, frame)
         set_fragment_uniforms(receivers, uniforms)
 

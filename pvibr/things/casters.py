@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import weakref
 from collections.abc import Iterable
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -10,7 +11,6 @@ from itertools import compress
 from typing import Any
 
 import numpy as np
-import pyvista as pv
 
 from pvibr.core import _vtk
 from pvibr.core._vtk import address
@@ -28,6 +28,10 @@ _FLAT, _WIREFRAME, _SURFACE = 0, 1, 2  # VTK_FLAT, VTK_WIREFRAME, VTK_SURFACE
 #: Depth offset of the arrows of PyVista's affine widget, in depth-buffer steps.
 _ON_TOP = -20_000
 _MAPPERS = ('vtkPolyDataMapper', 'vtkDataSetMapper', 'vtkGlyph3DMapper')
+
+
+#: Version of an actor, and its `surface_features` then.
+_found_features: weakref.WeakKeyDictionary[Any, tuple] = weakref.WeakKeyDictionary()
 
 
 class Surfaces:
@@ -241,40 +245,72 @@ vec3 ibr_kept(vec3 n)
 
 def is_smooth(actor) -> bool:
     """Return whether an actor is lit with interpolated normals."""
-    data, prop = actor.GetMapper().GetInput(), actor.GetProperty()
+    prop = actor.GetProperty()
+    if not prop.GetLighting() or prop.GetInterpolation() == _FLAT or is_thin(actor):
+        return False
+    data = actor.GetMapper().GetInput()
     has_points = data is not None and data.IsA('vtkDataSet')
-    if not has_points or data.GetPointData().GetNormals() is None:
-        return False
-    is_interpolated = prop.GetLighting() and prop.GetInterpolation() != _FLAT
-    if not is_interpolated or is_thin(actor):
-        return False
-    return _has_unit_normals(actor, data.GetPointData())
+    normals = data.GetPointData().GetNormals() if has_points else None
+    # VTK's normals shrink with the scale.
+    return normals is not None and _are_units(normals) and _is_scale_uniform(actor)
 
 
-def _has_unit_normals(actor, point_data) -> bool:
-    """Return whether point normals have unit length and the actor's scale is uniform."""
-    model_axes = pv.array_from_vtkmatrix(actor.GetMatrix())[:3, :3]
+def _is_scale_uniform(actor) -> bool:
+    """Return whether an actor's transform scales alike along all axes."""
+    model_axes = np.reshape(actor.GetMatrix().GetData(), (4, 4))[:3, :3]
     metric = model_axes.T @ model_axes
-    if not np.allclose(metric, np.trace(metric) / 3 * np.eye(3), rtol=0, atol=1e-5 * metric.max()):
-        return False  # VTK's normals shrink with the scale, here differently per axis
-    normals = _vtk.vtk_to_numpy(point_data.GetNormals())
-    sampled_normals = np.asarray(normals[:: len(normals) // 1000 + 1], float)
-    return bool(np.allclose(np.linalg.norm(sampled_normals, axis=1), 1.0, atol=1e-3))
+    differences = np.abs(metric - metric.trace() / 3 * np.eye(3))
+    return bool((differences <= 1e-5 * metric.max()).all())
+
+
+def _are_units(normals) -> bool:
+    """Return whether normals have unit length, as of the time of their array."""
+    time = normals.GetMTime()
+    known_time, are_units = getattr(normals, 'ibr_are_units', (None, False))
+    if time != known_time:
+        vectors = _vtk.vtk_to_numpy(normals)
+        sampled_vectors = np.asarray(vectors[:: len(vectors) // 1000 + 1], float)
+        lengths = np.linalg.norm(sampled_vectors, axis=1)
+        are_units = bool(np.allclose(lengths, 1.0, atol=1e-3))
+        # VTK keeps an object's attributes while its C++ lives.
+        normals.ibr_are_units = time, are_units
+    return are_units
 
 
 def surface_features(actor) -> list[Feature]:
     """Return the features that locate surfaces which do not lie on their triangles."""
+    version = _surface_version(actor)
+    known_version, features = _found_features.get(actor, (None, []))
+    if version != known_version:
+        features = _find_features(actor)
+        _found_features[actor] = version, features
+    return features
+
+
+def _surface_version(actor) -> tuple:
+    """Return a value that changes with all that decides about the features of an actor.
+
+    The actor's own time changes with its visibility, too, which differs between lights.
+    """
+    prop, mapper = actor.GetProperty(), actor.GetMapper()
+    data = mapper.GetInput()
+    data_version = None if data is None else (address(data), data.GetMTime())
+    matrix = actor.GetMatrix().GetData()
+    return address(prop), prop.GetMTime(), address(mapper), data_version, matrix
+
+
+def _find_features(actor) -> list[Feature]:
     has_spheres = draws_spheres(actor)
     has_thin = is_thin(actor) and not has_spheres
     features = {SPHERES: has_spheres, THIN: has_thin, SMOOTH: is_smooth(actor)}
     return [feature for feature, is_needed in features.items() if is_needed]
 
 
-def set_surface_uniforms(actor, *, casts=True):
-    """Set the uniforms of :func:`surface_features`."""
-    if not casts and is_thin(actor):
+def set_surface_uniforms(actor, features, *, casts=True):
+    """Set the uniforms of the features of an actor, from :func:`surface_features`."""
+    if not casts and (THIN in features or SPHERES in features):
         set_fragment_uniforms([actor], {'ibr_bulge': 0.0, 'ibr_radius': 0.0})
-    if is_smooth(actor):
+    if SMOOTH in features:
         # VTK's normals shrink with the actor's scale.
         scale = abs(actor.GetMatrix().Determinant()) ** (1 / 3)
         set_fragment_uniforms([actor], {'ibr_scale': scale})

@@ -33,7 +33,7 @@ class ClippingPlanes:
 
     def key(self) -> tuple:
         """Return a value that changes with the planes."""
-        return tuple(plane.GetMTime() for plane in self._planes)
+        return tuple([plane.GetMTime() for plane in self._planes]) if self._planes else ()
 
     def _equations(self) -> np.ndarray:
         """Return normals and offsets, shape (n, 4)."""

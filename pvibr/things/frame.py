@@ -57,6 +57,8 @@ class Frame:
     own: bool = True
     #: Things drawn in other views since they were prepared for this frame.
     astray: set = field(default_factory=set)
+    #: Whether an effect reads the depth of the frame, once a thing has found out.
+    reads_depth: list[bool] = field(default_factory=list)
     tile: tuple[float, float, float, float] = (0.0, 0.0, 1.0, 1.0)
     scale: int = 1
     quality: float = 1.0

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -397,8 +396,10 @@ class ItemSet(Thing):
         self._watcher = renderer.AddObserver('StartEvent', weakly(self._on_start))
 
     def _on_start(self):
-        with suppress(ValueError):  # the pipeline raises it: VTK swallows errors here
+        try:  # noqa: SIM105, a context manager takes longer
             self.follow()
+        except ValueError:  # the pipeline raises it: VTK swallows errors here
+            pass
         self._stay_whole(self._changes)
 
     def _take_out(self, renderer):

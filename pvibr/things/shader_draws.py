@@ -9,7 +9,7 @@ import pyvista as pv
 
 from pvibr.core import _vtk
 from pvibr.core.observers import tell_programs, weakly
-from pvibr.gl import Texture, set_uniforms
+from pvibr.gl import Texture, set_shared_uniforms
 from pvibr.gl import enums as gl
 from pvibr.gl.binder import Binder
 from pvibr.gl.feature import Feature
@@ -42,7 +42,10 @@ class ShaderDraws:
         self.material = prop if isinstance(prop, CardMaterial) else CardMaterial(prop)
         self.actors = [_draw_actor(self.mapper, self.material, translucent) for _ in range(draws)]
         self.textures: dict[str, Texture] = {}
+        #: Replaced with every change, as are `own_uniforms`, which have no name in common.
         self.uniforms: dict = {}
+        #: Uniforms in which these draws differ from others of the same program.
+        self.own_uniforms: dict = {}
         self.entries: Texture | None = None
         self.failure: str | None = None
         self._binder = binder or Binder()
@@ -96,10 +99,10 @@ class ShaderDraws:
 
     def show_spans(self, spans):
         """Draw one span (first item, end entry) per actor; the other actors draw nothing."""
-        draw_count = max(len(spans), self._span_count)  # the rest is hidden already
+        hidden = self._span_count - len(spans)  # the rest is hidden already
         self._span_count = len(spans)
-        spans = [*spans, *[(0, 0)] * (draw_count - len(spans))]
-        for k, (actor, span) in enumerate(zip(self.actors[:draw_count], spans, strict=True)):
+        spans = [*spans, *[(0, 0)] * hidden]
+        for k, (actor, span) in enumerate(zip(self.actors, spans, strict=False)):
             actor.SetVisibility(span[1] > 0)
             if span != self._spans[k]:  # most persist while the camera moves
                 uniforms = actor.GetShaderProperty().GetVertexCustomUniforms()
@@ -146,7 +149,8 @@ class ShaderDraws:
             textures = {**textures, 'ibr_entries': self.entries}
             if self._corners == 1:
                 self.entries.window.GetState().SetEnumState(gl.PROGRAM_POINT_SIZE, True)
-        set_uniforms(program, self._binder.bind(textures) | uniforms)
+        units = self._binder.bind(textures)
+        set_shared_uniforms(program, units, uniforms, self.own_uniforms)
         if not self.landed:
             self.landed = True
             if self.feature is not None and not self.feature.landed(program):

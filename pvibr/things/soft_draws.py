@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import weakref
 from dataclasses import dataclass
+from functools import cached_property
 
 from pvibr.things.draw_order import Stage
 from pvibr.things.shader_draws import ShaderDraws
@@ -26,8 +27,9 @@ class Part:
     back: float = 0.0
     nearest_first: bool = False
 
+    @cached_property
     def uniforms(self) -> dict:
-        """Return the uniforms of the part."""
+        """The uniforms of the part."""
         return {
             'ibr_part': (self.least, self.most, self.alpha),
             'ibr_back': self.back,
@@ -56,10 +58,10 @@ class PartDraws(ShaderDraws):
         self.part = SOLID
 
     def _inputs(self):
-        textures, uniforms = self._owner.inputs()
-        return textures, uniforms | self.part.uniforms()
+        return self._owner.inputs()
 
     def _set_shader(self, program):
+        self.own_uniforms = self.part.uniforms
         super()._set_shader(program)
         # VTK sets it again for the next actor.
         self._owner.window.GetState().vtkglDepthMask(self.part.writes_depth)

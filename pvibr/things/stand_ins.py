@@ -48,8 +48,11 @@ class StandIns:
         self._drawn_indices: list[int] = []
         self._ray_actors: list = []
         self._drawn_actors: list = []
-        #: Setters of the visibility of those that are visible between frames.
+        #: Setters of the visibility of those for ray pickers, visible while one looks, and of
+        #: those for pickers that draw, visible between frames.
+        self._set_rays_visible: list = []
         self._set_visible: list = []
+        self._are_rays_visible = False
         self._has_warned = self._is_empty = False
 
     def put_in(self, renderer):
@@ -61,7 +64,8 @@ class StandIns:
         self.clip(self._clip_planes)
         for actor in self.actors():
             put_inner(renderer, actor)
-        self._set_visible = [method(actor, 'SetVisibility') for actor in self.actors()]
+        setters = [method(actor, 'SetVisibility') for actor in self.actors()]
+        self._set_rays_visible, self._set_visible = setters[:_CLICKED], setters[_CLICKED:]
         self._empty()
         self._observers = [
             renderer.AddObserver('ModifiedEvent', weakly(self._on_convert)),
@@ -86,7 +90,8 @@ class StandIns:
             self._renderer.RemoveObserver(tag)
         for actor in self.actors():
             self._renderer.RemoveViewProp(actor)
-        self._renderer, self._observers, self._set_visible = None, [], []
+        self._renderer, self._observers = None, []
+        self._set_rays_visible, self._set_visible = [], []
         self._drawn_actors, self._drawn_indices = [], []
         self._area_key = None
 
@@ -97,6 +102,7 @@ class StandIns:
         ):
             return
         self._display_points.append(display_point)
+        self._show_rays(self._is_pickable())
         if display_point != self._point and not self._has_drawn(*display_point):
             self._empty()
         self._point = display_point
@@ -123,15 +129,26 @@ class StandIns:
     def _on_start(self):
         if self._renderer.GetSelector() is None:
             self._empty()
+        if self._are_rays_visible:
+            self._show_rays(False)
         for set_visible in self._set_visible:
             set_visible(False)
         for actor in self._drawn_actors[_CLICKED:]:
             actor.VisibilityOff()
 
+    def _is_pickable(self) -> bool:
+        thing = self._thing()
+        return thing is not None and thing.pickable and thing.visibility
+
+    def _show_rays(self, are_visible):
+        if are_visible != self._are_rays_visible:
+            self._are_rays_visible = are_visible
+            for set_visible in self._set_rays_visible:
+                set_visible(are_visible)
+
     def _on_end(self):
         """Let pickers find items between frames."""
-        thing = self._thing()
-        is_pickable = thing is not None and thing.pickable and thing.visibility
+        is_pickable = self._is_pickable()
         # The hardware picker draws only what is visible before its first frame.
         for set_visible in self._set_visible:
             set_visible(is_pickable)

@@ -111,10 +111,14 @@ class Thing(Effect, pv.Actor):
 
     def _depth_is_read(self, frame) -> bool:
         """Return True if an effect reads the depth of the drawn frame."""
-        renderer = frame.renderer
-        read_by_vtk = renderer.GetPass() is not None or bool(renderer.GetUseSSAO())
-        enabled_effects = [e for e in self.pipeline.image_effects if e.enabled]
-        return frame.own and (read_by_vtk or bool(enabled_effects))
+        if not frame.own:
+            return False
+        if not frame.reads_depth:
+            renderer = frame.renderer
+            read_by_vtk = renderer.GetPass() is not None or bool(renderer.GetUseSSAO())
+            enabled_effects = [e for e in self.pipeline.image_effects if e.enabled]
+            frame.reads_depth.append(read_by_vtk or bool(enabled_effects))
+        return frame.reads_depth[0]
 
     def depths(self) -> list:
         """Return the actors that draw its depth, as lights see it."""
