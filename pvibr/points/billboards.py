@@ -29,8 +29,7 @@ from pvibr.things.item_textures import ItemTextures
 from pvibr.things.picking import Hit, pixel_ray
 from pvibr.things.shader_draws import ROW, ShaderDraws
 
-_CHUNK = 65_536  # billboards per draw
-_WIDE = 3072  # texels, a multiple of 3 and 4
+_CHUNK, _WIDE = 65_536, 3072  # billboards per draw; texels, a multiple of 3 and 4
 _MIN_PICK_ALPHA = 0.05  # of blended billboards
 
 
@@ -132,8 +131,7 @@ class Billboards(ItemSet):
     _noun = 'points'
     cutout: float | None
     _arranged: BillboardLayout | None = None
-    #: Number of items for which the draws have room.
-    _room = 0
+    _room = 0  # items for which the draws have room
     _draws: Any = None
     _shadow_draws: Any = None
 
@@ -381,7 +379,7 @@ class Billboards(ItemSet):
         sort = self.blends and active_draws is self._draws
         entries, unit, part_cuts = self.layout.entries_in_view(frame, other_depths, sort=sort)
         self._drawn_count = min(len(entries) * unit, len(self))
-        self._uniforms = {
+        active_draws.uniforms = self._uniforms = {
             **self._uniforms,
             **self.layout.view_uniforms(frame),
             **(self.clipping.uniforms(frame) if self.clipping else {}),
@@ -392,7 +390,6 @@ class Billboards(ItemSet):
             'ibr_parallel': int(frame.parallel),
             'ibr_least_opacity': least_opacity,
         }
-        active_draws.uniforms = self._uniforms
         if idle_draws is not None:
             idle_draws.show_spans(())
         active_draws.upload(self._textures.window, np.asarray(entries, np.float32).reshape(-1, 1))
@@ -426,12 +423,12 @@ class Billboards(ItemSet):
             draws.textures = {**self._textures.by_name, 'ibr_sheet': self._images.texture}
             draws.uniforms = self._uniforms
 
-    def _repaint(self):
-        self._drop('ibr_looks')
-
     def _drop(self, *names):
         self._textures.drop(*names)
         self._touch()
+
+    def _repaint(self):
+        self._drop('ibr_looks')
 
     def _looks(self):
         looks = self._tints(1.0)
