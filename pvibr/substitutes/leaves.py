@@ -145,10 +145,8 @@ class Leaves:
         return plain_cost
 
     def hide(self, mesh_reasons, error_sizes) -> list:
-        """Hide the leaves drawn as images or out of view; return the instances affected.
-
-        Those that moving planes cut are drawn by coarser meshes, within errors in world units.
-        """
+        """Hide the leaves drawn as images or out of view; return the instances affected."""
+        # Those that moving planes cut are drawn by coarser meshes, within errors in world units.
         if self.sections.has_moving:
             self._draw_drafts(mesh_reasons, error_sizes)
         as_image = mesh_reasons == ''

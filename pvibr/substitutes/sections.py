@@ -9,11 +9,10 @@ _WHOLE, _REMOVED, _CUT, _MOVING = range(4)
 
 
 class Sections:
-    """The clipping planes of leaves, each of which keeps all, nothing or a part of a leaf.
+    """The clipping planes of leaves, each of which keeps all, nothing or a part of a leaf."""
 
-    Decided by the signs of a plane at the corners of a leaf's oriented box. An image depends on
-    the planes that cut its leaf, and on no others.
-    """
+    # Decided by the signs of a plane at the corners of a leaf's oriented box. An image depends on
+    # the planes that cut its leaf, and on no others.
 
     def __init__(self):
         self._state = np.zeros(0, int)
