@@ -10,7 +10,6 @@ from pvibr.core.params import Param
 from pvibr.gl.drawer import Drawer
 from pvibr.gl.driver import driver_of
 from pvibr.instances.instances import Instances
-from pvibr.maths.views import may_see_boxes
 from pvibr.substitutes.impostor_cards import ImpostorCards
 from pvibr.substitutes.impostor_costs import Costs
 from pvibr.substitutes.impostor_images import FINEST, Eyes, Images
@@ -21,9 +20,9 @@ from pvibr.substitutes.impostor_sources import (
     checked_members,
     is_actor,
 )
-from pvibr.substitutes.impostor_tree import NEAREST, Nodes
+from pvibr.substitutes.impostor_tree import Nodes
 from pvibr.substitutes.instance_sets import InstanceSet
-from pvibr.substitutes.leaves import Leaves
+from pvibr.substitutes.leaves import CUT_BY_MOVING, Leaves
 from pvibr.substitutes.substitute import Substitute, addresses
 from pvibr.things.casters import listed
 
@@ -108,12 +107,11 @@ class Impostor(Substitute):
         self._still_key: tuple | None = None  # of the last frame, if it left nothing to do
         self._shown_views = np.zeros(0, int)
         self._has_unfinished = False
-        self._last_cut = np.zeros(0, int)
+        self._last_cut, self._error_sizes = np.zeros(0, int), np.zeros(0)
         self._props_time = -1
         self._frame_report: dict = {}
         self._mesh_reasons = self._leaves.mesh_reasons
-        self._drawn_frames = self._frames = 0
-        self._missing_area = 0
+        self._drawn_frames = self._frames = self._missing_area = 0
         self.rendered = 0
 
     # -- seen from other things ------------------------------------------------------------------
@@ -147,6 +145,10 @@ class Impostor(Substitute):
         if self._frame is None:
             self._update()
         return super().draws(frame, depth=depth)
+
+    def content_key(self) -> tuple:
+        """Return a value that changes with the drawn content, but not with the camera."""
+        return *super().content_key(), self._leaves.sections.key()
 
     def _boxes(self) -> list:
         return [*super()._boxes(), *(owner.thing.bounds for owner in self._leaves.sets)]
@@ -248,7 +250,6 @@ class Impostor(Substitute):
         for actor in gone_things:
             leaf = self._leaves.remove(actor, self.pipeline and self.pipeline.window)
             if self._is_built:
-                self._costs.changed([])
                 self._images.drop_objects(self._nodes.remove(leaf))
         self._version += 1
         self._is_fitted = False
@@ -270,7 +271,7 @@ class Impostor(Substitute):
     def _prepare(self, frame):
         if not len(self._leaves):
             return  # empty instances
-        if not self._is_built or self._nodes.tree.hierarchical != self.hierarchical:
+        if not self._is_built or self._built_for != (self.hierarchical, self.views):
             self._build(frame)
         self._fit()
         self._frames += 1
@@ -278,12 +279,9 @@ class Impostor(Substitute):
         if still_key == self._still_key and self._costs.are_at_rest(self._nodes):
             self._images.shown_frame[self._shown_views] = frame.index
             self._image_cards.show_spans([(0, len(self._shown_views))])
-            self._leaves.hide(self._mesh_reasons)
+            self._leaves.hide(self._mesh_reasons, self._error_sizes)
             return
         self._still_key = None
-        if self._images.views != self.views:
-            self._images.release()
-            self._images = Images(len(self._nodes), self.views, Drawer(frame.renderer))
         eyes = Eyes(frame)
         self._allowed_error = self.max_error / frame.quality
         self._costs.move(frame)
@@ -296,8 +294,8 @@ class Impostor(Substitute):
     def _settings_key(self, frame) -> tuple:
         """Return a value that changes with all on which the choice of images depends."""
         settings = self.max_error, self.only_if_faster, self.depth, self.views, self.memory
-        costs = driver_of(), self._costs.pixel
-        return frame.view.key(), frame.size, frame.quality, costs, settings, self._version
+        state = driver_of(), self._costs.pixel, self._version, self._leaves.sections.version
+        return frame.view.key(), frame.size, frame.quality, settings, state
 
     # -- updates ---------------------------------------------------------------------------------
 
@@ -351,13 +349,18 @@ class Impostor(Substitute):
         self._nodes = Nodes(self._leaves, self.hierarchical)
         self._images = Images(len(self._nodes), self.views, Drawer(frame.renderer))
         self._costs.count(len(self._leaves))
+        self._built_for = self.hierarchical, self.views
         self._is_built, self._is_fitted = True, False
 
     def _fit(self):
-        if self._is_fitted:
+        changed_leaves = self._leaves.cut()
+        if self._is_fitted and not changed_leaves:
             return
         self._is_fitted = True
+        changed_nodes = self._nodes.tree.above(changed_leaves)
+        self._images.follow_planes(changed_nodes, self._leaves.sections.cut)
         self._nodes.fit()
+        self._costs.changed([])
         if self._nodes.live.any():
             self._image_cards.fit(len(self._leaves), self._nodes.bounds)
 
@@ -365,25 +368,22 @@ class Impostor(Substitute):
 
     def _cut(self, eyes):
         """Return the nodes to draw as images, and why other leaves are not."""
-        nodes, leaves, view = self._nodes, slice(len(self._leaves)), eyes.frame.view
+        nodes, leaves = self._nodes, slice(len(self._leaves))
         reasons = self._leaves.mesh_reasons.copy()
-        near_end, far_end = nodes.span(eyes)
-        in_view = nodes.live & may_see_boxes(view, nodes.low, nodes.high) & (far_end > view.near)
+        in_view, usable = nodes.seen(eyes)
         reasons[nodes.live[leaves] & ~in_view[leaves]] = 'out of view'
         eye_distance = eyes.away(nodes.center)
         px_per_unit = eyes.pixels(nodes.center, nodes.radius) / eye_distance
         size_px = 2 * nodes.radius * px_per_unit
-        in_front = (eye_distance > NEAREST * nodes.radius) | eyes.parallel
-        # A mesh cut by the near plane shows its inside, which no image has.
-        in_front &= near_end >= view.near
+        self._error_sizes = self._allowed_error / px_per_unit[leaves]
         pool = self._images.pool
         largest = LARGEST if pool is None else min(LARGEST, pool.largest)
-        usable = in_front & (size_px * 1.2 / self._allowed_error < largest)
+        usable &= size_px * 1.2 / self._allowed_error < largest
         mesh_cost = self._costs.meshes(self._leaves, nodes)
         box_depth, self._card_areas = nodes.faces(eyes)
         self._card_areas *= px_per_unit**2
         pixels_off = 0.0 if eyes.parallel else box_depth * px_per_unit / eye_distance
-        has_image = self._images.alive.reshape(len(nodes), -1).any(1)
+        has_image = self._images.current.reshape(len(nodes), -1).any(1)
         image_cost = self._costs.images(
             nodes, mesh_cost, pixels_off / self._allowed_error, has_image, self._card_areas
         )
@@ -400,7 +400,8 @@ class Impostor(Substitute):
         cost[leaves] = np.where(as_mesh[leaves], plain_cost, cost[leaves])
         self._last_cut = cut = nodes.tree.cheapest(cost, in_view)
         cut_leaves = cut[cut < leaves.stop]
-        reasons[cut_leaves[too_near[cut_leaves]]] = 'near'
+        without_image = cut_leaves[too_near[cut_leaves]]
+        reasons[without_image] = np.where(nodes.moving[without_image], CUT_BY_MOVING, 'near')
         reasons[cut_leaves[too_costly[cut_leaves]]] = 'cheaper as a mesh'
         return cut[~as_mesh[cut]], reasons
 
@@ -421,7 +422,7 @@ class Impostor(Substitute):
         # Rendering may have evicted other images.
         is_shown = (view >= 0) & images.alive[view]
         for node in nodes[~is_shown]:
-            reasons[self._nodes.tree.below(node)] = 'no room' if self._missing_area else 'no time'
+            reasons[self._nodes.below(node)] = 'no room' if self._missing_area else 'no time'
         self._shown_views, self._has_unfinished = view[is_shown], bool(len(queue))
         images.shown_frame[self._shown_views] = frame.index
         self._frame_report['error_px'] = float(error[is_shown].max(initial=0.0))
@@ -432,11 +433,8 @@ class Impostor(Substitute):
         images, new_views = self._images, np.full(len(nodes), -1)
         card = self._nodes.cards(nodes, eyes, self._costs.step, self._allowed_error)
         tile_sizes = images.sizes(card, eyes, self._allowed_error)
-        pool = images.pool
-        if self._missing_area and pool is not None and pool.side < pool.largest:
-            images.close_pool()
         total_area = int((4.0 ** np.ceil(np.log2(tile_sizes.max(1).clip(8, LARGEST)))).sum())
-        pool = images.open(frame, max(total_area, self._missing_area), self.memory)
+        pool = images.open(frame, total_area, self._missing_area, self.memory)
         self._missing_area = 0
         seconds_left = self._budget()
         rendered_count = 0
@@ -450,7 +448,7 @@ class Impostor(Substitute):
                     self._missing_area = max(2 * total_area, 2 * pool.side**2)
                     continue
                 with self._costs.timed(frame.window, self._leaves, leaf_ids) as spent:
-                    sources = [self._leaves.sources[i] for i in leaf_ids]
+                    sources = self._leaves.clipped_sources(leaf_ids)
                     images.draw(index, card, k, tile_sizes[k], sources, parallel=eyes.parallel)
                 images.shown_frame[index] = images.rendered_frame[index] = frame.index
                 new_views[k] = index
@@ -471,7 +469,7 @@ class Impostor(Substitute):
             self._costs.measure(frame, self._image_cards, self._images.drawer, card_area)
         else:
             self._image_cards.hide()
-        for thing in self._leaves.hide(reasons):
+        for thing in self._leaves.hide(reasons, self._error_sizes):
             if thing.enabled and thing.needed(frame) is True:
                 thing.prepare(frame)  # again, if its turn came before
         self._frame_report['shown'], self._mesh_reasons = len(shown_images), reasons

@@ -12,6 +12,7 @@ from pvibr.core.determinism import is_deterministic
 from pvibr.gl import Target
 from pvibr.gl.driver import SOFTWARE, Driver, driver_of, timed
 from pvibr.substitutes.impostor_tree import FARTHEST
+from pvibr.substitutes.leaves import UNDRAWN
 
 # Overhead in seconds: of an image beyond its mesh, and of a card beyond its pixels.
 _IMAGE, _CARD = 1.5e-4, 2e-6
@@ -91,7 +92,7 @@ class Costs:
         """Return the milliseconds of the leaves drawn as meshes, by reason."""
         milliseconds: dict = {}
         for reason, seconds in zip(mesh_reasons, self.of(leaves).tolist(), strict=False):
-            if reason not in ('', 'hidden', 'out of view'):
+            if reason and reason not in UNDRAWN:
                 milliseconds[reason] = milliseconds.get(reason, 0.0) + 1e3 * seconds
         return milliseconds
 

@@ -26,6 +26,8 @@ class Images:
         view_count = count * views
         self.card = Card(*(np.zeros((view_count, *shape)) for shape in _SHAPES))
         self.alive = np.zeros(view_count, bool)
+        self.is_cut = np.zeros(view_count, bool)
+        self.cut_objects = np.zeros(count, bool)  # of which whole images wait
         self.parallel = np.zeros(view_count, bool)
         self.texel = np.zeros(view_count)
         self.planes = np.zeros((view_count, 2))
@@ -39,19 +41,25 @@ class Images:
         """Insert places for new objects before the given ones."""
         insert_at = np.repeat(objects, self.views) * self.views
         self.count += len(objects)
+        self.cut_objects = np.insert(self.cut_objects, objects, False)
         self.card = Card(*(np.insert(field, insert_at, 0, axis=0) for field in self.card))
-        for name in ('alive', 'parallel', 'texel', 'planes', 'tile', 'size'):
+        for name in ('alive', 'is_cut', 'parallel', 'texel', 'planes', 'tile', 'size'):
             setattr(self, name, np.insert(getattr(self, name), insert_at, 0, axis=0))
         self.shown_frame, self.rendered_frame = (
             np.insert(a, insert_at, -1) for a in (self.shown_frame, self.rendered_frame)
         )
+
+    @property
+    def current(self) -> np.ndarray:
+        """Which images show an object as cut as it is now."""
+        return self.alive & (self.is_cut == np.repeat(self.cut_objects, self.views))
 
     # -- errors ----------------------------------------------------------------------------------
 
     def errors(self, objects, eyes):
         """Return each object's best image, -1 if none, its displacement and texel size in px."""
         view_ids = objects[:, None] * self.views + np.arange(self.views)
-        usable = self.alive[view_ids] & (self.parallel[view_ids] == eyes.parallel)
+        usable = self.current[view_ids] & (self.parallel[view_ids] == eyes.parallel)
         errors = np.full((2, *view_ids.shape), np.inf)  # displacement, texel size
         if usable.any():
             card = self.card.rows(view_ids[usable])
@@ -71,10 +79,15 @@ class Images:
         """The tiles on the GPU; None before the first image."""
         return self._pool if self._is_open else None
 
-    def open(self, frame, area, memory) -> TilePool:
-        """Return the pool, created on first use."""
+    def open(self, frame, area, missing_area, memory) -> TilePool:
+        """Return the pool, created on first use, and larger if an area was missing."""
+        if missing_area and self._is_open and self._pool.side < self._pool.largest:
+            self.close_pool()
         if not self._is_open:
-            self._pool, self._is_open = TilePool(frame.window, area, memory), True
+            self._pool, self._is_open = (
+                TilePool(frame.window, max(area, missing_area), memory),
+                True,
+            )
         return self._pool
 
     def sizes(self, card, eyes, max_error) -> np.ndarray:
@@ -117,6 +130,13 @@ class Images:
         """Discard all images of some objects."""
         self.drop((np.asarray(objects, int)[:, None] * self.views + np.arange(self.views)).ravel())
 
+    def follow_planes(self, changed_objects, is_cut):
+        """Discard the images that other planes cut; whole ones serve again once none cuts."""
+        view_ids = changed_objects[:, None] * self.views + np.arange(self.views)
+        self.drop(view_ids[self.is_cut[view_ids]])
+        self.cut_objects[: len(is_cut)] = is_cut
+        self.cut_objects[len(is_cut) :] = True  # nodes, which planes rid of leaves
+
     def draw(self, view, card, index, image_size, sources, *, parallel):
         """Render an image, within ``pool.target.drawing()``."""
         image_size = np.asarray(image_size)
@@ -137,6 +157,7 @@ class Images:
         self.texel[view], self.size[view] = texel_size.max(), image_size
         self.planes[view] = image_view.near, image_view.far
         self.parallel[view], self.alive[view] = parallel, True
+        self.is_cut[view] = self.cut_objects[view // self.views]
 
     # -- drawing ---------------------------------------------------------------------------------
 

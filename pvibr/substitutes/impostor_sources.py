@@ -11,10 +11,13 @@ from pvibr.core import _vtk
 from pvibr.core._vtk import address
 from pvibr.instances.instances import Instances
 from pvibr.meshes.surfaces import polygons_of
+from pvibr.substitutes.draft_meshes import DraftMesh
 from pvibr.substitutes.impostor_maths import dop_corners
 from pvibr.textures.material_textures import copy_property
 from pvibr.things.actor_watch import NOT_FINITE, ineligibility, updated_data
 from pvibr.things.casters import listed
+from pvibr.things.clipping import set_planes
+from pvibr.things.content_key import planes_of
 from pvibr.things.thing import Thing
 
 # Images store the colour before lighting, which VTK then multiplies by the texture, and the normal
@@ -80,6 +83,9 @@ class Source:
         self.center, self.half, self.radius = np.zeros(3), np.zeros((3, 3)), 0.0
         self.corners = np.zeros((80, 3))
         self.cells = self.tries = 0
+        self.planes: list = []  # of the actor's mapper
+        self.draft = DraftMesh()
+        self._cut_planes: list = []  # of the double's mapper
         self._double = _vtk.vtkActor()
         self._look_times: tuple = ()
         self._shape_key: tuple = ()
@@ -94,6 +100,7 @@ class Source:
     def update(self, dops):
         """Update eligibility, bounding box and double."""
         self.why = ineligibility(self.actor, relit=True)
+        self.planes = planes_of(self.actor)
         if self.why:
             data = updated_data(self.actor.GetMapper())
             self.cells = data.GetNumberOfCells() if data and data.IsA('vtkDataSet') else 0
@@ -150,8 +157,15 @@ class Source:
             return
         self._look_times = look_times
         double.SetMapper(copied(actor.GetMapper(), drawn_data))
+        set_planes(double.GetMapper(), self._cut_planes)
         copy_property(double.GetProperty(), actor.GetProperty())
         unlit(double, number)
+
+    def clip(self, planes):
+        """Clip what :meth:`draw` draws."""
+        if planes != self._cut_planes:
+            self._cut_planes = planes
+            set_planes(self._double.GetMapper(), planes)
 
     def draw(self, renderer, world_from_view, texel):
         """Draw colour and coverage, normal and material."""
@@ -161,6 +175,7 @@ class Source:
 
     def release(self, window):
         """Free GPU memory; the context is current."""
+        self.draft.release(window)
         if window is not None:
             self._double.SetTexture(None)  # the actor's own
             self._double.ReleaseGraphicsResources(window)

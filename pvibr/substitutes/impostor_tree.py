@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from pvibr.maths.views import may_see_boxes
 from pvibr.substitutes.impostor_maths import Card, displacement, fit_cards
 
 
@@ -242,11 +243,12 @@ class Nodes:
     def fit(self):
         """Fit the boxes of all nodes to the leaves."""
         leaves, gather = self.leaves, self.tree.gather
-        live = leaves.eligible & leaves.visible
+        live = leaves.live
         low = np.where(live[:, None], leaves.center - leaves.reach, np.inf)
         high = np.where(live[:, None], leaves.center + leaves.reach, -np.inf)
         low, high = gather(low, np.minimum), gather(high, np.maximum)
         self.live = gather(live, np.logical_or)
+        self.moving = gather(leaves.sections.moving & live, np.logical_or)
         low, high = (np.where(self.live[:, None], a, 0.0) for a in (low, high))
         self.low, self.high = low, high
         self.center, half_size = (low + high) / 2, (high - low) / 2
@@ -270,6 +272,15 @@ class Nodes:
         center_depth = (eyes.eye - (self.low + self.high) / 2) @ view_axis
         half_depth = (self.high - self.low) / 2 @ np.abs(view_axis)
         return center_depth - half_depth, center_depth + half_depth
+
+    def seen(self, eyes):
+        """Return which nodes are in view, and which of them an image may show from there."""
+        near_end, far_end = self.span(eyes)
+        view = eyes.frame.view
+        in_view = self.live & may_see_boxes(view, self.low, self.high) & (far_end > view.near)
+        is_far = (eyes.away(self.center) > NEAREST * self.radius) | eyes.parallel
+        # A mesh cut by the near plane shows its inside, which no image has.
+        return in_view, is_far & (near_end >= view.near) & ~self.moving
 
     def faces(self, eyes):
         """Return depth and visible area of the boxes."""

@@ -119,6 +119,7 @@ class Block:
 
     tries: int = 0
     seconds: float = np.inf
+    planes = ()  # clip all blocks of a set alike
 
     def __init__(self, owner, number, span):
         self.owner, self.number, self.span = owner, number, span
@@ -126,6 +127,9 @@ class Block:
         self.center, self.half, self.radius = np.zeros(3), np.zeros((3, 3)), 0.0
         self.corners = np.zeros((80, 3))
         self.slots = np.zeros(0, int)
+
+    def clip(self, planes):
+        """Leave the set's own planes."""
 
     def draw(self, renderer, world_from_view, texel_size):
         """Draw the unlit surfaces, see :meth:`Source.draw`."""

@@ -7,8 +7,14 @@ from typing import Any
 
 import numpy as np
 
+from pvibr.substitutes.sections import Sections
 from pvibr.things.actor_watch import ActorWatch
+from pvibr.things.content_key import unclipped_parts_of
 
+#: Reasons for leaves outside of planes, and of those that a moving one cuts.
+CLIPPED_AWAY, CUT_BY_MOVING = 'clipped away', 'cut by a moving plane'
+#: Reasons for leaves that are not drawn.
+UNDRAWN = 'hidden', 'out of view', CLIPPED_AWAY
 _COLUMNS = (
     *('eligible', 'visible', 'cells', 'seconds'),
     *('center', 'half', 'radius', 'reach', 'corners'),
@@ -20,6 +26,7 @@ class Leaves:
 
     def __init__(self, sources, instance_sets=()):
         self.sets = list(instance_sets)
+        self.sections = Sections()
         self.sources: list[Any] = []
         self.eligible = self.visible = np.zeros(0, bool)
         self.mesh_reasons = np.zeros(0, object)
@@ -31,7 +38,8 @@ class Leaves:
         self.grow(sum(leaf_counts))
         self.sources = [*sources, *(block for owner in instance_sets for block in owner.blocks)]
         self._dops: dict = {}
-        self.watch = ActorWatch([source.actor for source in sources])
+        watched_actors = [source.actor for source in sources]
+        self.watch = ActorWatch(watched_actors, parts=unclipped_parts_of)
         self._places = np.arange(len(sources))  # of the watched actors
         self._ranges = [range(a, b) for a, b in pairwise(np.cumsum(leaf_counts).tolist())]
 
@@ -47,6 +55,7 @@ class Leaves:
     def grow(self, extra_places):
         """Add empty places."""
         self.sources += [None] * extra_places
+        self.sections.grow(extra_places)
         for name in _COLUMNS:
             old_values = getattr(self, name)
             new_values = np.zeros((extra_places, *old_values.shape[1:]), old_values.dtype)
@@ -70,6 +79,7 @@ class Leaves:
         self.mesh_reasons[place] = 'hidden'
         self._places = np.delete(self._places, watch_index)
         self.watch.drop(watch_index)
+        self.sections.list_planes(self)
         return place
 
     def update(self) -> list[int]:
@@ -86,12 +96,38 @@ class Leaves:
                 changed_leaves += leaf_ids
         for i in changed_leaves:
             self._read_source(i)
+        if changed_leaves:
+            self.sections.list_planes(self)
         return changed_leaves
+
+    def cut(self) -> list[int]:
+        """Compare the clipping planes with those of the frame before; return what they change."""
+        changed_leaves = self.sections.update(self)
+        for i in changed_leaves:
+            self._read_reason(i)
+        return changed_leaves
+
+    def clipped_sources(self, leaf_ids) -> list:
+        """Return sources, of which the planes that cut them clip what they draw."""
+        for i in leaf_ids:
+            self.sources[i].clip(self.sections.planes_of(i))
+        return [self.sources[i] for i in leaf_ids]
+
+    @property
+    def live(self) -> np.ndarray:
+        """Which leaves may be drawn as images."""
+        return self.eligible & self.visible & ~self.sections.removed
+
+    def _read_reason(self, i):
+        source, is_removed = self.sources[i], self.sections.removed[i]
+        if source is not None:
+            reason = source.why or CLIPPED_AWAY * bool(is_removed)
+            self.mesh_reasons[i] = reason if source.shown else 'hidden'
 
     def _read_source(self, i):
         source = self.sources[i]
         self.eligible[i], self.visible[i] = not source.why, source.shown
-        self.mesh_reasons[i] = source.why if source.shown else 'hidden'
+        self._read_reason(i)
         self.cells[i], self.seconds[i] = source.cells, source.seconds
         if source.why:
             return
@@ -108,13 +144,26 @@ class Leaves:
             )
         return plain_cost
 
-    def hide(self, mesh_reasons) -> list:
+    def hide(self, mesh_reasons, error_sizes) -> list:
         """Hide the leaves drawn as images or out of view; return the instances affected."""
+        # Those that moving planes cut are drawn by coarser meshes, within errors in world units.
+        if self.sections.has_moving:
+            self._draw_drafts(mesh_reasons, error_sizes)
         as_image = mesh_reasons == ''
-        is_hidden = (as_image | (mesh_reasons == 'out of view')) & self.visible
+        is_unseen = (mesh_reasons == 'out of view') | (mesh_reasons == CLIPPED_AWAY)
+        is_hidden = (as_image | is_unseen) & self.visible
         self.watch.hide(np.flatnonzero(is_hidden[self._places]))
         owners = zip(self.sets, self._ranges, strict=True)
         return [owner.thing for owner, ids in owners if owner.hide(as_image[ids])]
+
+    def _draw_drafts(self, mesh_reasons, error_sizes):
+        is_moving = mesh_reasons[self._places] == CUT_BY_MOVING
+        for row in np.flatnonzero(is_moving).tolist():
+            place = self._places[row]
+            draft = self.sources[place].draft
+            mapper = draft.mapper_of(self.watch.actors[row], error_sizes[place])
+            if mapper is not None:
+                self.watch.draw_by(row, mapper)
 
     def shown(self) -> list:
         """Return the actors that are visible to the user."""

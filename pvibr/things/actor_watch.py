@@ -25,13 +25,15 @@ class ActorWatch:
     VTK's times share one clock: what is later than a mark has changed since.
     """
 
-    def __init__(self, actors=(), previous=None):
+    def __init__(self, actors=(), previous=None, parts=parts_of):
         self.actors = list(actors)
         self.hidden = np.zeros(0, int)
+        self._own_mappers: list = []  # of actors drawn by others, with these
+        self._parts = parts
         old_entries = {} if previous is None else previous.known
         actor_keys = [address(actor) for actor in self.actors]
         pairs = zip(actor_keys, self.actors, strict=True)
-        self.known = {key: old_entries.get(key) or _Watched(actor) for key, actor in pairs}
+        self.known = {key: old_entries.get(key) or _Watched(actor, parts) for key, actor in pairs}
         self._watched = list(self.known.values())
         self._new_rows = [i for i, w in enumerate(self._watched) if not w.version]
         # Attribute access on PyVista actors is slow: look the methods up once.
@@ -57,7 +59,7 @@ class ActorWatch:
     def add(self, actor):
         """Append an actor."""
         self._new_rows.append(len(self))
-        watched = _Watched(actor)
+        watched = _Watched(actor, self._parts)
         self.known[address(actor)] = watched
         row_values = actor, watched, actor.GetMTime, actor.VisibilityOff, actor.VisibilityOn
         for column, value in zip(self._columns(), row_values, strict=True):
@@ -79,7 +81,7 @@ class ActorWatch:
 
     def changed(self) -> list[int]:
         """Return the rows of actors that changed since :meth:`settle`, and update their data."""
-        if len(self.hidden):
+        if len(self.hidden) or self._own_mappers:
             return []  # wait until they are shown again
         for pipeline in self._pipelines:
             pipeline.Update()
@@ -113,20 +115,29 @@ class ActorWatch:
         for i in self.hidden.tolist():
             self._hide_calls[i]()
 
+    def draw_by(self, row, mapper):
+        """Draw an actor by another mapper until :meth:`show`."""
+        actor = self.actors[row]
+        self._own_mappers.append((actor, actor.GetMapper()))
+        actor.SetMapper(mapper)
+
     def show(self):
-        """Show the hidden actors again."""
-        if len(self.hidden):
-            for i in self.hidden.tolist():
-                self._show_calls[i]()
-            self._shown_mark.Modified()
-            self.hidden = np.zeros(0, int)
+        """Show the hidden actors again, and draw all by their own mappers."""
+        if not len(self.hidden) and not self._own_mappers:
+            return
+        for i in self.hidden.tolist():
+            self._show_calls[i]()
+        for actor, mapper in self._own_mappers:
+            actor.SetMapper(mapper)
+        self._shown_mark.Modified()
+        self.hidden, self._own_mappers = np.zeros(0, int), []
 
 
 class _Watched:
     """The parts of an actor with modification times of their own, and its data pipeline."""
 
-    def __init__(self, actor):
-        self._actor, self.version = actor, 0
+    def __init__(self, actor, parts):
+        self._actor, self._parts, self.version = actor, parts, 0
         self._part_getters = actor.GetMapper, actor.GetProperty, actor.GetTexture
         self._part_times: list = []
         self._composite_data: list = []  # whose blocks may be replaced
@@ -149,7 +160,7 @@ class _Watched:
         data_source = None if updated_data(mapper) is None else mapper.GetInputAlgorithm()
         is_static = data_source is None or data_source.IsA('vtkTrivialProducer')
         self.pipeline = None if is_static else data_source
-        parts = parts_of(self._actor)
+        parts = self._parts(self._actor)
         self._composite_data = [part for part in parts if part.IsA('vtkCompositeDataSet')]
         self.clocks = [part.GetMTime for part in parts]
 

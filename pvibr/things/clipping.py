@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from pvibr.core import _vtk
+
 #: VTK's limit.
 _MAX_PLANES = 6
 #: GLSL: whether a point in view space is on the kept side of all planes.
@@ -18,6 +20,14 @@ bool ibr_kept(vec3 place)
   return true;
 }
 """
+
+
+def set_planes(mapper, planes):
+    """Have a mapper clip by planes, which other mappers may have, too."""
+    collection = _vtk.vtkPlaneCollection()  # mappers that share one empty it for each other
+    for plane in planes:
+        collection.AddItem(plane)
+    mapper.SetClippingPlanes(collection)
 
 
 class ClippingPlanes:

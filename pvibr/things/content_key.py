@@ -21,19 +21,25 @@ def images_of(actor) -> list:
     return [image for texture in textures_of(actor) for image in _inputs(texture)]
 
 
+def planes_of(actor) -> list:
+    """Return the clipping planes of an actor's mapper."""
+    mapper = actor.GetMapper()
+    return list((mapper and mapper.GetClippingPlanes()) or ())
+
+
 def parts_of(actor) -> list:
     """Return what an actor's picture depends on beyond the actor's own modification time."""
+    return [*unclipped_parts_of(actor), *planes_of(actor)]
+
+
+def unclipped_parts_of(actor) -> list:
+    """Return the same without clipping planes, of which the mapper's time counts their number."""
     mapper, input_data = actor.GetMapper(), []
     if mapper is not None:
         input_data = _inputs(mapper) + [
             leaf for data in _inputs(mapper) for leaf in leaves_of(data)
         ]
-    clip_planes = None if mapper is None else mapper.GetClippingPlanes()
-    return [
-        part
-        for part in (mapper, *input_data, *images_of(actor), *(clip_planes or ()))
-        if part is not None
-    ]
+    return [part for part in (mapper, *input_data, *images_of(actor)) if part is not None]
 
 
 def look_key(actor) -> tuple:

@@ -16,6 +16,7 @@ from pvibr.core.errors import warn
 from pvibr.core.observers import weakly
 from pvibr.core.plotters import put_inner
 from pvibr.gl.scene_pass import hidden_name
+from pvibr.things.clipping import set_planes
 from pvibr.things.frame import Frame
 from pvibr.things.picking import pixel_ray
 
@@ -82,7 +83,7 @@ class StandIns:
         """Clip the items by planes, or by none."""
         self._clip_planes = list(planes or ())
         for actor in self.actors():
-            _clip(actor, self._clip_planes)
+            set_planes(actor.GetMapper(), self._clip_planes)
 
     def take_out(self):
         """Leave the scene."""
@@ -236,7 +237,7 @@ class StandIns:
         item_indices = item_indices[:_DRAWN]
         for _ in range(len(item_indices) - len(self._drawn_actors)):
             self._drawn_actors.append(_actor(_vtk.vtkPolyDataMapper()))
-            _clip(self._drawn_actors[-1], self._clip_planes)
+            set_planes(self._drawn_actors[-1].GetMapper(), self._clip_planes)
             put_inner(self._renderer, self._drawn_actors[-1])
         self._drawn_indices, self._is_empty = item_indices, False
         for actor, index in zip(self._drawn_actors, item_indices, strict=False):
@@ -289,13 +290,6 @@ def _actor(mapper):
     actor.UseBoundsOff()
     actor.VisibilityOff()
     return actor
-
-
-def _clip(actor, planes):
-    plane_copy = _vtk.vtkPlaneCollection()  # mappers that share one empty it for each other
-    for plane in planes:
-        plane_copy.AddItem(plane)
-    actor.GetMapper().SetClippingPlanes(plane_copy)
 
 
 def _lazy_actor(owner, k):
