@@ -1,7 +1,9 @@
-"""What a frame asks of the GPU, beside what it asked when this was written.
+"""What a frame asks of the GPU and of Python, beside what it asked when this was written.
 
 A number that rises is a cost that was added: find out for what, or say so here.
 """
+
+import sys
 
 import numpy as np
 import pytest
@@ -100,6 +102,46 @@ def test_nothing_moves(name):
     assert counts.draws >= 1
     assert (counts.uploaded_bytes, counts.waits) == (0, 0), str(counts)
     assert counts.uniforms <= 6  # those in which draws of one program differ
+
+
+def python_calls(draw) -> int:
+    """Return the calls of functions and built-ins, which no machine changes."""
+    count = 0
+
+    def note(_frame, event, _argument):
+        nonlocal count
+        count += event in ('call', 'c_call')
+
+    sys.setprofile(note)
+    try:
+        draw()
+    finally:
+        sys.setprofile(None)
+    return count
+
+
+@pytest.mark.parametrize(
+    ('name', 'moving', 'still'),
+    [('instances', 900, 435), ('sets', 3_150, 1_490), ('crowd', 1_870, 675)],
+)
+def test_python_calls(name, moving, still, monkeypatch):
+    monkeypatch.setenv('PVIBR_DRIVER', 'hardware')
+    pl = pv.Plotter(off_screen=True, window_size=(300, 200))
+    SCENES[name][0](pl)
+    place(pl, (30, -28, 15) if name == 'crowd' else (90, -80, 40))
+    pl.show(auto_close=False)
+
+    def move():
+        pl.camera.Azimuth(0.5)
+        pl.ibr.time += 0.05
+        pl.render()
+
+    for _ in range(5):
+        move()
+    assert python_calls(move) <= moving
+    for _ in range(3):
+        pl.render()
+    assert python_calls(pl.render) <= still
 
 
 def test_counts_are_those_of_the_last_frame():
