@@ -8,6 +8,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from pvibr.core.arguments import checked_number
 from pvibr.core.params import checked_name, params_of
 from pvibr.core.signatures import arguments_of, docstring_of, signature_of
 from pvibr.core.spelling import Complete, check_attribute, nearest
@@ -55,7 +56,7 @@ class Effect(metaclass=Complete):
 
     #: Public names; the others are hooks, which `dir` omits.
     FOR_USERS: tuple[str, ...] = (
-        *('enabled', 'before', 'name', 'remove', 'state', 'restore', 'report'),
+        *('enabled', 'before', 'name', 'remove', 'state', 'restore', 'report', 'wait'),
     )
 
     #: Whether instances keep their constructor arguments, to be copied and pickled.
@@ -196,7 +197,25 @@ class Effect(metaclass=Complete):
         return False
 
     def wait(self, timeout=None) -> bool:
-        """Wait for what is pending; return False if that takes more seconds than `timeout`."""
+        """Wait until what is made in the background is there, such as images of instances.
+
+        Parameters
+        ----------
+        timeout : float, optional
+            Seconds to wait at most; by default any time.
+
+        Returns
+        -------
+        bool
+            True if all is there, False if the time was too short.
+
+        Raises
+        ------
+        ValueError
+            If the timeout is negative or no number.
+        """
+        if timeout is not None:
+            checked_number('timeout', timeout, 0)
         return True
 
     def lens_of(self, frame) -> tuple[float, float] | None:

@@ -24,11 +24,7 @@ def write_job(plan: BakePlan, path: Path):
 
 
 def do_job(path: Path, progress) -> Path:
-    """Bake what a file asks for; return the folder of the cache with the result.
-
-    Raises ValueError if the file is damaged or its mesh is not the one of its key, OSError if
-    neither the cache nor the file's own folder can be written.
-    """
+    """Bake what a file asks for; return the folder of the cache with the result."""
     job = unpack(np.fromfile(path, np.uint8))
     grid = {name: job.meta[name] for name in _GRID}
     parts = stored_parts.from_arrays(job, job.meta['parts'])

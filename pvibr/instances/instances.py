@@ -117,7 +117,7 @@ class Instances(ItemSet):
 
     FOR_USERS: tuple[str, ...] = (
         *('n_instances', 'poses', 'index', 'phase', 'update', 'bounds', 'atlases', 'limits'),
-        *('force_level', 'bake', 'wait', 'pick', 'explain', 'actors', 'report'),
+        *('force_level', 'bake', 'pick', 'explain', 'actors', 'report'),
     )
     web = 'baked', 'meshes, far ones billboard clouds'
     presets = {'fine': {'max_error': 0.5}, 'fast': {'max_error': 3.0}}

@@ -14,23 +14,7 @@ _RANKED_ITEMS = 10_000  # of all, evenly, by which meshes are ranked
 
 
 def wait(self, timeout=None) -> bool:
-    """Wait until all images of the set are baked.
-
-    Parameters
-    ----------
-    timeout : float, optional
-        Seconds to wait at most; by default any time.
-
-    Returns
-    -------
-    bool
-        True if all images are there, False if the time was too short.
-
-    Raises
-    ------
-    ValueError
-        If the timeout is negative or no number.
-    """
+    """Wait until all images of the set are baked."""
     deadline = np.inf
     if timeout is not None:
         deadline = time.monotonic() + checked_number('timeout', timeout, 0)
