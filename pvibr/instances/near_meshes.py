@@ -36,7 +36,7 @@ class NearMeshes:
             pool.translucent = True
         self.draws: list[MeshDraws] = []
         #: By level, whether each instance has an actor.
-        self.has_own_actors = [True] * len(self.levels)
+        self.has_own_actors = (True,) * len(self.levels)
         self._may_need_own_actors = True
         self._matrix = _vtk.vtkMatrix4x4()
         self._entries: Texture | None = None
@@ -88,7 +88,8 @@ class NearMeshes:
 
     def _set_own_actors(self, by_level, *, elsewhere=False):
         """Set in which levels each instance has an actor, and whether some elsewhere have."""
-        self.has_own_actors, self._may_need_own_actors = by_level, elsewhere or True in by_level
+        self.has_own_actors = tuple(by_level)
+        self._may_need_own_actors = elsewhere or True in by_level
         for pool in () if self._may_need_own_actors else self.pools:
             pool.lend((), None)
 
