@@ -122,7 +122,7 @@ def python_calls(draw) -> int:
 
 @pytest.mark.parametrize(
     ('name', 'moving', 'still'),
-    [('instances', 900, 435), ('sets', 3_150, 1_490), ('crowd', 1_870, 675)],
+    [('instances', 900, 440), ('sets', 3_200, 1_560), ('crowd', 1_920, 720)],
 )
 def test_python_calls(name, moving, still, monkeypatch):
     monkeypatch.setenv('PVIBR_DRIVER', 'hardware')

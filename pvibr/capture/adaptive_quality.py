@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import math
 from contextlib import contextmanager
+from operator import attrgetter
 from time import perf_counter
 
 from pvibr.capture.clock import Loop, Timer, draw, filming, ticks
@@ -29,6 +30,7 @@ _WEIGHT = 0.4
 _GAIN = 1.25
 #: Seconds after the last moving frame until the view is at rest.
 SETTLE = 0.2
+_PENDING = attrgetter('pending')
 _WHEELS = ('Forward', 'Backward', 'Left', 'Right')
 _BUTTONS = ('Left', 'Middle', 'Right')
 
@@ -279,7 +281,7 @@ class AdaptiveQuality:
 
     def _is_pending(self) -> bool:
         """Return True if something in the background will refine the view."""
-        return any(effect.pending for effect in self._effects())
+        return any(map(_PENDING, self._effects()))
 
     def _stop(self):
         old_ticks, self._ticks = self._ticks, None

@@ -57,4 +57,7 @@ class Binder:
         """Release all units; call it when the renderer has drawn."""
         for texture in self._unit_of:
             texture.object.Deactivate()
+        for texture in self.textures.values():
+            vars(texture.window).pop('ibr_binder', None)
+            break
         self.textures, self._unit_of = {}, {}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
@@ -401,8 +402,8 @@ class Instances(ItemSet):
 
     # -- the life of an effect -----------------------------------------------------------------
 
-    pending = property(lambda self: self._models.pending)
-    unfinished = property(lambda self: self._models.has_news)
+    pending = property(attrgetter('_models.pending'))
+    unfinished = property(attrgetter('_models.has_news'))
 
     def detach(self):
         """Leave the scene, and stop what is baked for it alone."""
@@ -438,11 +439,11 @@ class Instances(ItemSet):
 
     def prepare(self, frame):
         """Choose levels again if the camera, size, settings, meshes or materials changed."""
-        if self.pending and is_deterministic():
+        if self._models.pending and is_deterministic():
             self.wait()
         self._follow_meshes()
         super().prepare(frame)
-        if self.pending and frame.own:
+        if self._models.pending and frame.own:
             self._rank_bakes(frame)
 
     def _upload(self, frame):

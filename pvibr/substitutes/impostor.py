@@ -226,6 +226,7 @@ class Impostor(Substitute):
         check_members(removed_things, self, are_new=False)
         if self.pipeline is not None:
             self.pipeline.make_current()
+            self.pipeline.renderer.GetViewProps().Modified()  # it may have lost its last actor
         self._forget(removed_things)
 
     def _grow(self, count):
