@@ -30,6 +30,9 @@ PROCESSES = max(1, min(4, (os.cpu_count() or 1) // 2))
 _INTERPRETERS = 'python', 'pypy', 'pvpython', 'vtkpython'
 _STDERR_BYTES = 2000  # of a child that died, from its end
 _JOB_FILE = 'bake.job'
+# Ctrl+C is for the parent, which decides. Not a session of its own: Linux shares processors out by
+# session first, and then a child takes half of them, however nice it is.
+_DEAF = 'import signal; signal.signal(signal.SIGINT, signal.SIG_IGN)'
 _PROGRAM = 'from pvibr.instances.bake_child import main; main()'
 
 
@@ -97,7 +100,7 @@ class _Child:
         self._job: Callable[[], Job | None] = _no_job
         self.is_idle = True
         self._stderr = tempfile.TemporaryFile()  # noqa: SIM115 - closed by `end`
-        program = f'import sys; sys.path[:] = {sys.path!r}; {_PROGRAM}'
+        program = f'{_DEAF}; import sys; sys.path[:] = {sys.path!r}; {_PROGRAM}'
         try:
             self._process = subprocess.Popen(
                 [sys.executable, '-c', program],
@@ -106,7 +109,6 @@ class _Child:
                 stderr=self._stderr,
                 text=True,
                 encoding='utf-8',
-                start_new_session=True,  # Ctrl+C is for the parent, which decides
                 creationflags=getattr(subprocess, 'CREATE_NO_WINDOW', 0),
             )
         except OSError:

@@ -53,7 +53,7 @@ class Draft(LodModel):
         if count == 1:
             return limits_of({}, 1, 1)
         serves_to = [_PX_PER_SIDE * level.triangles**0.5 for level in self.levels]
-        ranges = {'splat': (0.0, _SPLATS_TO), 'blended': (_SPLATS_TO, _CARDS_TO)}
+        ranges = {'splat': (0.0, _SPLATS_TO), 'parallax': (_SPLATS_TO, _CARDS_TO)}
         ends = {k: max(serves_to[k], _CARDS_TO) for k in range(1, count)}
         ranges |= {f'mesh{k}': (_CARDS_TO, end) for k, end in ends.items()}
         return forced_limits(ranges, count)
