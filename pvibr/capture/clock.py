@@ -12,7 +12,7 @@ from time import perf_counter
 from pvibr.core.arguments import checked_number, checked_positive
 from pvibr.core.determinism import is_deterministic
 from pvibr.core.hooks import Hooks
-from pvibr.core.plotters import frame_callbacks, is_dragged
+from pvibr.core.plotters import frame_callbacks, is_dragged, is_hidden
 
 #: Milliseconds between two ticks.
 PERIOD = 16
@@ -260,8 +260,7 @@ def ticks(plotter, tick):
             return Loop(asyncio.get_running_loop(), tick)
     window = plotter.renderer.GetRenderWindow()
     interactor = None if window is None else window.GetInteractor()
-    is_hidden = window is None or getattr(plotter, 'off_screen', window.GetOffScreenRendering())
-    if interactor is None or is_hidden or getattr(plotter, 'notebook', False):
+    if interactor is None or is_hidden(plotter) or getattr(plotter, 'notebook', False):
         return None
     return Timer(interactor, tick)
 

@@ -34,8 +34,14 @@ def is_never_shown(plotter) -> bool:
 
 def is_watched(plotter) -> bool:
     """Return True if frames are shown as they come: in a window, a notebook or a page."""
-    is_hidden = getattr(plotter, 'off_screen', False)
-    return not is_hidden or getattr(plotter, 'notebook', False) or bool(frame_callbacks(plotter))
+    is_seen = getattr(plotter, 'notebook', False) or not is_hidden(plotter)
+    return is_seen or bool(frame_callbacks(plotter))
+
+
+def is_hidden(plotter) -> bool:
+    """Return True if a plotter, or a renderer without one, has no window on the screen."""
+    window = plotter.renderer.GetRenderWindow()
+    return window is None or getattr(plotter, 'off_screen', window.GetOffScreenRendering())
 
 
 def renderers_of(plotter) -> list:

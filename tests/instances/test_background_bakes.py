@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 import pyvista as pv
 
-from pvibr import deterministic
+from pvibr import attach, deterministic
+from pvibr.core import _vtk
 from pvibr.core.errors import PvibrWarning
 from pvibr.instances import bake_queue, drafts, levels
 from pvibr.instances.bake_jobs import do_job, write_job
@@ -309,6 +310,16 @@ def test_windows_draw_drafts_and_other_plotters_wait(tmp_path, held):
         balls = plotter.ibr.add_instances(pv.Sphere(**GRID), places(), **options)
         assert balls.pending == is_pending
         plotter.close()
+
+
+def test_a_hidden_window_without_a_plotter_waits(tmp_path, held):
+    window, renderer = _vtk.vtkRenderWindow(), _vtk.vtkRenderer()
+    window.SetOffScreenRendering(True)
+    window.AddRenderer(renderer)
+    ibr = attach(renderer)
+    balls = ibr.add_instances(pv.Sphere(**GRID), places(), cache=tmp_path, progress=False)
+    assert not balls.pending
+    ibr.close()
 
 
 def job_file(tmp_path, mesh=None):
