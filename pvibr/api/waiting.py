@@ -51,7 +51,7 @@ def wait(self, timeout=None) -> bool:
     end = None if timeout is None else time.monotonic() + timeout
     is_draft = False
     for effect in self._all_effects():
-        is_draft |= effect.pending
+        is_draft |= effect.is_draft
         if not effect.wait(None if end is None else max(end - time.monotonic(), 0.0)):
             return False
     if is_draft and not is_never_shown(self._plotter):

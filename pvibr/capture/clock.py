@@ -245,11 +245,17 @@ def filming(plotter) -> bool:
 def draw(plotter):
     """Render a frame in the window or in each open page."""
     callbacks = frame_callbacks(plotter)
-    if not callbacks or not all(call.__module__.startswith(_VIEWS) for call in callbacks):
+    if not callbacks or not all(_is_view(call) for call in callbacks):
         plotter.render()
         return
     for draw_page in callbacks:
         draw_page(plotter)
+
+
+def _is_view(callback) -> bool:
+    """Return True if a function draws the frame of a page."""
+    # Bound methods of built-in objects have no module.
+    return (getattr(callback, '__module__', None) or '').startswith(_VIEWS)
 
 
 def ticks(plotter, tick):

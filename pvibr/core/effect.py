@@ -196,6 +196,11 @@ class Effect(metaclass=Complete):
         """Whether something is made in the background that will refine it."""
         return False
 
+    @property
+    def is_draft(self) -> bool:
+        """Whether it is drawn as a draft until that is made, or goes on being made."""
+        return self.pending
+
     def wait(self, timeout=None) -> bool:
         """Wait until what is made in the background is there, such as images of instances.
 

@@ -7,11 +7,13 @@ from pathlib import Path
 import numpy as np
 
 from pvibr.core.files import replacing
+from pvibr.instances import stored_levels
 from pvibr.instances.cache import AtlasCache, pack, unpack
 from pvibr.instances.levels import BakePlan, atlas_key, content_key
 from pvibr.meshes import stored_parts
 
 _GRID = 'views', 'tile', 'half'
+_LEVELS_FOLDER = 'levels'  # beside a job's file
 
 
 def write_job(plan: BakePlan, path: Path):
@@ -23,20 +25,29 @@ def write_job(plan: BakePlan, path: Path):
         stream.writelines(pack(arrays, meta))
 
 
-def do_job(path: Path, progress) -> Path:
+def do_job(path: Path, progress, on_levels=None) -> Path:
     """Bake what a file asks for; return the folder of the cache with the result."""
+    # `on_levels` is called with the folder of the lighter meshes as soon as these are there.
     job = unpack(np.fromfile(path, np.uint8))
+    key = str(job.meta['key'])
+
+    def keep_levels(levels):
+        levels_cache = AtlasCache(path.parent / _LEVELS_FOLDER)
+        arrays = stored_levels.to_arrays(levels)
+        if on_levels is not None and levels_cache.put(key, arrays):
+            on_levels(levels_cache.path)
+
     grid = {name: job.meta[name] for name in _GRID}
     parts = stored_parts.from_arrays(job, job.meta['parts'])
-    if atlas_key(content_key(parts), *grid.values()) != job.meta['key']:
+    if atlas_key(content_key(parts), *grid.values()) != key:
         raise ValueError('its mesh or material has changed, or cannot be stored')
     spare_cache = AtlasCache(path.parent)
     folder = job.meta['cache']
     caches = [AtlasCache(str(folder)), spare_cache] if folder else [spare_cache]
-    model = BakePlan(parts, grid, caches[0], job.meta['key']).bake(progress)
+    model = BakePlan(parts, grid, caches[0], key).bake(progress, keep_levels)
     if model.why_unbaked:
         raise ValueError(model.why_unbaked)
     for cache in caches:
-        if job.meta['key'] in cache or cache.put(job.meta['key'], model.to_arrays()):
+        if key in cache or cache.put(key, model.to_arrays()):
             return cache.path
     raise OSError(f'neither {caches[0].path} nor {spare_cache.path} can be written')

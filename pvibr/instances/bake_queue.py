@@ -56,6 +56,8 @@ class Job:
         self.priority = 0.0
         self.started: float | None = None
         self.result: AtlasCache | None = None
+        #: The lighter meshes, as soon as they are there.
+        self.levels: AtlasCache | None = None
         self._warnings: list[str] = []
         self.folder = Path(tempfile.mkdtemp(prefix='pvibr-'))
         # The file and what is unwritten go with the last who waits for the job.
@@ -78,6 +80,8 @@ class Job:
         self.fraction = news.get('fraction', self.fraction)
         if 'warning' in news:
             self._warnings.append(news['warning'])
+        if 'levels' in news:
+            self.levels = AtlasCache(news['levels'])
         if 'failure' in news:
             self.fail(news['failure'])
         if 'folder' in news:

@@ -6,7 +6,8 @@ a random part of the surface, enlarged to the area of the whole.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 import pyvista as pv
@@ -14,9 +15,11 @@ import pyvista as pv
 from pvibr.instances.atlas import Atlas
 from pvibr.instances.bake import bake_parts
 from pvibr.instances.bake_queue import Job, State
-from pvibr.instances.levels import BakePlan, LodModel
+from pvibr.instances.cache import AtlasCache
+from pvibr.instances.levels import BakePlan, LodModel, supplied_levels
 from pvibr.instances.limits import Limits, forced_limits, limits_of
 from pvibr.instances.mesh_pool import MeshLevel
+from pvibr.instances.stored_levels import from_arrays
 from pvibr.meshes.decimate import take_arrays
 
 BAKING = 'its images are being baked'
@@ -36,6 +39,13 @@ class Draft(LodModel):
     #: The bake, and who does it: None if that was stopped.
     plan: BakePlan = field(kw_only=True)
     job: Job | None = None
+    #: Whether its levels are random triangles, until there are simplified ones.
+    is_random: bool = False
+
+    @property
+    def better_levels(self) -> AtlasCache | None:
+        """Where the job has put simplified levels; None if none are there, or needed."""
+        return self.job.levels if self.job is not None and self.is_random else None
 
     @property
     def is_over(self) -> bool:
@@ -58,6 +68,13 @@ class Draft(LodModel):
         ranges |= {f'mesh{k}': (_CARDS_TO, end) for k, end in ends.items()}
         return forced_limits(ranges, count)
 
+    def with_levels(self) -> Draft:
+        """Return the same with the job's simplified levels."""
+        parts, levels = self.plan.parts, None
+        if self.better_levels is not None:
+            levels = self.better_levels.load(self.plan.key, partial(from_arrays, parts))
+        return replace(self, levels=levels or self.levels, is_random=False)
+
     def describe(self, _limits) -> str:
         """Return how far the bake is, as one line."""
         job = self.job
@@ -76,13 +93,16 @@ def draft_of(plan, count) -> Draft:
     levels = [MeshLevel(list(parts))]
     points = np.concatenate([p.mesh.points for p in parts])
     atlas = Atlas.blank(points, half=plan.grid['half'])
-    if count * levels[0].triangles > _LIGHT_SET:
-        levels += _random_levels(parts)
+    lighter_levels = supplied_levels(parts)
+    is_heavy = count * levels[0].triangles > _LIGHT_SET
+    if is_heavy:
+        levels += lighter_levels or _random_levels(parts)
         baked_level = next((k for k in levels if k.triangles <= _BAKED_TRIANGLES), levels[-1])
         options = {'sphere': (atlas.center, atlas.radius), 'support': atlas.support}
         options |= {'views': _VIEWS, 'tile': _TILE, 'half': plan.grid['half'], 'culls': False}
         atlas = bake_parts(baked_level.parts, **options)
-    return Draft(levels, atlas, BAKING, plan=plan)
+    is_random = is_heavy and not lighter_levels
+    return Draft(levels, atlas, BAKING, plan=plan, is_random=is_random)
 
 
 def _random_levels(parts) -> list[MeshLevel]:

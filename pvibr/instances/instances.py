@@ -403,6 +403,7 @@ class Instances(ItemSet):
     # -- the life of an effect -----------------------------------------------------------------
 
     pending = property(attrgetter('_models.pending'))
+    is_draft = property(attrgetter('_models.has_drafts'))
     unfinished = property(attrgetter('_models.has_news'))
 
     def detach(self):

@@ -175,12 +175,15 @@ class BakePlan:
         key = self.key or atlas_key(content_key(self.parts), *self.grid.values())
         return replace(self, key=key)
 
-    def bake(self, progress=None) -> LodModel:
+    def bake(self, progress=None, on_levels=None) -> LodModel:
         """Return the levels, baked here or meanwhile by another process."""
+        # `on_levels` is called with the levels as soon as these are there, if they are simplified.
         if self.cache is None:
-            return self._noted(_new_model(self.parts, progress, **self.grid))
+            return self._noted(_new_model(self.parts, progress, on_levels, **self.grid))
         with self.cache.locked(self.key):  # one process bakes, others wait for it
-            return self.load() or self._stored(_new_model(self.parts, progress, **self.grid))
+            return self.load() or self._stored(
+                _new_model(self.parts, progress, on_levels, **self.grid)
+            )
 
     def load(self) -> LodModel | None:
         """Return the levels from the cache, None if they are not there."""
@@ -244,10 +247,10 @@ def _fitting(content, views, tile, half, max_bytes) -> int:
     return next(filter(fits, tiles(tile)), 0)
 
 
-def _new_model(parts, progress, **grid) -> LodModel:
+def _new_model(parts, progress, on_levels=None, **grid) -> LodModel:
     """Bake and measure; without images if the driver fails."""
     try:
-        return _baked(parts, progress, **grid)
+        return _baked(parts, progress, on_levels, **grid)
     except RuntimeError as error:
         warn(
             f'image cards are disabled, and meshes are drawn instead: {error}. Run `pvibr '
@@ -296,7 +299,7 @@ def unbaked(parts, why, required_bytes=0.0) -> LodModel:
     return LodModel([MeshLevel(list(parts))], blank, why, required_bytes)
 
 
-def _baked(parts, progress, **grid):
+def _baked(parts, progress, on_levels, **grid):
     start = time.perf_counter()
     turns = _turntable_of(parts)
     model = LodModel([MeshLevel(list(parts))], Atlas.blank(_points(parts), half=grid['half']))
@@ -306,6 +309,8 @@ def _baked(parts, progress, **grid):
         with Reference(model, pool) as reference:
             advance(0.1)
             model.levels += lighter_levels.result()
+            if on_levels is not None and not supplied_level_count(parts):
+                on_levels(model.levels)
             reference.add_levels(model, lambda d: advance(0.1 + 0.4 * d))
         bake_level = _bake_level(model.levels, reference, grid['tile'])
         baked_parts = _lightest_parts(model.levels[: bake_level + 1])
@@ -332,10 +337,11 @@ def supplied_level_count(parts) -> int:
 
 
 def _levels(parts):
-    return [MeshLevel(list(parts)), *(_supplied_levels(parts) or _lighter_levels(parts, parts))]
+    return [MeshLevel(list(parts)), *(supplied_levels(parts) or _lighter_levels(parts, parts))]
 
 
-def _supplied_levels(parts) -> list:
+def supplied_levels(parts) -> list:
+    """Return the lighter levels supplied with the parts."""
     count = supplied_level_count(parts)
     return [
         MeshLevel([q for p in parts for q in (p.supplied_levels or ((p,),) * count)[k]])
@@ -346,7 +352,7 @@ def _supplied_levels(parts) -> list:
 def _levels_later(parts, pool) -> Future:
     """Return what will be the lighter levels of a mesh, simplified in a thread."""
     if supplied_level_count(parts):
-        return pool.submit(_supplied_levels, parts)
+        return pool.submit(supplied_levels, parts)
     # With actors of their own: those of the mesh are drawn meanwhile.
     copies = [part.with_mesh(part.mesh) for part in parts]
     return pool.submit(_lighter_levels, parts, copies)

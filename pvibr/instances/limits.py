@@ -319,7 +319,7 @@ class LevelChoice:
         has_levels = model.is_draft or model.atlas.errors
         if self.rule not in ('', 'forced') or not has_levels:
             return limits_of({}, level_count, 1)
-        if self.rule and not model.is_draft:
+        if self.rule and not (model.is_draft and needs_images(self.forced)):
             return forced_limits(self.forced, level_count)
         return model.limits(self.max_error)
 

@@ -61,7 +61,8 @@ class MeshModels:
     @by_mesh.setter
     def by_mesh(self, models):
         self._by_mesh: dict[int, LodModel] = models
-        self._has_drafts = any(model.is_draft for model in models.values())
+        #: Whether bakes are under way, or were stopped.
+        self.has_drafts: bool = any(model.is_draft for model in models.values())
 
     def parts(self) -> list:
         """Return the parts of all meshes."""
@@ -162,15 +163,15 @@ class MeshModels:
     @property
     def pending(self) -> bool:
         """Whether bakes are under way."""
-        return self._has_drafts and not self._is_paused
+        return self.has_drafts and not self._is_paused
 
     @property
     def has_news(self) -> bool:
-        """Whether the bake of a draft is over."""
+        """Whether the bake of a draft is over, or has come to its lighter meshes."""
         if not self.pending:
             return False
         QUEUE.poll()
-        return any(draft.is_over for draft in self.drafts().values())
+        return any(draft.is_over or draft.better_levels for draft in self.drafts().values())
 
     @property
     def shows_progress(self) -> bool | None:
@@ -184,11 +185,17 @@ class MeshModels:
         return sum(fractions) / max(len(fractions), 1)
 
     def adopt_bakes(self, index) -> bool:
-        """Replace drafts whose bakes are over; return True if there were any."""
+        """Replace drafts by what their bakes have come to; return True if there is anything."""
         if not self.has_news:
             return False
-        news = {k: draft for k, draft in self.drafts().items() if draft.is_over}
-        new_models = {k: self._after(k, draft, index) for k, draft in news.items()}
+        drafts = self.drafts()
+        over = {k: draft for k, draft in drafts.items() if draft.is_over}
+        new_models = {k: self._after(k, draft, index) for k, draft in over.items()}
+        new_models |= {
+            k: draft.with_levels()
+            for k, draft in drafts.items()
+            if k not in new_models and draft.better_levels
+        }
         for model in new_models.values():
             hold(model.atlas)
         self.by_mesh |= new_models
@@ -206,6 +213,12 @@ class MeshModels:
         why = job.failure or 'its result cannot be read'
         warn(f'a bake in another process failed ({why}); it is done in this one instead.')
         return self._baked(k, index)
+
+    @property
+    def has_choice(self) -> bool:
+        """Whether more than one bake waits to begin."""
+        jobs = [draft.job for draft in self.drafts().values() if draft.job is not None]
+        return sum(job.state is State.WAITING for job in jobs) > 1
 
     def rank(self, sizes):
         """Bake the meshes first whose largest instances, {mesh: px}, are largest in view."""

@@ -82,7 +82,7 @@ def show_models(self):
 
 def rank_bakes(self, frame):
     """Let meshes that are large in view be baked first."""
-    if len(self._models.drafts()) < 2:
+    if not self._models.has_choice:
         return
     centers, radii = self.groups.spheres()
     items = slice(None, None, max(len(centers) // _RANKED_ITEMS, 1))

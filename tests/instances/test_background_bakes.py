@@ -62,11 +62,14 @@ def no_child_is_left():
     assert not any(job.state is State.RUNNING for job in QUEUE._jobs.values())
 
 
-def field(tmp_path, *, wait=False, mesh=None, **options):
+def field(tmp_path, *, wait=False, mesh=None, positions=None, **options):
     plotter = pv.Plotter(off_screen=True, window_size=(240, 180))
     options = {'cache': tmp_path, 'color': 'tan', 'progress': False} | options
     balls = plotter.ibr.add_instances(
-        lumpy() if mesh is None else mesh, places(), wait=wait, **options
+        lumpy() if mesh is None else mesh,
+        places() if positions is None else positions,
+        wait=wait,
+        **options,
     )
     plotter.camera_position = [(60, 30, 20), (0, 0, 0), (0, 0, 1)]
     return plotter, balls
@@ -102,12 +105,41 @@ def test_a_draft_is_drawn_at_once(tmp_path, held, monkeypatch):
     plotter.close()
 
 
+def test_simplified_meshes_replace_random_triangles(tmp_path, held, monkeypatch):
+    monkeypatch.setattr(drafts, '_LIGHT_SET', 1000)
+    mesh = pv.Sphere(theta_resolution=80, phi_resolution=80)
+    plotter, balls = field(
+        tmp_path, mesh=mesh, positions=[[1.2 * k, 0, 0] for k in range(4)], bake=True
+    )
+    plotter.camera_position = 'xy'
+    plotter.camera.zoom(1.4)
+    plotter.show(auto_close=False)
+    assert len(balls._models.drafts()[0].levels) > 1
+    random_picture = plotter_picture(plotter)
+    job = balls._models.drafts()[0].job
+    write_job(job.plan, job.folder / 'bake.job')
+    do_job(job.folder / 'bake.job', print, lambda folder: job.hear({'levels': str(folder)}))
+    simplified_picture = plotter_picture(plotter)
+    assert balls.pending
+    balls.force_level = 'mesh'
+    exact = plotter_picture(plotter)
+    errors = [np.abs(p - exact).mean() for p in (random_picture, simplified_picture)]
+    assert errors[1] < 0.2 * errors[0]
+    plotter.close()
+
+
+def plotter_picture(plotter):
+    """The next frame, without waiting."""
+    plotter.render()
+    return np.array(plotter.image, float)
+
+
 def test_small_sets_are_their_meshes_until_then(tmp_path, held):
     mesh = lumpy()
-    plotter, balls = field(tmp_path, mesh=mesh)
+    plotter, balls = field(tmp_path, mesh=mesh, positions=places(300))
+    assert balls.pending
     plotter.show(auto_close=False)
     draft = plotter.image
-    balls.max_error = 1e-6
     balls.force_level = 'mesh'
     plotter.render()
     assert np.array_equal(plotter.image, draft)
@@ -168,11 +200,14 @@ def test_an_interrupt_ends_the_child_and_another_wait_goes_on(tmp_path, monkeypa
         plotter.ibr.wait()
     monkeypatch.undo()
     assert child.wait(10) != 0
-    plotter.render()
+    plotter.show(auto_close=False)
     assert not balls.pending
     assert 'stopped' in balls.report()['atlas 0']
+    frames = []
+    plotter.add_on_render_callback(frames.append)
     assert plotter.ibr.wait(LONG)
     assert 'views of' in balls.report()['atlas 0']
+    assert frames  # with images
     plotter.close()
 
 
