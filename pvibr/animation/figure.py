@@ -8,10 +8,11 @@ import pyvista as pv
 from pvibr.animation import figure_sources
 from pvibr.animation.clip import Clip
 from pvibr.animation.figure_mesh import FigureMesh
+from pvibr.animation.joint_tables import joint_table
 from pvibr.animation.model import Model
-from pvibr.animation.normals import with_flipped_winding
 from pvibr.animation.vertex_animation import VertexAnimation
 from pvibr.core.arguments import checked_positive
+from pvibr.core.params import checked_flag
 
 
 class Figure(Model):
@@ -42,7 +43,7 @@ class Figure(Model):
     >>> import pyvista as pv
     >>> from pvibr import Figure
     >>> from pvibr.animation import FigureMesh
-    >>> Figure([FigureMesh(pv.Cube()), FigureMesh(pv.Sphere())]).mesh().n_blocks
+    >>> Figure([FigureMesh(pv.Cube()), FigureMesh(pv.Sphere())]).mesh(merge=False).n_blocks
     2
     """
 
@@ -270,7 +271,9 @@ class Figure(Model):
         shape = times.shape + rest.translation.shape
         return rest.replaced(translation=np.broadcast_to(rest.translation, shape), time=times)
 
-    def mesh(self, time=0.0, clip=None, *, pose=None, skinning='linear', bulge=1.0, loop=True):
+    def mesh(
+        self, time=0, clip=None, *, pose=None, skinning='linear', bulge=1.0, loop=True, merge=True
+    ):
         """Return the posed figure as data, for any backend and for filters.
 
         Parameters
@@ -287,42 +290,88 @@ class Figure(Model):
             Share of dual quaternions, see :func:`pvibr.animation.skinning.dual_blend`.
         loop : bool
             Restart at the end; otherwise hold the last pose.
+        merge : bool
+            Return one mesh, with the data that all have; False keeps them apart with their own.
 
         Returns
         -------
         pyvista.PolyData or pyvista.MultiBlock
-            Posed copies of the meshes with their normals and data; a MultiBlock unless the figure
-            has exactly one mesh.
+            Posed copies of the meshes with their normals and data; a MultiBlock without `merge`.
 
         Raises
         ------
         ValueError
             If there is no such clip or the pose does not fit.
         """
+        merge = checked_flag('merge', merge)
         pose = self.sample(time, clip, loop) if pose is None else pose
-        meshes = [self._posed_mesh(i, pose, (skinning, bulge)) for i in range(len(self.meshes))]
-        if len(meshes) == 1:
-            return meshes[0]
+        meshes = [self.posed_mesh(i, pose, skinning, bulge) for i in range(len(self.meshes))]
+        if merge:
+            return meshes[0].append_polydata(*meshes[1:]) if meshes else pv.PolyData()
         names = [mesh.name or f'mesh{i}' for i, mesh in enumerate(self.meshes)]
         blocks = pv.MultiBlock()
         for name, mesh in zip(names, meshes, strict=True):
             blocks.append(mesh, name)
         return blocks
 
-    def _posed_mesh(self, index, pose, skinning_options):
-        mesh = self.meshes[index].mesh.copy(deep=True)
-        points, normals = self.posed(index, pose, *skinning_options)
-        mesh.points = points
-        mesh.point_data['Normals'] = normals
-        mesh.point_data.active_normals_name = 'Normals'
-        posed_arrays = {
-            'Tangents': self.tangents(index, pose, *skinning_options),
-            self.meshes[index].look.get('scalars'): self.colors(index, pose),
-        }
-        for name, values in posed_arrays.items():
-            if values is not None:
-                mesh.point_data[name] = values
-        return with_flipped_winding(mesh) if self.meshes[index].mirrors(self.world(pose)) else mesh
+    def joints(self, time=0.0, clip=None, *, pose=None, loop=True, world=True):
+        """Return where the joints are, as a table: a DataFrame takes it, and ``add_instances``.
+
+        Parameters
+        ----------
+        time : float
+            Time in seconds.
+        clip : str, int or Clip, optional
+            Clip; default the first one, or the rest pose if there is none.
+        pose : Pose or array_like, shape (n, 4, 4), optional
+            A pose in place of time and clip.
+        loop : bool
+            Restart at the end; otherwise hold the last pose.
+        world : bool
+            In the figure's space, otherwise relative to the parents.
+
+        Returns
+        -------
+        dict of str to numpy.ndarray, shape (n,)
+            ``joint`` (name), ``parent`` (index, -1 for roots), ``x``, ``y``, ``z``, a unit
+            quaternion ``qw``, ``qx``, ``qy``, ``qz``, and ``sx``, ``sy``, ``sz``.
+
+        Raises
+        ------
+        ValueError
+            If there is no such clip or the pose does not fit.
+
+        Examples
+        --------
+        >>> from pvibr import Figure
+        >>> from pvibr.animation import Pose, Skeleton
+        >>> arm = Figure([], Skeleton([-1, 0], Pose([[0, 0, 0], [2, 0, 0]]), ['upper', 'lower']))
+        >>> arm.joints()['x'].tolist()
+        [0.0, 2.0]
+        """
+        pose = self.sample(time, clip, loop) if pose is None else pose
+        return joint_table(self.skeleton, self.world(pose), world)
+
+    def upright(self):
+        """Return the figure turned from y up, as in glTF, to z up, by a root joint ``'upright'``.
+
+        Returns
+        -------
+        Figure
+            The turned figure; meshes and clips are shared.
+
+        Examples
+        --------
+        >>> import pyvista as pv
+        >>> from pvibr import Figure
+        >>> from pvibr.animation import FigureMesh
+        >>> tall = Figure([FigureMesh(pv.Cube(y_length=3))])
+        >>> [round(size, 3) for size in tall.upright().mesh().bounds_size]
+        [1.0, 1.0, 3.0]
+        """
+        meshes, skeleton = figure_sources.upright(self.meshes, self.skeleton)
+        rest = self.correctives, self.cameras, self.lights, self.name
+        return Figure(meshes, skeleton, self.clips, *rest)
 
     def add_lights(self, plotter, pose=None, *, exposure=1.0):
         """Add the lights of the figure's file to a plotter, placed by a pose.
@@ -408,7 +457,7 @@ class Figure(Model):
         -------
         times : numpy.ndarray, shape (f,), float64
             Times in seconds, from 0 to the last step within the clip.
-        meshes : list of pyvista.PolyData or pyvista.MultiBlock
+        meshes : list of pyvista.PolyData
             One mesh per time, as :meth:`mesh` returns it.
 
         Raises

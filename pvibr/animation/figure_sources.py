@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from os import PathLike
 
 import numpy as np
@@ -17,6 +18,8 @@ from pvibr.io.trimesh_meshes import as_dataset
 
 #: Data derived from the points, which are recomputed.
 _DERIVED = ('Normals', 'Tangents')
+#: A quarter turn about x, (w, x, y, z).
+_Z_UP = (np.sqrt(0.5), np.sqrt(0.5), 0.0, 0.0)
 
 
 def surface_of(points, faces, normals=None):
@@ -129,6 +132,20 @@ def scene_of(scene):
         )
         meshes.append(FigureMesh(mesh, joint_index[node], look=look, name=str(node)))
     return meshes, Skeleton(parents, Pose.from_matrices(local, name='rest'), names)
+
+
+def upright(meshes, skeleton):
+    """Return the same meshes and joints below a root joint that turns them from y up to z up."""
+    root, rest = len(skeleton), skeleton.rest
+    pose = Pose(
+        np.vstack([rest.translation, np.zeros(3)]),
+        np.vstack([rest.rotation, _Z_UP]),
+        np.vstack([rest.scale, np.ones(3)]),
+    )
+    parents = np.append(np.where(skeleton.parents < 0, root, skeleton.parents), -1)
+    # Meshes without a joint turn, too.
+    turned = [replace(mesh, node=root) if mesh.node < 0 else mesh for mesh in meshes]
+    return turned, Skeleton(parents, pose, [*skeleton.names, 'upright'])
 
 
 def _surface(mesh, name):

@@ -25,8 +25,6 @@ _SHEAR = 1e-4
 _INTERPOLATIONS = {'STEP': 'step', 'LINEAR': 'linear', 'CUBICSPLINE': 'cubic'}
 _VALUES = {'translation': 'VEC3', 'rotation': 'VEC4', 'scale': 'VEC3'}
 _VALUES |= dict.fromkeys(('weights', 'visible'), 'SCALAR')
-#: Rotation from y-up to z-up.
-_Z_UP = (np.sqrt(0.5), np.sqrt(0.5), 0.0, 0.0)
 
 
 def parents_of(gltf_file: GltfFile):
@@ -136,7 +134,7 @@ def _roots(document, scene_index):
     return root_nodes
 
 
-def skeleton_of(gltf_file: GltfFile, parents, up):
+def skeleton_of(gltf_file: GltfFile, parents):
     """Return all nodes as joints with the same indices."""
     nodes = gltf_file.document.nodes
     translation = _flat((node.translation for node in nodes), np.float64).reshape(-1, 3)
@@ -149,11 +147,6 @@ def skeleton_of(gltf_file: GltfFile, parents, up):
         translation[matrix_nodes], rotation[matrix_nodes], scale[matrix_nodes] = transform_parts
     scale[[*(_hidden(gltf_file) & _appearing(gltf_file))]] = 0  # until a clip shows them
     names = [node.name or f'node{i}' for i, node in enumerate(nodes)]
-    if up == 'z':
-        parents = np.append(np.where(parents < 0, len(nodes), parents), -1)
-        translation = np.vstack([translation, np.zeros(3)])
-        rotation, scale = np.vstack([rotation, _Z_UP]), np.vstack([scale, np.ones(3)])
-        names.append('upright')
     with naming('nodes'):
         skeleton = Skeleton(parents, Pose(translation, rotation, scale), names)
     with np.errstate(all='ignore'):

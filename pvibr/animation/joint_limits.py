@@ -13,6 +13,7 @@ from pvibr.core.arguments import checked_direction
 from pvibr.maths import quaternions
 
 _ON_BOUND = 1e-9  # radians from a bound that count as on it
+_NO_TWIST = 1e-6  # swings of half a turn, to this sine, leave the twist undefined
 _CONJUGATE = np.array([[1.0], [-1.0], [-1.0], [-1.0]])
 
 
@@ -110,7 +111,8 @@ class Limits:
         w, xyz = from_rest[0], from_rest[1:]
         twist_part = (xyz * axis).sum(0)
         across = xyz - twist_part * axis
-        half_twist = np.arctan2(twist_part, w)
+        length = np.sqrt(w * w + twist_part * twist_part)
+        half_twist = np.where(length > _NO_TWIST, np.arctan2(twist_part, w), self._middle / 2)
         # Relative to the middle of its range the twist is clamped to the nearer end round the
         # circle, so that ranges beyond half a turn need no special case.
         twist_angle = 2 * half_twist - self._middle
@@ -120,7 +122,7 @@ class Limits:
         across = np.cos(half_twist) * across - np.sin(half_twist) * cross(across, axis)
         sine = np.sqrt((across * across).sum(0))
         outward = np.where(sine > 1e-12, across / np.maximum(sine, 1e-12), self._sideways)
-        swing_angle = 2 * np.arctan2(sine, np.sqrt(w * w + twist_part * twist_part))
+        swing_angle = 2 * np.arctan2(sine, length)
         swing_angle = np.minimum(swing_angle, self._swing)
         swing_twist = np.empty((2, *from_rest.shape))  # swing, twist
         swing_twist[0, 0] = np.cos(swing_angle / 2)
@@ -143,6 +145,8 @@ class Limits:
         swing, twist = quaternions.swing_twist(from_rest, self.axis)
         twist_offset = (quaternions.log(twist) * self.axis).sum(-1) - self.middle
         twist_offset = np.abs(np.remainder(twist_offset + np.pi, 2 * np.pi) - np.pi)
+        length = np.hypot(from_rest[:, 0], (from_rest[:, 1:] * self.axis).sum(-1))
+        twist_offset = np.where(length > _NO_TWIST, twist_offset, 0.0)
         swing = np.linalg.norm(quaternions.log(swing), axis=-1)
         excess_angle = np.maximum(np.maximum(swing - self.swing, twist_offset - self.half), 0.0)
         return np.where(np.isin(np.arange(len(self.rest)), self.limited_joints), excess_angle, 0.0)

@@ -7,6 +7,7 @@ from functools import cached_property
 import numpy as np
 
 from pvibr.animation.boxes import Boxes
+from pvibr.animation.normals import with_flipped_winding
 from pvibr.animation.pose import Pose, as_matrices
 from pvibr.animation.skeleton import Skeleton
 from pvibr.animation.skinning import moved_normals, moved_points
@@ -206,6 +207,29 @@ class Model:
             tangents += morphs.total('tangents', weights, len(tangents))
         matrices = vertex_matrices(figure_mesh, self.world(pose), skinning, bulge)
         return unit_vectors(np.einsum('...ij,...j->...i', matrices[..., :3], tangents))
+
+    def posed_mesh(self, index, pose, skinning='linear', bulge=1.0):
+        """Return a posed copy of one mesh, with its normals and data.
+
+        Parameters
+        ----------
+        index : int
+            Index of the mesh.
+        pose, skinning, bulge : optional
+            As in :meth:`posed`.
+        """
+        options = pose, skinning, bulge
+        figure_mesh, mesh = self.meshes[index], self.meshes[index].mesh.copy(deep=True)
+        mesh.points, mesh.point_data['Normals'] = self.posed(index, *options)
+        mesh.point_data.active_normals_name = 'Normals'
+        posed_arrays = {
+            'Tangents': self.tangents(index, *options),
+            figure_mesh.look.get('scalars'): self.colors(index, pose),
+        }
+        for name, values in posed_arrays.items():
+            if values is not None:
+                mesh.point_data[name] = values
+        return with_flipped_winding(mesh) if figure_mesh.mirrors(self.world(pose)) else mesh
 
     def bounds(self, pose=None, skinning='linear'):
         """Return bounding boxes of the posed figure without posing its vertices.

@@ -70,8 +70,8 @@ def read_gltf(path, *, scene=None, up='y', pbr=False):
     scene : int or str, optional
         Index or name of the scene; default the file's default scene, else the first.
     up : {'y', 'z'}
-        Up axis of the figure. 'y', as in glTF, keeps the file's coordinates; 'z' appends a root
-        joint ``'upright'`` that turns the figure by 90 degrees about x.
+        Axis that points up in the figure. 'y', as in glTF, keeps the file's coordinates; in scenes
+        whose z points up pass 'z': :meth:`pvibr.Figure.upright` turns the figure.
     pbr : bool, optional
         Use physically based looks (``pbr``, ``metallic`` and ``roughness`` of ``add_mesh``), as
         the file specifies. They are dark without ``plotter.set_environment_texture``. Looks of
@@ -101,13 +101,13 @@ def read_gltf(path, *, scene=None, up='y', pbr=False):
     Examples
     --------
     >>> import pvibr
-    >>> fox = pvibr.read_gltf('Fox.glb')  # doctest: +SKIP
+    >>> fox = pvibr.read_gltf('Fox.glb', up='z')  # doctest: +SKIP
     >>> fox.mesh(0.5, 'Walk').plot()  # doctest: +SKIP
     """
     check_one_of('up', up, ('y', 'z'))
     gltf_file = GltfFile(path)
     _check_extensions(gltf_file, EXTENSIONS)
-    node_indices, visible_indices, skeleton = _graph(gltf_file, scene, up)
+    node_indices, visible_indices, skeleton = _graph(gltf_file, scene)
     accessors = Accessors(gltf_file)
     skeleton, joints_by_node = with_copies(
         skeleton, _affordable_copies(gltf_file, copies_of(gltf_file, accessors, visible_indices))
@@ -118,7 +118,7 @@ def read_gltf(path, *, scene=None, up='y', pbr=False):
         cameras, lights = cameras_of(gltf_file, node_indices), lights_of(gltf_file, node_indices)
         figure = Figure(meshes, skeleton, clips, None, cameras, lights, gltf_file.path.stem)
     gltf_file.warn()
-    return figure
+    return figure.upright() if up == 'z' else figure
 
 
 def _affordable_copies(gltf_file, instance_copies):
@@ -134,7 +134,7 @@ def read_scene(path, pbr=False):
     """Return a figure of the default scene without clips, and instances (k, 4, 4) by node."""
     gltf_file = GltfFile(path)
     _check_extensions(gltf_file, EXTENSIONS)
-    _, nodes, skeleton = _graph(gltf_file, None, 'y')
+    _, nodes, skeleton = _graph(gltf_file, None)
     accessors = Accessors(gltf_file)
     copies = copies_of(gltf_file, accessors, nodes)
     meshes, _ = _Meshes(gltf_file, accessors, pbr, wires=False).read(nodes)
@@ -144,11 +144,11 @@ def read_scene(path, pbr=False):
     return figure, {node: trs(*parts) for node, parts in copies.items()}
 
 
-def _graph(gltf_file, scene, up):
+def _graph(gltf_file, scene):
     """Return the nodes of the scene, those that are visible, and all nodes as a skeleton."""
     parents = parents_of(gltf_file)
     nodes = scene_nodes(gltf_file, parents, scene)
-    return nodes, visible_nodes(gltf_file, parents, nodes), skeleton_of(gltf_file, parents, up)
+    return nodes, visible_nodes(gltf_file, parents, nodes), skeleton_of(gltf_file, parents)
 
 
 def _check_extensions(gltf_file, supported):

@@ -16,12 +16,31 @@ def _as_path(path):
         return Path(path).expanduser()
 
 
+#: Bytes of a file that tell whether it stands in for another.
+HEAD_BYTES = 512
+_LFS = b'version https://git-lfs.github.com/spec/'
+_PAGES = b'<!doctype html', b'<html'
+
+
 def existing(path, kind='file') -> Path:
-    """Return the path of an existing file."""
+    """Return the path of an existing file, which does not stand in for another."""
     path = _as_path(path)
     if not path.is_file():
         raise FileNotFoundError(f'path must be an existing {kind}, got {str(path)!r}')
+    with path.open('rb') as file:
+        stand_in = stand_in_of(file.read(HEAD_BYTES))
+    if stand_in:
+        raise ValueError(f'path must be a {kind}, got {stand_in}: {str(path)!r}')
     return path
+
+
+def stand_in_of(head) -> str:
+    """Return what was saved in place of a file, from its first bytes; empty for other content."""
+    if head.startswith(_LFS):
+        return 'a pointer of Git LFS (run `git lfs pull` in its repository)'
+    if head.removeprefix(b'\xef\xbb\xbf').lstrip().lower().startswith(_PAGES):
+        return 'a web page (download the file itself, not the page that shows it)'
+    return ''
 
 
 def in_a_folder(name, path) -> Path:

@@ -7,10 +7,12 @@ from contextlib import suppress
 import numpy as np
 import pyvista as pv
 
+from pvibr.animation.joint_tables import joint_table
 from pvibr.core.arguments import checked_numbers
 from pvibr.core.effect import put_into
 from pvibr.core.signatures import takes
 from pvibr.figures.figure_picking import nearest_hit, stand_in
+from pvibr.figures.lying import lying_note
 from pvibr.figures.mesh_actors import (
     PosedMeshActor,
     as_mesh_actors,
@@ -118,10 +120,27 @@ class AnimatedActor(FigurePlayer):
         self._current_moment()
         return super().bounds
 
-    def mesh(self):
-        """Return the posed figure in world space, as :meth:`pvibr.Figure.mesh` returns it."""
-        mesh = self.figure.mesh(pose=self.pose, skinning=self.skinning, bulge=self.bulge)
-        return moved_figure(mesh, self.matrix)
+    def mesh(self, *, merge=True):
+        """Return the posed figure in world space, as :meth:`pvibr.Figure.mesh` returns it.
+
+        Parameters
+        ----------
+        merge : bool
+            Return one mesh; False keeps the figure's meshes apart.
+        """
+        options = {'skinning': self.skinning, 'bulge': self.bulge, 'merge': merge}
+        return moved_figure(self.figure.mesh(pose=self.pose, **options), self.matrix)
+
+    def joints(self, *, world=True):
+        """Return where the joints are now, as :meth:`pvibr.Figure.joints` returns it.
+
+        Parameters
+        ----------
+        world : bool
+            In the scene's space, otherwise relative to the parents.
+        """
+        figure_from_joint = self._current_moment().world
+        return joint_table(self.figure.skeleton, self.matrix @ figure_from_joint, world)
 
     def attach_prop(self, prop, joint, offset=None):
         """Move an actor, or another figure, with a joint: a sword, a rider, a lamp.
@@ -379,7 +398,8 @@ class AnimatedActor(FigurePlayer):
         """Return bytes on the GPU, vertices, and the number of poses so far."""
         pose_bytes = 0 if self._posing is None else self._posing.nbytes
         vertex_count = sum(len(a.figure_mesh.points) for a in self._posed)
-        return {'bytes': pose_bytes, 'vertices': vertex_count, 'poses': self.posed}
+        details = {'bytes': pose_bytes, 'vertices': vertex_count, 'poses': self.posed}
+        return details | lying_note(self.figure, self.matrix, self.pipeline)
 
     def download_posed(self):
         """Yield index, points and normals (n, 3) of each mesh as the GPU has it, for tests."""

@@ -6,10 +6,12 @@ from functools import partial
 
 import numpy as np
 
+from pvibr.animation.joint_tables import joint_table
 from pvibr.core.arguments import check_one_of
 from pvibr.core.nan_rows import NanRows
 from pvibr.core.signatures import takes
 from pvibr.figures.crowd_group import ClipModels, CrowdGroup, CrowdState, Playback
+from pvibr.figures.lying import lying_note
 from pvibr.figures.mesh_actors import as_mesh_actors, drawn_figure, moved_figure
 from pvibr.gl import nbytes_of
 from pvibr.instances.instances import Instances
@@ -40,6 +42,13 @@ class Crowd(Instances):
         Clip seconds per second; default 1.
     loop : bool or array_like of bool, shape (n,)
         Restart clips at their end.
+    orient : array_like, str, bool or scipy.spatial.transform.Rotation, optional
+        Where each member turns, see :func:`pvibr.matrices`: vectors toward which x turns,
+        quaternions (w, x, y, z), matrices, or the name of an array of `poses`.
+    scale : float, array_like, shape (n,) or (n, 3), str or bool, optional
+        Factors, vectors of these lengths, or the name of an array of `poses`.
+    factor : float
+        Factor applied to all sizes.
     skinning : {'linear', 'dual'}
         Linear blend or dual quaternion skinning.
     max_error : float
@@ -89,6 +98,9 @@ class Crowd(Instances):
         clips=None,
         speeds=1.0,
         loop=True,
+        orient=None,
+        scale=None,
+        factor=1.0,
         skinning='linear',
         max_error=1.0,
         name=None,
@@ -106,8 +118,8 @@ class Crowd(Instances):
     ):
         ItemSet.__init__(self, max_error=max_error)
         self.name = name
-        nan_rows = NanRows(nan)
-        poses = posed(poses, nan_rows=nan_rows)
+        placing, nan_rows = {'orient': orient, 'scale': scale, 'factor': factor}, NanRows(nan)
+        poses = posed(poses, nan_rows=nan_rows, **placing)
         member_count = len(poses)
         mesh_kwargs |= {'cmap': cmap, 'clim': clim}
         self._theme = theme
@@ -126,7 +138,8 @@ class Crowd(Instances):
         models = ClipModels(state, all_clips, **baking)
         if member_count:
             models.remake()
-        items = PosedItems(poses, poses, np.zeros(member_count, int), nan_rows=nan_rows)
+        indices = np.zeros(member_count, int)
+        items = PosedItems(poses, poses, indices, placing=placing, nan_rows=nan_rows)
         self.pickable, self._shown_material = pickable, 0
         self._begin(items, models, MeshGroups(partial(CrowdGroup, state)), scalars, colors)
 
@@ -227,17 +240,34 @@ class Crowd(Instances):
             group.moved()
         self._changes += 1
 
-    def mesh(self, index):
+    def mesh(self, index, *, merge=True):
         """Return one figure at the current time in world space, as :meth:`pvibr.Figure.mesh`.
 
         Parameters
         ----------
         index : int
             Index of the figure.
+        merge : bool
+            Return one mesh; False keeps the figure's meshes apart.
         """
         self.follow()
-        mesh = self._crowd_state.shown(index, self._now())
+        mesh = self._crowd_state.shown(index, self._now(), merge)
         return moved_figure(mesh, _matrix(self._items.poses[index]))
+
+    def joints(self, index, *, world=True):
+        """Return where the joints of one figure are now, as :meth:`pvibr.Figure.joints`.
+
+        Parameters
+        ----------
+        index : int
+            Index of the figure.
+        world : bool
+            In the scene's space, otherwise relative to the parents.
+        """
+        self.follow()
+        state, matrix = self._crowd_state, _matrix(self._items.poses[index])
+        figure_from_joint = state.figure.world(state.pose_of(index, self._now()))
+        return joint_table(state.figure.skeleton, matrix @ figure_from_joint, world)
 
     def bake_into(self, scene):
         """Hand each figure as it is now to a scene without pvibr."""
@@ -273,6 +303,8 @@ class Crowd(Instances):
         details = super().report() | {'bytes': nbytes_of(*self.groups)}
         for group in self.groups:
             details |= {'poses': group.near.poses.note} if group.near.poses.note else {}
+        if len(self):
+            details |= lying_note(self.figure, _matrix(self._items.poses[0]), self.pipeline)
         return details
 
 

@@ -258,16 +258,18 @@ class CrowdState:
 
     def parts(self, member, time, matrix) -> list:
         """Return the posed meshes of a member with their looks, in world units."""
-        placement = matrix, self._pose_of(member, time), self.skinning
+        placement = matrix, self.pose_of(member, time), self.skinning
         return [
             posed_part(self.figure, i, a.part, *placement) for i, a in enumerate(self.mesh_actors)
         ]
 
-    def shown(self, member, time):
-        """Return the posed mesh of a member, in the figure's space."""
-        return self.figure.mesh(pose=self._pose_of(member, time), skinning=self.skinning)
+    def shown(self, member, time, merge=True):
+        """Return the posed mesh of a member, or its meshes, in the figure's space."""
+        pose = self.pose_of(member, time)
+        return self.figure.mesh(pose=pose, skinning=self.skinning, merge=merge)
 
-    def _pose_of(self, member, time):
+    def pose_of(self, member, time):
+        """Return the pose of a member."""
         clip_indices, clip_seconds = self.seconds(time, np.array([member]))
         return self.pose(int(clip_indices[0]), float(clip_seconds[0]))
 

@@ -13,6 +13,7 @@ from pathlib import Path
 import msgspec
 
 from pvibr.core.errors import PvibrError, warn
+from pvibr.core.files import HEAD_BYTES, stand_in_of
 from pvibr.io.gltf_schema import Asset, Gltf
 
 _MAGIC, _JSON, _BIN = b'glTF', b'JSON', b'BIN\0'
@@ -70,6 +71,8 @@ class GltfFile:
     def __init__(self, path):
         self.path = Path(path)
         data = self.path.read_bytes()
+        if stand_in := stand_in_of(data[:HEAD_BYTES]):
+            raise GltfError(f'it must be a glTF file, got {stand_in}: {str(path)!r}')
         json, self._blob = _chunks(data) if data[:4] == _MAGIC else (data, None)
         self._budget_left = self._budget = _BASE_BUDGET + _BUDGET_PER_BYTE * len(data)
         self._buffers: dict[int, memoryview] = {}

@@ -7,6 +7,11 @@ import numpy as np
 from pvibr.maths.quaternions import to_matrices
 from pvibr.maths.vectors import unit_vectors
 
+#: Names of the columns of poses in tables.
+AXES = ('x', 'y', 'z')
+QUATERNION = ('qw', 'qx', 'qy', 'qz')
+AXIS_SCALES = ('sx', 'sy', 'sz')
+
 
 def trs(translations, quaternions=None, scales=None):
     """Return matrices (n, 4, 4) that scale, by axis or as a whole, then rotate, then translate."""

@@ -8,12 +8,9 @@ from pvibr.core.arguments import checked_each, naming
 from pvibr.core.files import existing
 from pvibr.core.nan_rows import advising, filled
 from pvibr.io.tables import table_of
-from pvibr.maths.transforms import trs
+from pvibr.maths.transforms import AXES, AXIS_SCALES, QUATERNION, trs
 from pvibr.meshes.poses import as_poses
 
-AXES = ('x', 'y', 'z')
-QUATERNION = ('qw', 'qx', 'qy', 'qz')
-AXIS_SCALES = ('sx', 'sy', 'sz')
 _MAX_LISTED = 20  # column names in a message
 
 

@@ -117,7 +117,8 @@ def test_bounds_at_rest_are_tight():
 def test_a_figure_of_nothing_has_empty_bounds():
     assert Figure([]).bounds().tolist() == [1, -1] * 3
     assert Figure([FigureMesh(pv.PolyData())]).bounds().tolist() == [1, -1] * 3
-    assert Figure([]).mesh().n_blocks == 0
+    assert Figure([]).mesh().n_points == 0
+    assert Figure([]).mesh(merge=False).n_blocks == 0
 
 
 def test_a_mesh_keeps_its_data_and_has_posed_normals():
@@ -198,3 +199,13 @@ def test_colours_and_tangents_are_morphed_and_tangents_are_moved():
     assert np.allclose(figure.mesh()['Tangents'], [1, 0, 0])
     assert Figure([FigureMesh(pv.Sphere())]).colors(0) is None
     assert Figure([FigureMesh(pv.Sphere())]).tangents(0) is None
+
+
+def test_meshes_are_merged_or_kept_apart():
+    parts = Figure([FigureMesh(pv.Cube(), name='box'), FigureMesh(pv.Sphere(), name='ball')])
+    apart, merged = parts.mesh(merge=False), parts.mesh()
+    assert apart.keys() == ['box', 'ball']
+    assert merged.n_cells == sum(block.n_cells for block in apart)
+    np.testing.assert_array_equal(merged['Normals'], np.vstack([b['Normals'] for b in apart]))
+    with pytest.raises(TypeError, match='merge must be'):
+        parts.mesh(merge='yes')

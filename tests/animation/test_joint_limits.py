@@ -50,6 +50,13 @@ def test_what_keeps_the_limits_is_not_touched(limits, rest, rotations):
     np.testing.assert_allclose(same[inside], 1, atol=1e-9)
 
 
+def test_a_swing_of_half_a_turn_has_any_twist():
+    limits = Limits({0: JointLimit((0, 0, 1), math.pi, (1.0, 1.0))}, [[1, 0, 0, 0]])
+    half_turn = np.array([[0.0, 0.6, 0.8, 0.0]])
+    assert limits.excess(half_turn) == 0
+    np.testing.assert_allclose(np.abs((limits.clamped(half_turn) * half_turn).sum()), 1)
+
+
 @pytest.mark.parametrize('low', [-3.0, -0.5, 0.2, 2.0])
 @pytest.mark.parametrize('angle', [-3.1, -1.0, 0.0, 0.4, 2.9])
 def test_a_hinge_goes_to_the_end_that_is_nearer_round_the_circle(low, angle):

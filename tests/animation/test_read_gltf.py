@@ -266,7 +266,7 @@ def test_morph_weights_of_meshes_and_nodes(glb, node, up):
     morphed(glb, **node)
     read = figure(glb)
     assert read.meshes[0].morphs.names == ('up', 'right')
-    for block in read.mesh():
+    for block in read.mesh(merge=False):
         assert_allclose(block.points[:, 2], up)
 
 
@@ -282,7 +282,7 @@ def test_morph_weights_of_meshes_and_nodes(glb, node, up):
 def test_animated_weights_drive_all_primitives(glb, interpolation, values, half):
     glb.animate(morphed(glb), 'weights', [1, 3], values, interpolation)
     read = figure(glb)
-    for block in read.mesh(2.0):
+    for block in read.mesh(2.0, merge=False):
         assert_allclose(block.points, SQUARE + np.array([half[1], 0, half[0]]), atol=1e-7)
 
 

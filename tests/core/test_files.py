@@ -4,7 +4,9 @@ import subprocess
 import sys
 
 import pytest
+import pyvista as pv
 
+import pvibr
 from pvibr.core.files import existing, in_a_folder, replacing, with_suffix
 from tests.refusals import refused
 
@@ -59,3 +61,26 @@ def test_what_is_no_path_is_named(read):
     for wrong in (None, 2, ['a'], b'a'):
         refused('path = ', read, wrong, kind=TypeError)
     refused('path', read, '', kind=(ValueError, FileNotFoundError))
+
+
+LFS_POINTER = 'version https://git-lfs.github.com/spec/v1\noid sha256:4d7a\nsize 12345\n'
+PAGE = '\n<!DOCTYPE html>\n<html><head><title>Fox.glb</title></head></html>'
+
+
+@pytest.mark.parametrize(
+    ('content', 'words'),
+    [(LFS_POINTER, 'git lfs pull'), (PAGE, 'download the file itself')],
+    ids=['pointer', 'page'],
+)
+def test_what_was_saved_in_place_of_a_mesh_is_named(tmp_path, content, words):
+    pl = pv.Plotter(off_screen=True)
+    for name in ('a.ply', 'a.glb', 'a.stl', 'a.vtp'):
+        path = tmp_path / name
+        path.write_text(content)
+        with pytest.raises(ValueError, match=words):
+            pl.ibr.add_animated(path)
+        with pytest.raises(ValueError, match=words):
+            pl.ibr.add_instances(path, [[0, 0, 0]])
+    with pytest.raises(ValueError, match=words):
+        pvibr.read_gltf(tmp_path / 'a.glb')
+    pl.close()

@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import pyvista as pv
+from scipy.spatial.transform import Rotation
 
 import pvibr
-from pvibr import Figure
+from pvibr import Figure, matrices
 from pvibr.animation import ClipSource, FigureMesh, Morphs
 from pvibr.animation.pose import Pose
 from tests.animation.conftest import refused
@@ -194,3 +195,55 @@ def test_any_number_of_unlike_figures_is_drawn():
     assert all(figure.enabled for figure in pl.ibr.effects)
     assert differing(*found, level=4) <= 25
     assert len(np.unique(found[1].reshape(-1, 3), axis=0)) > 100
+
+
+def test_figures_are_turned_and_scaled_as_instances_are():
+    figure = worm()
+    pl = pv.Plotter(off_screen=True)
+    actor = pl.ibr.add_animated(figure, orient=[0, 0, 1.0], scale=2.0, factor=1.5)
+    expected = matrices([[0, 0, 0]], orient=[[0, 0, 1.0]], scale=3.0)[0]
+    np.testing.assert_allclose(actor.matrix, expected, atol=1e-12)
+    assert actor.scale == pytest.approx((3, 3, 3))
+    actor.position = (7, 0, 0)
+    np.testing.assert_allclose(actor.matrix[:3, :3], expected[:3, :3], atol=1e-12)
+    points = [[0, 0, 0], [9.0, 0, 0]]
+    turns = Rotation.from_euler('z', [[0.3], [2.0]])
+    crowd = pl.ibr.add_animated(figure, points, orient=turns, scale=[1.0, 2.0], cache=False)
+    placed = matrices(points, orient=turns, scale=[1.0, 2.0])
+    np.testing.assert_allclose(crowd.poses, placed)
+    np.testing.assert_allclose(
+        matrices(crowd.joints(1)), placed[1] @ figure.world(figure.rest), atol=1e-12
+    )
+    np.testing.assert_allclose(
+        matrices(actor.joints()), actor.matrix @ figure.world(figure.rest), atol=1e-12
+    )
+    pl.close()
+
+
+def test_figures_of_files_stand_up(tmp_path):
+    mesh = pv.Cube(y_length=5).triangulate()
+    mesh.save(tmp_path / 'tower.ply')
+    pl = pv.Plotter(off_screen=True)
+    lying = pl.ibr.add_animated(tmp_path / 'tower.ply')
+    standing = pl.ibr.add_animated(tmp_path / 'tower.ply', up='z')
+    assert np.ptp(np.reshape(lying.bounds, (3, 2)), axis=1).argmax() == 1
+    assert np.ptp(np.reshape(standing.bounds, (3, 2)), axis=1).argmax() == 2
+    with pytest.raises(ValueError, match='up must be'):
+        pl.ibr.add_animated(tmp_path / 'tower.ply', up='x')
+    pl.close()
+
+
+def test_reports_name_figures_that_lie_on_their_backs():
+    tall = Figure([FigureMesh(pv.Cube(y_length=4))])
+    pl = pv.Plotter(off_screen=True)
+    lying = pl.ibr.add_animated(tall)
+    crowd = pl.ibr.add_animated(tall, [[0, 0, 0], [3, 0, 0]], cache=False)
+    standing = pl.ibr.add_animated(tall, up='z')
+    turned = pl.ibr.add_animated(tall, orient=Rotation.from_euler('x', [[90]], degrees=True))
+    pl.camera.up = 0, 0, 1
+    for thing in (lying, crowd):
+        assert "up='z'" in thing.report()['up']
+    assert 'up' not in standing.report() | turned.report()
+    pl.camera.up = 0, 1, 0
+    assert 'up' not in lying.report() | crowd.report()
+    pl.close()
