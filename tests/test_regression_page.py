@@ -7,6 +7,8 @@ from pathlib import Path
 
 import pytest
 
+#: A ball that covers 5 % of the picture.
+CAMERA = '    pl.camera_position = [(0, 0, 6.6), (0, 0, 0), (0, 1, 0)]'
 PAGE = Path(__file__).parents[1] / 'docs' / 'regression.md'
 
 
@@ -22,10 +24,22 @@ def test_the_page(tmp_path):
         command = [sys.executable, '-m', 'pytest', '-q', *options]
         return subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
 
+    page_test = (tmp_path / 'test_pictures.py').read_text()
+    small_ball = page_test.replace('test_bloom', 'test_ball')
+    small_ball = small_ball.replace("color='orange'", 'color=(255, 215, 0)')
+    small_ball = small_ball.replace('    pl.ibr.add(pvibr.Bloom(threshold=0.5))', CAMERA)
+    ball_test = tmp_path / 'test_ball.py'
+    ball_test.write_text(small_ball)
     made = run('--add_missing_images')
     assert made.returncode == 0, made.stdout
     assert (tmp_path / 'image_cache_dir' / 'bloom.png').is_file()
-    assert run().returncode == 0
+    for _ in range(3):
+        assert run().returncode == 0
+    ball_test.write_text(small_ball.replace('215', '205'))
+    slightly_differs = run()
+    assert slightly_differs.returncode == 1, slightly_differs.stdout
+    assert '1 failed, 1 passed' in slightly_differs.stdout
+    ball_test.write_text(small_ball)
     test = tmp_path / 'test_pictures.py'
     test.write_text(test.read_text().replace('orange', 'black'))
     differs = run()

@@ -7,7 +7,7 @@ from time import perf_counter
 
 #: Largest allowed difference of two pictures, as pytest-pyvista's ``error_value``: on the same
 #: machine and driver, on other machines with the same driver, with another driver.
-THRESHOLDS = {'same machine': 0.0, 'same driver': 10.0, 'other driver': 200.0}
+THRESHOLDS = {'same machine': 0.0, 'same driver': 5.0, 'other driver': 200.0}
 
 _on = False
 
