@@ -18,6 +18,7 @@ from pvibr.gl.frame_timer import FrameTimer
 
 #: Levels of quality, 3 dB apart.
 LEVELS = tuple(2 ** (-k / 2) for k in range(9))
+_COARSEST = len(LEVELS) - 1
 #: Most levels by which one slow frame lowers quality.
 _LEAP = 4
 #: Fraction of the budget below which a frame is easy; easy frames until quality rises.
@@ -44,7 +45,7 @@ class Budget:
 
     def _forget(self):
         self._level = self._frame_number = self._easy_frames = self._stuck_frames = 0
-        self._was_raised = False
+        self._was_raised = self._is_guess = False
         self._memory_frames = _MEMORY
         self._level_means: dict[int, tuple[float, int]] = {}
         self._rest_times: list[float] = []
@@ -56,16 +57,16 @@ class Budget:
 
     def rested(self, frame_ms):
         """Record a frame at rest, drawn at full quality."""
-        # The faster of two frames: one may include a bake.
+        # The faster of two frames: the first compiles shaders and uploads, and one may bake.
         self._rest_times = [*self._rest_times[-1:], frame_ms]
         full_ms = min(self._rest_times)
         if full_ms <= _EASY * self.ms:
             self._forget()
             self._rest_times = [frame_ms]
             return
-        is_unsure = len(self._rest_times) < 2 or self._level or self._stuck_frames
-        if full_ms > self.ms > 0 and not is_unsure:
-            self._level = _steps(full_ms / self.ms)
+        if self.ms and not self._stuck_frames and (self._is_guess or not self._level):
+            self._level = _steps(full_ms / self.ms, _COARSEST) if full_ms > self.ms else 0
+            self._is_guess = self._level > 0
 
     def moved(self, frame_ms):
         """Record a moving frame, drawn at `quality`."""
@@ -76,6 +77,8 @@ class Budget:
         old_mean = self._mean_of(self._level)
         mean_ms = RunningMean(frame_ms if old_mean is None else old_mean, _WEIGHT).add(frame_ms)
         self._level_means[self._level] = mean_ms, self._frame_number
+        if self._is_guess and self._correct(frame_ms):
+            return
         was_raised, self._was_raised = self._was_raised, False
         self._easy_frames = self._easy_frames + 1 if mean_ms < _EASY * self.ms else 0
         if min(frame_ms, mean_ms) > self.ms:
@@ -85,12 +88,19 @@ class Budget:
         elif self._easy_frames >= _PATIENCE:
             self._raise()
 
+    def _correct(self, frame_ms) -> bool:
+        """Rise from a level guessed at rest to that of the first moving frame."""
+        self._is_guess = False
+        full_ms = frame_ms / self.quality
+        level = _steps(full_ms / self.ms, _COARSEST) if full_ms > self.ms else 0
+        is_finer, self._level = level < self._level, min(level, self._level)
+        return is_finer
+
     def _lower(self, mean_ms):
         if self._stuck_frames:
             return
-        coarsest = len(LEVELS) - 1
-        if self._level < coarsest:
-            self._level = min(self._level + _steps(mean_ms / self.ms), coarsest)
+        if self._level < _COARSEST:
+            self._level = min(self._level + _steps(mean_ms / self.ms), _COARSEST)
             return
         means = {k: self._mean_of(k) for k in self._level_means}
         self._level = min(k for k, ms in means.items() if ms is not None and ms <= _GAIN * mean_ms)
@@ -109,9 +119,9 @@ class Budget:
         return level_ms if self._frame_number - frame_number < self._memory_frames else None
 
 
-def _steps(ratio) -> int:
+def _steps(ratio, most=_LEAP) -> int:
     """Return the levels to lower for a speed-up, if time is linear in quality."""
-    return min(_LEAP, max(1, math.ceil(2 * math.log2(ratio))))
+    return min(most, max(1, math.ceil(2 * math.log2(ratio))))
 
 
 class AdaptiveQuality:
@@ -168,6 +178,7 @@ class AdaptiveQuality:
             interactor_events += [(f'{b}ButtonPressEvent', self._on_press) for b in _BUTTONS]
             observers += [(interactor, *event, 1.0) for event in interactor_events]
         self._observers = [(owner, owner.AddObserver(*call)) for owner, *call in observers]
+        self._timer.start(window)  # its first frame has begun
 
     def release(self):
         """Stop watching the window; may be called again."""

@@ -92,6 +92,8 @@ class Effect(metaclass=Complete):
     revision = 0
     _name: str | None = None
     _made_of: tuple
+    #: Whether `render` reads ``picture.depth``: instances draw that of their surfaces only then.
+    reads_depth = True
     #: Class passed by the user, if that created a subclass with additional settings.
     _class: type | None = None
     __signature__: ClassVar[Signature]

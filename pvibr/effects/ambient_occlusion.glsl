@@ -3,7 +3,8 @@
 // measure, and each sector is weighted by the distance of its first cover. Slices and integral:
 // Jimenez et al., "Practical real-time strategies for accurate indirect occlusion", SIGGRAPH 2016
 // course; sectors: Therrien et al., "Screen space indirect lighting with visibility bitmask", 2023.
-// Slices turn from pixel to pixel in blocks of 4 x 4, over which the second program averages.
+// Slices turn from pixel to pixel in blocks of 4 x 4, over which the second program averages. While
+// the view moves, one pixel of each square is searched, and the second program looks them up.
 // Inputs: depth of the window, 0 near to 1 far; lengths in world units, positions in view space.
 
 //@common
@@ -11,6 +12,7 @@ uniform sampler2D depth;
 uniform vec4 lens;    // view x and y at distance 1, or anywhere if parallel: xy * ndc + zw
 uniform vec2 planes;
 uniform int parallel;
+uniform int coarse;   // side of the squares of which one pixel is searched
 
 ivec2 last;           // last pixel
 vec2 ndc_step;        // from pixel to pixel
@@ -55,6 +57,12 @@ float slope(ivec2 p, ivec2 s, float d)
 vec2 slopes(ivec2 p, float d)
 {
   return vec2(slope(p, ivec2(1, 0), d), slope(p, ivec2(0, 1), d));
+}
+
+// The pixel of a square that is searched.
+ivec2 searched(ivec2 square)
+{
+  return min(square * coarse + coarse / 2, last);
 }
 
 void begin()
@@ -138,7 +146,7 @@ float covered(Surfel s, vec2 way, float n, float jitter, float dither)
 void main()
 {
   begin();
-  ivec2 p = ivec2(gl_FragCoord.xy);
+  ivec2 square = ivec2(gl_FragCoord.xy), p = searched(square);
   float d = depth_at(p);
   gl_FragData[0] = vec4(1.0);
   if (d >= 1.0) return;
@@ -160,6 +168,7 @@ void main()
 
   // Counted from the view axis: tiles of large screenshots get the pattern of the whole.
   ivec2 place = ivec2(floor(at_one(s.pixel) / (lens.xy * ndc_step) + 0.25)) & 3;
+  if (coarse > 1) place = square & 3;
   int cell = 4 * place.x + place.y;
   float turn = float((cell * 7) & 15) / 16.0 + vary.x;
   float jitter = fract((float((cell * 11 + 5) & 15) + 0.5) / 16.0 + vary.y);
@@ -220,17 +229,26 @@ void main()
   float near = edges == 1 ? abs(g.x) + abs(g.y) : 0.0;
   if (is_exempt(p, d, near) && (edges == 0 || is_inside(p, near))) return;
   float z = away(d), sum = 0.0, weight = 0.0;
-  float tolerance = 3.0 * lens.y * ndc_step.y * (parallel == 1 ? 1.0 : z);
-  // Any 4 x 4 pixels around this one: the rim of 5 x 5 counts half.
-  for (int j = -2; j <= 2; ++j)
-    for (int i = -2; i <= 2; ++i)
+  float tolerance = 3.0 * float(coarse) * lens.y * ndc_step.y * (parallel == 1 ? 1.0 : z);
+  // Any 4 x 4 pixels around this one: the rim of 5 x 5 counts half. Of squares fewer, blended.
+  int rim = coarse > 1 ? 1 : 2;
+  ivec2 last_square = textureSize(visibility, 0) - 1;
+  for (int j = -rim; j <= rim; ++j)
+    for (int i = -rim; i <= rim; ++i)
     {
-      ivec2 q = clamp(p + ivec2(i, j), ivec2(0), last);
+      ivec2 square = clamp(p / coarse + ivec2(i, j), ivec2(0), last_square);
+      ivec2 q = searched(square);
       float e = depth_at(q), w = (abs(i) == 2 ? 0.5 : 1.0) * (abs(j) == 2 ? 0.5 : 1.0);
       float off = abs(away(e) - away(min(d + dot(g, vec2(q - p)), 1.0)));
       w *= e < 1.0 ? max(1.0 - off / tolerance, 0.0) : 0.0;
+      if (coarse > 1)
+      {
+        vec2 apart = abs(vec2(q - p)) / float(coarse);
+        w *= max(1.5 - apart.x, 0.0) * max(1.5 - apart.y, 0.0);
+        if (i == 0 && j == 0) w = max(w, 1e-3);
+      }
       w = q == p ? 1.0 : w;
-      sum += w * texelFetch(visibility, q, 0).r;
+      sum += w * texelFetch(visibility, square, 0).r;
       weight += w;
     }
   gl_FragData[0] = vec4(c.rgb * pow(max(sum / weight, 0.0), strength), c.a);

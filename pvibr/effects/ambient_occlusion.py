@@ -12,6 +12,7 @@ from pvibr.gl.target import fitting_target
 from pvibr.things.buffers import Drawn
 
 _STEPS = 16  # along a slice, on either side of a pixel
+_COARSEST_FROM = 0.3  # quality up to which one pixel of 4 x 4 is searched, not of 2 x 2
 _RADIUS = 0.05  # default, as a fraction of the scene's diagonal
 
 
@@ -88,7 +89,9 @@ class AmbientOcclusion(Effect):
 
     def render(self, frame, picture):
         """Darken the picture."""
-        visibility = self._allocate(frame.window, picture.size)
+        coarse = _coarseness(frame.quality)
+        square_counts = tuple(-(-pixels // coarse) for pixels in picture.size)
+        visibility = self._allocate(frame.window, square_counts)
         clip_from_view = frame.clip_from_view
         center_shift = -clip_from_view[:2, 3] if frame.parallel else clip_from_view[:2, 2]
         half_extents = 1 / np.diag(clip_from_view)[:2]
@@ -96,10 +99,11 @@ class AmbientOcclusion(Effect):
             'lens': (*half_extents, *(half_extents * center_shift)),
             'planes': (frame.near, frame.far),
             'parallel': int(frame.parallel),
+            'coarse': coarse,
         }
         radius = self._world_radius(frame)
         search_uniforms = {
-            'slices': max(1, round(self.samples * frame.quality / (2 * _STEPS))),
+            'slices': max(1, round(self.samples * _share(frame.quality) / (2 * _STEPS))),
             'steps': _STEPS,
             'radius': float(radius),
             'thickness': float(radius if self.thickness is None else self.thickness),
@@ -151,6 +155,16 @@ class AmbientOcclusion(Effect):
     def report(self) -> dict:
         """Return the bytes of GPU memory."""
         return {'bytes': nbytes_of(self._visibility, self._unlit_buffer)}
+
+
+def _coarseness(quality) -> int:
+    """Return the side of the squares of pixels of which one is searched."""
+    return 1 if quality >= 1 else 2 if quality > _COARSEST_FROM else 4
+
+
+def _share(quality) -> float:
+    """Return the share of samples of a pixel that is searched."""
+    return min(quality * _coarseness(quality) ** 2, 1.0)
 
 
 def _is_unlit(actor) -> bool:

@@ -51,6 +51,7 @@ class Bloom(LightSpread):
     """
 
     single = True
+    reads_depth = False
     presets = {
         'subtle': {'intensity': 0.4, 'spread': 0.3},
         'strong': {'threshold': 0.5, 'intensity': 2.0, 'spread': 0.8},

@@ -33,6 +33,7 @@ class FullScreen(Effect):
 
     #: Shader sections, the last with ``main``; if the effect `covers`, it is blended in place.
     parts: tuple[str, ...] = ()
+    reads_depth = False
 
     _image: Shown | None = None
 

@@ -18,6 +18,7 @@ _RESERVED = ('uv', 'size', 'time', 'scale', 'nothing', 'effect')
 _ELSEWHERE = 100000  # line numbers from here on are not the user's
 _LINE = re.compile(r'^(?:ERROR:\s*)?\d+[:(](\d+)\)?(?:\(\d+\))?\s*:?\s*(.*)', re.IGNORECASE)
 _SURFACES = re.compile(r'\b(normal_at|id_at)\b')
+_DEPTHS = re.compile(r'\b(depth_at|ibr_depth)\b')
 _COMMENT = re.compile(r'//[^\n]*|/\*.*?\*/', re.DOTALL)
 #: Settings that are not uniforms of the source.
 _NOT_UNIFORMS = ('intensity', 'needs_hdr')
@@ -131,7 +132,9 @@ class ShaderEffect(Effect):
             self._source_text = (
                 Path(source).read_text(encoding='utf-8') if is_file else str(source)
             )
-        self._reads_surfaces = bool(_SURFACES.search(_COMMENT.sub(' ', self._source_text)))
+        code = _COMMENT.sub(' ', self._source_text)
+        self._reads_surfaces = bool(_SURFACES.search(code))
+        self.reads_depth = self._reads_surfaces or bool(_DEPTHS.search(code))
         if not self._source_text.strip():
             raise ValueError(
                 f'{self.name}.source must be GLSL with vec4 effect(vec2 uv), or its file, '

@@ -46,6 +46,7 @@ class ToneMapping(Effect):
     """
 
     single = True
+    reads_depth = False
     needs_hdr = True
     neutral = 'intensity', 0
     presets = {

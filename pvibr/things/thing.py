@@ -62,6 +62,11 @@ def joined_bounds(boxes) -> tuple[float, ...]:
     return tuple(low_high.ravel().tolist())
 
 
+#: Quality from which effects read the depth of surfaces, below it that of cards' planes: writing
+#: depth takes fragments that are hidden as long as those that are seen.
+_OWN_DEPTH_FROM = 0.3
+
+
 class Thing(Effect, pv.Actor):
     """An effect that draws in the scene, and the actor that represents it there.
 
@@ -110,14 +115,16 @@ class Thing(Effect, pv.Actor):
         return False
 
     def _depth_is_read(self, frame) -> bool:
-        """Return True if an effect reads the depth of the drawn frame."""
-        if not frame.own:
+        """Return True if VTK or an effect reads the depth of the drawn frame."""
+        if not frame.own or frame.quality < _OWN_DEPTH_FROM:
             return False
         if not frame.reads_depth:
             renderer = frame.renderer
             read_by_vtk = renderer.GetPass() is not None or bool(renderer.GetUseSSAO())
-            enabled_effects = [e for e in self.pipeline.image_effects if e.enabled]
-            frame.reads_depth.append(read_by_vtk or bool(enabled_effects))
+            effects = self.pipeline.image_effects
+            frame.reads_depth.append(
+                read_by_vtk or any(e.enabled and e.reads_depth for e in effects)
+            )
         return frame.reads_depth[0]
 
     def depths(self) -> list:

@@ -100,11 +100,26 @@ def test_only_what_helps_is_taken():
 def test_frames_at_rest_tell_what_the_first_moving_one_needs():
     budget = Budget(100.0)
     budget.rested(5000.0)  # with a bake
-    assert budget.quality == 1.0
+    assert budget.quality == LEVELS[-1]
     budget.rested(400.0)
     assert budget.quality == pytest.approx(0.25)
     budget.rested(50.0)
     assert budget.quality == 1.0
+
+
+@pytest.mark.parametrize(
+    ('full', 'later'), [(10.0, 1.0), (90.0, 1.0), (190.0, 0.5), (3000, 1 / 16)]
+)
+def test_a_first_frame_that_took_long_is_made_up_for_at_once(full, later):
+    budget = Budget(100.0)
+    budget.rested(5000.0)  # compiles, uploads, bakes
+    assert drive(budget, lambda q: full * q, 3) == pytest.approx([1 / 16, later, later])
+
+
+def test_the_first_drag_of_a_heavy_scene_is_in_time():
+    budget = Budget(100.0)
+    budget.rested(2600.0)
+    assert max(1500.0 * q for q in drive(budget, lambda q: 1500.0 * q, 20)) <= 100.0
 
 
 def test_no_budget_is_full_quality():

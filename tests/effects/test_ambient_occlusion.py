@@ -5,6 +5,7 @@ import pytest
 import pyvista as pv
 
 import pvibr
+from pvibr.capture.adaptive_quality import AdaptiveQuality
 from tests.pictures import depths, off, place, plotter, reduce, shot, shown
 from tests.refusals import refused
 
@@ -252,3 +253,20 @@ def test_what_has_no_lighting_may_keep_its_colour(samples):
     spared = (kept != dark).any(2)[white]
     assert spared.mean() < 1e-3
     assert (np.abs(dark - plain).max(2)[white] > 20).sum() > 200
+
+
+@pytest.mark.parametrize(('quality', 'bound'), [(0.7, 0.01), (0.25, 0.02), (1 / 16, 0.02)])
+def test_while_the_view_moves_fewer_pixels_are_searched(monkeypatch, quality, bound):
+    floor = pv.Plane(i_size=8, j_size=8)
+    balls = [pv.Sphere(radius=0.5, center=(x, 0.3 * x, 0.5)) for x in (-1.2, 0.0, 1.1)]
+    pl = scene([floor, *balls])
+    exact, _ = visibility(pl, 0.8)
+    monkeypatch.setattr(AdaptiveQuality, 'quality', lambda *_: quality)
+    pl.render()
+    coarse = shot(pl)[..., 0] / 255
+    assert 0 < np.abs(coarse - exact).mean() < bound
+    shown_pixels = exact > 0
+    np.testing.assert_array_equal(coarse > 0, shown_pixels)
+    # No halo: where surfaces jump, the nearer one keeps its own visibility.
+    assert np.quantile(np.abs(coarse - exact)[shown_pixels], 0.99) < 0.15
+    pl.close()
