@@ -98,8 +98,9 @@ class Surfaces:
         return [*unique_props.values(), *things], [numbers[address(prop)] for prop in props]
 
     def casters(self, choice, things, frame=None, *, scenery=True) -> Casters:
-        """Return the visible chosen actors and the things, without handles and scenery."""
+        """Return the visible chosen actors and things, without handles and scenery."""
         actors, chosen = self.chosen(choice, things, handles=False)
+        chosen = [thing for thing in chosen if thing.enabled and thing.visibility]
         self._look()
         excluded = () if scenery else self._scenery
         visible_keys = [k for k in actors if k in self._versions and k not in excluded]
@@ -107,7 +108,7 @@ class Surfaces:
         shown_actors = [actors[k] for k in visible_keys]
         for thing in things if choice is not None else ():
             # The actors that a thing replaces may be chosen individually.
-            if thing not in chosen:
+            if thing not in chosen and thing.enabled and thing.visibility:
                 thing_key = id(thing), thing.content_key()
                 chosen_parts = _chosen_of(thing, choice)
                 shown_actors += chosen_parts
