@@ -14,6 +14,7 @@ from pvibr.api import (
     export_methods,
     picking_methods,
     presets,
+    setting_costs,
     state_methods,
     waiting,
 )
@@ -100,6 +101,7 @@ class IBRComponent(metaclass=Complete):
         self._buffer_objects: list = []
         self._at_close: list = []
         self._last_report = Report([])
+        self._costs: dict[Pipeline, setting_costs.Costs] = {}
         self._hooks, self._picture_hooks = Hooks(plotter), Hooks(plotter)
 
     def __setattr__(self, name, value):
@@ -125,6 +127,7 @@ class IBRComponent(metaclass=Complete):
     screenshot = capture_methods.screenshot
     movie = capture_methods.movie
     wait = waiting.wait
+    costs = setting_costs.costs
     web_report = export_methods.web_report
     to_plain_plotter = export_methods.to_plain_plotter
     export_glb = export_methods.export_glb
@@ -395,7 +398,11 @@ class IBRComponent(metaclass=Complete):
 
         Once the plotter is closed, as ``show()`` leaves it, the report is that of its last frame.
         """
-        return self._last_report if self._is_closed else self.pipeline.report()
+        if self._is_closed:
+            return self._last_report
+        report, costs = self.pipeline.report(), self._costs.get(self.pipeline)
+        report.costs = '' if costs is None else str(costs)
+        return report
 
     # -- the end ---------------------------------------------------------------------------------
 
@@ -413,14 +420,14 @@ class IBRComponent(metaclass=Complete):
         """Release everything; plotters call it when they close. It may be called again."""
         if self._pipelines and not self._is_closed:
             with contextlib.suppress(Exception):  # an effect's report must not keep it open
-                self._last_report = self.pipeline.report()
+                self._last_report = self.report()
         self._closed = True
         with contextlib.suppress(Exception):  # the window may be gone
             self.disable_picking()
         self._hand_over.stop()
         self._clock.stop()
         self._adaptive_quality.release()
-        self._buffer_objects, self._looks = [], {}
+        self._buffer_objects, self._looks, self._costs = [], {}, {}
         while self._pipelines:
             self._pipelines.pop().release()
         while self._at_close:

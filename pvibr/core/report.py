@@ -38,6 +38,8 @@ class Report:
     quality: str = ''
     #: What the last frame asked of the GPU.
     counts: Counts = field(default_factory=Counts)
+    #: What settings, effects and things cost when that was last measured.
+    costs: str = ''
 
     def as_dict(self) -> dict:
         """Return the report as JSON values."""
@@ -53,6 +55,7 @@ class Report:
         text_lines.append(f'last frame: {self.counts}')
         if self.quality:
             text_lines.append(f'quality: {self.quality}')
+        text_lines.append(self.costs or 'costs of settings: pl.ibr.costs() measures them')
         return '\n'.join(text_lines)
 
 
