@@ -19,6 +19,7 @@ from pvibr.gl.frame_timer import FrameTimer
 #: Levels of quality, 3 dB apart.
 LEVELS = tuple(2 ** (-k / 2) for k in range(9))
 _COARSEST = len(LEVELS) - 1
+_ROUNDING = 1e-6  # levels: clocks count in steps
 #: Most levels by which one slow frame lowers quality.
 _LEAP = 4
 #: Fraction of the budget below which a frame is easy; easy frames until quality rises.
@@ -121,7 +122,7 @@ class Budget:
 
 def _steps(ratio, most=_LEAP) -> int:
     """Return the levels to lower for a speed-up, if time is linear in quality."""
-    return min(most, max(1, math.ceil(2 * math.log2(ratio))))
+    return min(most, max(1, math.ceil(2 * math.log2(ratio) - _ROUNDING)))
 
 
 class AdaptiveQuality:

@@ -131,7 +131,7 @@ def test_a_scene_keeps_its_graph():
     assert figure.meshes[0].look['rgb']
     raised = figure.skeleton.rest.matrices()
     raised[1, 2, 3] += 5.0
-    posed = figure.mesh(pose=figure.skeleton.world(raised))
+    posed = figure.mesh(pose=figure.skeleton.world(raised), merge=False)
     assert np.allclose(posed['hand'].center, [1, 2, 5], atol=1e-6)
 
 
