@@ -20,6 +20,8 @@ from pvibr.gl.frame_timer import FrameTimer
 LEVELS = tuple(2 ** (-k / 2) for k in range(9))
 _COARSEST = len(LEVELS) - 1
 _ROUNDING = 1e-6  # levels: clocks count in steps
+#: A window's first frame tells something from so many budgets on: shaders are compiled in it.
+_TELLING = 4
 #: Most levels by which one slow frame lowers quality.
 _LEAP = 4
 #: Fraction of the budget below which a frame is easy; easy frames until quality rises.
@@ -64,6 +66,8 @@ class Budget:
         if full_ms <= _EASY * self.ms:
             self._forget()
             self._rest_times = [frame_ms]
+            return
+        if len(self._rest_times) < 2 and full_ms <= _TELLING * self.ms:
             return
         if self.ms and not self._stuck_frames and (self._is_guess or not self._level):
             self._level = _steps(full_ms / self.ms, _COARSEST) if full_ms > self.ms else 0

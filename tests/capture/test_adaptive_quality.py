@@ -116,6 +116,14 @@ def test_a_first_frame_that_took_long_is_made_up_for_at_once(full, later):
     assert drive(budget, lambda q: full * q, 3) == pytest.approx([1 / 16, later, later])
 
 
+def test_a_first_frame_may_have_compiled_shaders():
+    budget = Budget(100.0)
+    budget.rested(300.0)
+    assert budget.quality == 1.0
+    budget.rested(200.0)
+    assert budget.quality == 0.5
+
+
 def test_the_first_drag_of_a_heavy_scene_is_in_time():
     budget = Budget(100.0)
     budget.rested(2600.0)
