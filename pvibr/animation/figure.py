@@ -307,7 +307,8 @@ class Figure(Model):
         pose = self.sample(time, clip, loop) if pose is None else pose
         meshes = [self.posed_mesh(i, pose, skinning, bulge) for i in range(len(self.meshes))]
         if merge:
-            return meshes[0].append_polydata(*meshes[1:]) if meshes else pv.PolyData()
+            first, *others = meshes or [pv.PolyData()]
+            return first.append_polydata(*others) if others else first
         names = [mesh.name or f'mesh{i}' for i, mesh in enumerate(self.meshes)]
         blocks = pv.MultiBlock()
         for name, mesh in zip(names, meshes, strict=True):
