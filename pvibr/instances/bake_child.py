@@ -47,7 +47,7 @@ def _do(path, news):
             folder = do_job(
                 path,
                 lambda fraction: tell(fraction=fraction),
-                lambda levels_folder: tell(levels=str(levels_folder)),
+                lambda levels_path: tell(levels=str(levels_path)),
             )
         except Exception as error:
             tell(failure=f'{type(error).__name__}: {error}')

@@ -56,8 +56,8 @@ class Job:
         self.priority = 0.0
         self.started: float | None = None
         self.result: AtlasCache | None = None
-        #: The lighter meshes, as soon as they are there.
-        self.levels: AtlasCache | None = None
+        #: File of the lighter meshes, as soon as they are there.
+        self.levels: Path | None = None
         self._warnings: list[str] = []
         self.folder = Path(tempfile.mkdtemp(prefix='pvibr-'))
         # The file and what is unwritten go with the last who waits for the job.
@@ -81,7 +81,7 @@ class Job:
         if 'warning' in news:
             self._warnings.append(news['warning'])
         if 'levels' in news:
-            self.levels = AtlasCache(news['levels'])
+            self.levels = Path(news['levels'])
         if 'failure' in news:
             self.fail(news['failure'])
         if 'folder' in news:

@@ -7,19 +7,18 @@ a random part of the surface, enlarged to the area of the whole.
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from functools import partial
+from pathlib import Path
 
 import numpy as np
 import pyvista as pv
 
 from pvibr.instances.atlas import Atlas
 from pvibr.instances.bake import bake_parts
+from pvibr.instances.bake_jobs import read_levels
 from pvibr.instances.bake_queue import Job, State
-from pvibr.instances.cache import AtlasCache
 from pvibr.instances.levels import BakePlan, LodModel, supplied_levels
 from pvibr.instances.limits import Limits, forced_limits, limits_of
 from pvibr.instances.mesh_pool import MeshLevel
-from pvibr.instances.stored_levels import from_arrays
 from pvibr.meshes.decimate import take_arrays
 
 BAKING = 'its images are being baked'
@@ -43,8 +42,8 @@ class Draft(LodModel):
     is_random: bool = False
 
     @property
-    def better_levels(self) -> AtlasCache | None:
-        """Where the job has put simplified levels; None if none are there, or needed."""
+    def better_levels(self) -> Path | None:
+        """File of the job's simplified levels; None if there are none, or none are needed."""
         return self.job.levels if self.job is not None and self.is_random else None
 
     @property
@@ -72,7 +71,7 @@ class Draft(LodModel):
         """Return the same with the job's simplified levels."""
         parts, levels = self.plan.parts, None
         if self.better_levels is not None:
-            levels = self.better_levels.load(self.plan.key, partial(from_arrays, parts))
+            levels = read_levels(self.better_levels, parts)
         return replace(self, levels=levels or self.levels, is_random=False)
 
     def describe(self, _limits) -> str:

@@ -118,13 +118,28 @@ def test_simplified_meshes_replace_random_triangles(tmp_path, held, monkeypatch)
     random_picture = plotter_picture(plotter)
     job = balls._models.drafts()[0].job
     write_job(job.plan, job.folder / 'bake.job')
-    do_job(job.folder / 'bake.job', print, lambda folder: job.hear({'levels': str(folder)}))
+    do_job(job.folder / 'bake.job', print, lambda file: job.hear({'levels': str(file)}))
     simplified_picture = plotter_picture(plotter)
     assert balls.pending
     balls.force_level = 'mesh'
     exact = plotter_picture(plotter)
     errors = [np.abs(p - exact).mean() for p in (random_picture, simplified_picture)]
     assert errors[1] < 0.2 * errors[0]
+    plotter.close()
+
+
+@pytest.mark.parametrize('content', [b'', b'pvibrA01' + bytes(200)], ids=['empty', 'damaged'])
+def test_levels_that_cannot_be_read_change_nothing(tmp_path, held, monkeypatch, content):
+    monkeypatch.setattr(drafts, '_LIGHT_SET', 1000)
+    plotter, balls = field(tmp_path)
+    plotter.show(auto_close=False)
+    job, levels_before = balls._models.drafts()[0].job, balls._models.drafts()[0].levels
+    file = tmp_path / 'levels'
+    file.write_bytes(content)
+    job.hear({'levels': str(file)})
+    plotter.render()
+    assert balls.pending
+    assert balls._models.drafts()[0].levels == levels_before
     plotter.close()
 
 
