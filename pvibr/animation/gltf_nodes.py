@@ -12,6 +12,7 @@ from pvibr.animation.skeleton import Skeleton, depths
 from pvibr.io.gltf_accessors import Accessors
 from pvibr.io.gltf_file import GltfError, GltfFile, follow, naming
 from pvibr.maths import quaternions
+from pvibr.maths.transforms import turns_and_scales
 
 INSTANCING = 'EXT_mesh_gpu_instancing'
 #: Maximum depth of the scene graph.
@@ -163,19 +164,13 @@ def _decomposed(matrices, node_indices):
     """Return translations, quaternions and scales of column-major matrices (n, 16)."""
     matrices = np.array(matrices).reshape(-1, 4, 4).swapaxes(1, 2)
     linear = matrices[:, :3, :3]
-    lengths = np.linalg.norm(linear, axis=1)
     last_row_error = np.abs(matrices[:, 3] - [0, 0, 0, 1]).max(1)
     _refuse(last_row_error > _SHEAR, node_indices, 'affine')
-    # Axes scaled to nothing get directions at right angles to the others.
-    left_basis, _, right_basis = np.linalg.svd(linear / np.where(lengths > 0, lengths, 1)[:, None])
-    rotation = left_basis @ right_basis
-    shear_error = np.abs(rotation * lengths[:, None] - linear).max((1, 2))
-    is_sheared = shear_error > _SHEAR * lengths.max(1)
+    rotations, scales = turns_and_scales(linear)
+    shear_error = np.abs(rotations * scales[:, None] - linear).max((1, 2))
+    is_sheared = shear_error > _SHEAR * np.abs(scales).max(1)
     _refuse(is_sheared, node_indices, 'free of shear, as glTF requires')
-    mirror_sign = np.ones((len(matrices), 3))
-    mirror_sign[np.linalg.det(rotation) < 0, 2] = -1
-    rotation = quaternions.from_matrices(rotation * mirror_sign[:, None])
-    return matrices[:, :3, 3], rotation, lengths * mirror_sign
+    return matrices[:, :3, 3], quaternions.from_matrices(rotations), scales
 
 
 def _refuse(is_bad, node_indices, quality):

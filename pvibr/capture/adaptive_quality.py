@@ -70,7 +70,7 @@ class Budget:
         if len(self._rest_times) < 2 and full_ms <= _TELLING * self.ms:
             return
         if self.ms and not self._stuck_frames and (self._is_guess or not self._level):
-            self._level = _steps(full_ms / self.ms, _COARSEST) if full_ms > self.ms else 0
+            self._level = self._level_for(full_ms)
             self._is_guess = self._level > 0
 
     def moved(self, frame_ms):
@@ -96,10 +96,13 @@ class Budget:
     def _correct(self, frame_ms) -> bool:
         """Rise from a level guessed at rest to that of the first moving frame."""
         self._is_guess = False
-        full_ms = frame_ms / self.quality
-        level = _steps(full_ms / self.ms, _COARSEST) if full_ms > self.ms else 0
-        is_finer, self._level = level < self._level, min(level, self._level)
-        return is_finer
+        guessed_level = self._level
+        self._level = min(guessed_level, self._level_for(frame_ms / self.quality))
+        return self._level < guessed_level
+
+    def _level_for(self, full_ms) -> int:
+        """Return the finest level in time, if time is linear in quality."""
+        return _steps(full_ms / self.ms, _COARSEST) if full_ms > self.ms else 0
 
     def _lower(self, mean_ms):
         if self._stuck_frames:

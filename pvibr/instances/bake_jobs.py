@@ -7,9 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from pvibr.core.files import replacing
 from pvibr.instances import stored_levels
-from pvibr.instances.cache import AtlasCache, pack, unpack
+from pvibr.instances.cache import AtlasCache, pack, unpack, write_whole
 from pvibr.instances.levels import BakePlan, atlas_key, content_key
 from pvibr.instances.mesh_pool import MeshLevel
 from pvibr.meshes import stored_parts
@@ -23,12 +22,7 @@ def write_job(plan: BakePlan, path: Path):
     arrays, parts = stored_parts.to_arrays(plan.parts)
     cache = plan.cache and str(plan.cache.path)
     meta = {'parts': parts, 'key': plan.key, 'cache': cache, **plan.grid}
-    _write(path, arrays, meta)
-
-
-def _write(path, arrays, meta):
-    with replacing(path) as part, part.open('wb') as stream:
-        stream.writelines(pack(arrays, meta))
+    write_whole(path, pack(arrays, meta))
 
 
 def do_job(path: Path, progress, on_levels=None) -> Path:
@@ -40,7 +34,7 @@ def do_job(path: Path, progress, on_levels=None) -> Path:
     def keep_levels(levels):
         levels_path = path.with_name(_LEVELS_FILE)
         with contextlib.suppress(OSError):  # drafts do without
-            _write(levels_path, stored_levels.to_arrays(levels), {})
+            write_whole(levels_path, pack(stored_levels.to_arrays(levels), {}))
             on_levels(levels_path)
 
     grid = {name: job.meta[name] for name in _GRID}

@@ -105,7 +105,7 @@ class AtlasCache:
             self.path.mkdir(parents=True, exist_ok=True)
             # Room first: a disk may be full of what the cap lets go.
             self._make_room(size, keep=file)
-            _write_whole(file, chunks)
+            write_whole(file, chunks)
         except OSError as error:
             self._give_up(error)
             return False
@@ -254,7 +254,7 @@ def _digest(value: object) -> list:
     return ['ndarray', array.dtype.str, array.shape, content.hexdigest()]
 
 
-def _write_whole(file: Path, chunks: list[bytes | memoryview]) -> None:
+def write_whole(file: Path, chunks: list[bytes | memoryview]) -> None:
     """Write a temporary file, then rename it: readers see all or nothing."""
     with replacing(file) as part, part.open('xb') as stream:
         stream.writelines(chunks)

@@ -27,6 +27,17 @@ def trs(translations, quaternions=None, scales=None):
     return matrices
 
 
+def turns_and_scales(linear):
+    """Return rotations (n, 3, 3) and scales (n, 3) of matrices; a mirror is a negative z."""
+    # The nearest rotations of what is sheared. Axes scaled to nothing get directions at right
+    # angles to the others.
+    scales = np.linalg.norm(linear, axis=1)
+    left, _, right = np.linalg.svd(linear / np.where(scales > 0, scales, 1.0)[:, None])
+    rotations, mirror_signs = left @ right, np.ones_like(scales)
+    mirror_signs[np.linalg.det(rotations) < 0, 2] = -1.0
+    return rotations * mirror_signs[:, None], scales * mirror_signs
+
+
 def inverses(matrices):
     """Return the inverses of affine matrices (..., 4, 4); pseudoinverses where one is singular."""
     matrices = np.asarray(matrices, dtype=np.float64)

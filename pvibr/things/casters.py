@@ -100,15 +100,16 @@ class Surfaces:
     def casters(self, choice, things, frame=None, *, scenery=True) -> Casters:
         """Return the visible chosen actors and things, without handles and scenery."""
         actors, chosen = self.chosen(choice, things, handles=False)
-        chosen = [thing for thing in chosen if thing.enabled and thing.visibility]
+        shown_things = [thing for thing in things if thing.enabled and thing.visibility]
+        chosen = [thing for thing in chosen if thing in shown_things]
         self._look()
         excluded = () if scenery else self._scenery
         visible_keys = [k for k in actors if k in self._versions and k not in excluded]
         versions = [self._versions[k] for k in visible_keys]
         shown_actors = [actors[k] for k in visible_keys]
-        for thing in things if choice is not None else ():
+        for thing in shown_things if choice is not None else ():
             # The actors that a thing replaces may be chosen individually.
-            if thing not in chosen and thing.enabled and thing.visibility:
+            if thing not in chosen:
                 thing_key = id(thing), thing.content_key()
                 chosen_parts = _chosen_of(thing, choice)
                 shown_actors += chosen_parts
