@@ -7,7 +7,7 @@ from functools import cache
 from benchmarks.common import plots
 from benchmarks.common.harness import Bench
 from benchmarks.common.whole_frames import turning
-from benchmarks.instances import costs, crowd, knots, near, order, single, walk
+from benchmarks.instances import costs, crowd, dense, knots, near, order, single, walk
 from pvibr.scenes.landscape import landscape
 from pvibr.scenes.stage import MULTI_SAMPLES, mesh_actors, scenery
 
@@ -62,6 +62,7 @@ BENCH = Bench(
     parts={
         'walk': walk.measure,
         'knots': knots.measure,
+        'dense block': dense.measure,
         'near trees': near.measure,
         "README's example": near.measure_readme,
         'single meshes': single.measure,
@@ -81,6 +82,9 @@ BENCH = Bench(
         'knots': (10_000, 100),
         'knot_cells': (48_000, 2_000),
         'knots_size': (knots.SIZE, (320, 180)),
+        'dense': (31, 8),
+        'dense_frames': (9, 2),
+        'dense_views': (200, 3),
         'near_frames': (9, 2),
         'meshes': (None, 2),
         'sizes': ((16, 32, 64, 128), (32,)),

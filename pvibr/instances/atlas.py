@@ -131,6 +131,11 @@ class Atlas:
             mip_level += 1
         return mip_level
 
+    @cached_property
+    def opaque_share(self) -> float:
+        """Share of an image that is opaque, of the square around the bounding sphere."""
+        return float((self.geometry[::_ROW_STEP, :, 1] == 255).mean()) * MARGIN**2
+
     def textures(self):
         """Return geometry and albedo with their mip levels.
 

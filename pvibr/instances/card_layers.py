@@ -12,6 +12,7 @@ from pvibr.things.soft_draws import CORE, SOLID, SoftDraws
 #: View directions are divided into a square of patches; errors are measured in each.
 PATCH_SIDE = 4
 PATCHES = PATCH_SIDE**2
+_RANGES = 'ibr_ranges', 'ibr_turn_ranges'
 
 
 class CardLayer(SoftDraws):
@@ -87,9 +88,8 @@ class CardLayer(SoftDraws):
 
     def _current_inputs(self) -> tuple[dict, dict]:
         cards, textures = self.cards, self.cards.textures
-        uniforms = cards.uniforms | {
-            'ibr_ranges': _columns(self.ranges),
-            'ibr_turn_ranges': _columns(self.side_ranges),
+        uniforms = cards.uniforms | range_uniforms((self.ranges, self.side_ranges))
+        uniforms |= {
             'ibr_unit': self.unit,
             'ibr_tint': (*self.tint, 1.0) if self.tint else (0.0, 0.0, 0.0, 0.0),
         }
@@ -103,6 +103,11 @@ class CardLayer(SoftDraws):
                 'ibr_turn_views': 1 if self.shader.sides == 1 else turntable.turns.views,
             }
         return textures, uniforms
+
+
+def range_uniforms(ranges) -> dict:
+    """Return the uniforms of the ranges of sizes from above and from the side."""
+    return {name: _columns(r) for name, r in zip(_RANGES, ranges, strict=True)}
 
 
 def _columns(ranges):

@@ -13,6 +13,7 @@
 // CARD_TAPS 1 or 4: points of a pixel at which its views are looked up;
 // PATCH_SIDE, of the square of patches of directions, each with errors of its own;
 // ANIMATED 1 where an atlas has a page for each pose of the clips, and instances move;
+// HIDES 1 in a depth prepass, whose fragments have the depth of the far end of their instance;
 // DEEP 1 where a fragment has the depth of its surface, 0 where it has that of the card's plane;
 // TURNED 1 where it has a turntable, whose pictures serve eyes that are level with it; SIDES 1 or 2
 // for a card that stands upright and shows one of these: the first, or that nearest to the eye.
@@ -231,6 +232,11 @@ mat3 ibr_frame(vec3 d)
       ibr_part_of = vec2(cored ? ibr_part.y : 2.0, range.z);
       bool shown = (cored || ibr_nearest_first == 0) && look.a > 0.25 && size >= range.x
         && size < range.y * ibr_fade && (ibr_parallel == 1 || c.z < stretch);
+#if HIDES
+      // None that shares its pixels with another level, or that the near plane may cut.
+      vec4 front = ibr_clip_from_eye * vec4(c.xy, c.z + stretch, 1.0);
+      shown = shown && size < range.y && size >= range.x * ibr_fade && front.z > -front.w;
+#endif
       if (shown)
       {
         vec3 helper = abs(d.z) < 0.99 ? vec3(0.0, 0.0, 1.0) : vec3(0.0, 1.0, 0.0);
@@ -304,6 +310,10 @@ mat3 ibr_frame(vec3 d)
         vertexVCVSOutput = p;
         gl_Position = ibr_clip_from_eye * p;
         gl_Position.z += ibr_back * gl_Position.w;
+#if HIDES
+        vec4 far_end = ibr_clip_from_eye * vec4(p.xy, c.z - stretch, 1.0);
+        gl_Position.z = far_end.z / far_end.w * gl_Position.w;
+#endif
 #if !DEEP
         if (ibr_back > 0.0 && size < range.x * ibr_fade)
         {

@@ -48,7 +48,7 @@ class CardShader:
         texels_per_pixel = _SHARPNESS * self.taps**0.5  # at which the shader selects a mip level
         return atlas.tile / 2 ** (atlas.core_level + 1) / texels_per_pixel
 
-    def defines(self, animated=False, has_turntable=False, *, deep=False) -> str:
+    def defines(self, animated=False, has_turntable=False, *, deep=False, hides=False) -> str:
         """Return the preprocessor lines of the shader."""
         define_values = {
             'VIEWS_BLENDED': self.views,
@@ -57,6 +57,7 @@ class CardShader:
             'CORNERS': self.corners,
             'SPLAT': int(self.splat),
             'DEEP': int(deep),
+            'HIDES': int(hides),
             'ANIMATED': int(animated),
             'TURNED': int(has_turntable),
             'SIDES': self.sides,
@@ -64,11 +65,16 @@ class CardShader:
         }
         return DITHER + ''.join(f'#define {k} {v}\n' for k, v in define_values.items())
 
-    def feature(self, shiny=True, animated=False, has_turntable=False, *, deep=True) -> Feature:
-        """Return the shader code by VTK's tags, writing depth per pixel if `deep`."""
+    def feature(
+        self, shiny=True, animated=False, has_turntable=False, *, deep=True, hides=False
+    ) -> Feature:
+        """Return the shader code by VTK's tags, writing depth per pixel if `deep`.
+
+        If it `hides`, for a depth prepass: the depth of the instance's far end, and no colour.
+        """
         section = sections(shader_source(__file__))
         deep = deep and not self.splat
-        defines = self.defines(animated, has_turntable, deep=deep)
+        defines = self.defines(animated, has_turntable, deep=deep, hides=hides)
         vertex_code = {
             'VTK::PositionVC::Dec': defines + section['surface'] + section['vertex.declare'],
             'VTK::PositionVC::Impl': section['vertex.position'],
@@ -82,7 +88,12 @@ class CardShader:
             'VTK::Normal::Impl': 'vec3 normalVCVSOutput = ibr_normal;\n',
             'VTK::Light::Impl': _SOFT_LIGHT if shiny else DULL[0] + _SOFT_LIGHT + DULL[1],
         }
-        return Feature(f'card_{self.name}_{int(deep)}', vertex_code, fragment_code)
+        if hides:
+            fragment_code |= dict.fromkeys(('VTK::Color::Impl', 'VTK::Normal::Impl'), '\n')
+            # VTK discards alpha 0, which some drivers also read from an unwritten output.
+            fragment_code['VTK::Light::Impl'] = 'gl_FragData[0] = vec4(1.0);\n'
+        name = f'card_{self.name}_{"hiding" if hides else int(deep)}'
+        return Feature(name, vertex_code, fragment_code)
 
 
 SPLAT = CardShader(

@@ -26,6 +26,7 @@ SORTED_SEEN = 131_072
 _UNSURE = 1e-4  # error of the sine of an angle, or of a position in a patch, on the GPU
 _UNKNOWN = -1  # patch
 _MAX_SAMPLED = 16_384  # instances that statistics look at
+_BY_BLOCK = 'table', 'depths', 'sizes', 'centers', 'radii'  # arrays of chosen blocks
 
 
 @dataclass(frozen=True)
@@ -40,8 +41,20 @@ class CardBlocks:
     spans: tuple[CardSpan, CardSpan]
     #: On-screen diameter up to which cards have no core.
     core_size: float
+    #: Centres in eye space and radii of bounding spheres.
+    centers: np.ndarray
+    radii: np.ndarray
+    #: Instances in a block.
+    unit: int
     #: What chooses single instances of the blocks.
     limits: Any
+
+    def __len__(self):
+        return len(self.table)
+
+    def where(self, mask) -> CardBlocks:
+        """Return some of the blocks, by a mask or their rows."""
+        return replace(self, **{name: getattr(self, name)[mask] for name in _BY_BLOCK})
 
     @property
     def ranges(self) -> tuple:
@@ -248,7 +261,7 @@ class InstanceGroup:
         self.visible_blocks, block_count = visible_blocks, len(visible_blocks)
         self.cards.view(frame, depth=depth)
         total = {'blocks': block_count, 'of blocks': len(self.placement.blocks.centers)}
-        self.counts = total | self._no_cards | self.near.no_counts
+        self.counts = total | {'hidden': 0} | self._no_cards | self.near.no_counts
         block_table = np.empty((block_count, 4), np.float32)
         block_table[:, :3], block_table[:, 3] = origins, visible_blocks
         patches: Any = _UNKNOWN
@@ -270,9 +283,33 @@ class InstanceGroup:
             if layer is not None:
                 in_span = _which_fit(spans, elevations, patches, smallest, largest)
                 if len(in_span):
-                    blocks = block_table[in_span], depths[in_span], largest[in_span]
-                    choices[name] = CardBlocks(*blocks, spans, layer.core_size, limits)
-                    self.counts[name] = min(len(in_span) * self.unit, len(self))
+                    choices[name] = CardBlocks(
+                        table=block_table[in_span],
+                        depths=depths[in_span],
+                        sizes=largest[in_span],
+                        spans=spans,
+                        core_size=layer.core_size,
+                        centers=origins[in_span],
+                        radii=self.blocks.bounding_radii[visible_blocks[in_span]],
+                        unit=self.unit,
+                        limits=limits,
+                    )
+        return self._counted(choices)
+
+    def without_hidden(self, choices, are_behind) -> dict:
+        """Return chosen blocks without those behind others, and leave out meshes that are."""
+        masks = {name: are_behind(b.centers, b.radii) for name, b in choices.items()}
+        hidden_count = sum(mask.sum() * choices[name].unit for name, mask in masks.items())
+        self.counts['hidden'] = min(int(hidden_count), len(self))
+        origins, blocks = self.mesh_blocks[:, :3].astype(float), self.mesh_blocks[:, 3].astype(int)
+        is_behind = are_behind(origins, self.blocks.bounding_radii[blocks])
+        self.mesh_blocks = self.mesh_blocks[~is_behind]
+        shown = {name: choices[name].where(~mask) for name, mask in masks.items()}
+        return self._counted({name: blocks for name, blocks in shown.items() if len(blocks)})
+
+    def _counted(self, choices):
+        counts = {n: min(len(blocks) * blocks.unit, len(self)) for n, blocks in choices.items()}
+        self.counts |= self._no_cards | counts
         return choices
 
     def patches(self, frame, limits, slots, centers, sizes):
@@ -341,7 +378,8 @@ class InstanceGroup:
         table = np.empty((len(in_span), 4), np.float32)
         table[:, :3], table[:, 3] = choice.table[table_rows[in_span], :3], slots[in_span]
         depths = np.maximum.accumulate(depths[in_span])
-        return replace(choice, table=table, depths=depths, sizes=sizes[in_span])
+        of_blocks = table, depths, sizes[in_span], centers.T[in_span], self.radii[slots[in_span]]
+        return replace(choice, unit=1, **dict(zip(_BY_BLOCK, of_blocks, strict=True)))
 
     def mesh_actors(self):
         """Return the actors of instances drawn as meshes."""

@@ -8,6 +8,7 @@ from pvibr.core.plotters import put_inner
 from pvibr.gl.binder import Binder
 from pvibr.instances.cards import slab_counts, slabs
 from pvibr.instances.group import SORTED_SEEN, InstanceGroup, unit_of
+from pvibr.instances.hidden_blocks import HiddenBlocks
 from pvibr.instances.placement import centers_of
 from pvibr.maths.blocks import BLOCK, members, morton_order
 from pvibr.things.draw_order import Stage
@@ -23,6 +24,7 @@ class MeshGroups:
 
     def __init__(self, make_group=InstanceGroup):
         self._make_group, self._binder = make_group, Binder()
+        self._hidden_blocks = HiddenBlocks(self._binder)
         #: Index of each group's mesh.
         self.meshes: list[int] = []
         self._groups: list[InstanceGroup] = []
@@ -192,7 +194,8 @@ class MeshGroups:
         group_limits = choice.limits_in(frame, [group.model for group in self._groups])
         pairs = list(zip(self._groups, group_limits, strict=True))
         choices = [group.select(frame, limits, depth=depth) for group, limits in pairs]
-        self._show_cards(frame, choices)
+        choices = self._refined(frame, choices)
+        self._show_cards(self._hidden_blocks.cull(frame, self._groups, choices))
         has_new_actors = False
         for group, limits in pairs:
             for actor in group.near.select(group, frame, limits):
@@ -201,7 +204,23 @@ class MeshGroups:
             has_new_actors |= True in group.near.has_own_actors
         return has_new_actors
 
-    def _show_cards(self, frame, choices):
+    def _refined(self, frame, choices) -> list[dict]:
+        """Return choices with single instances in place of the blocks of shaders that draw few."""
+        counts: dict[str, int] = {}
+        for choice in choices:
+            for name, blocks in choice.items():
+                counts[name] = counts.get(name, 0) + len(blocks) * blocks.unit
+        return [
+            {
+                name: group.refine(frame, blocks)
+                if blocks.unit > 1 and counts[name] <= SORTED_SEEN
+                else blocks
+                for name, blocks in choice.items()
+            }
+            for group, choice in zip(self._groups, choices, strict=True)
+        ]
+
+    def _show_cards(self, choices):
         """Draw the chosen blocks of each group by the shaders that they are chosen for."""
         for group, choice in zip(self._groups, choices, strict=True):
             group.cards.show_only(choice)
@@ -210,14 +229,11 @@ class MeshGroups:
             if shader.name in shader_names:
                 pairs = zip(self._groups, choices, strict=True)
                 drawn = [(g, c[shader.name]) for g, c in pairs if shader.name in c]
-                self._show_layer(frame, shader, *zip(*drawn, strict=True))
+                self._show_layer(shader, *zip(*drawn, strict=True))
 
-    def _show_layer(self, frame, shader, groups, choices):
+    def _show_layer(self, shader, groups, choices):
         """Draw the blocks of some groups by a shader."""
-        unit = groups[0].unit
-        if unit > 1 and sum(len(choice.table) for choice in choices) * unit <= SORTED_SEEN:
-            pairs = zip(groups, choices, strict=True)
-            unit, choices = 1, [group.refine(frame, choice) for group, choice in pairs]
+        unit = choices[0].unit
         capacity = groups[0].cards.chunk // unit
         cuts = slabs([choice.depths for choice in choices], shader.turns, capacity)
         for group, choice, group_cuts in zip(groups, choices, cuts, strict=True):
@@ -259,6 +275,8 @@ class MeshGroups:
 
     def release(self):
         """Free GPU memory; the context is current."""
+        if len(self):
+            self._hidden_blocks.release(self[0].cards.window)
         for group in self:
             group.release()
         self._is_uploaded = False

@@ -118,7 +118,7 @@ class Placement:
         slots = slots[slots < count]
         blocks_of_slots = slots // self.unit
         slot_centers = centers[:, blocks_of_slots] + self.local(slots)
-        tolerance = 1e-5 * (blocks.reach + blocks.largest)[blocks_of_slots]
+        tolerance = 1e-5 * blocks.bounding_radii[blocks_of_slots]
         radii = has_matrices * self.radii[slots] + tolerance
         return slots[_may_be_outermost(slot_centers, slot_centers, radii)]
 

@@ -97,10 +97,15 @@ class Blocks:
         if self._parents is None:
             count = len(self.centers)
             slots = members(np.arange(-(-count // _CHILDREN)), _CHILDREN, count)
-            radii = (self.reach + self.largest)[slots]
+            radii = self.bounding_radii[slots]
             self._parents = Blocks.empty(len(slots))
             self._parents.fill(slice(None), self.centers.T.take(slots, 1), radii)
         return self._parents
+
+    @property
+    def bounding_radii(self) -> np.ndarray:
+        """Radii of the spheres around the centres that hold the instances, shape (m,)."""
+        return self.reach + self.largest
 
     def seen(self, frame):
         """Return the blocks in the frustum, farthest first, and the sizes of their instances.

@@ -100,7 +100,7 @@ def _lengths_of(pixel_count, renderer, centers):
 def _candidates(group, ray_start, direction, visible_mask, reach_at):
     """Return (distance, slot) of the enlarged bounding spheres that the ray enters, sorted."""
     blocks = group.blocks
-    block_reach = blocks.reach + blocks.largest + reach_at(blocks.centers)
+    block_reach = blocks.bounding_radii + reach_at(blocks.centers)
     _, is_near = _spheres(blocks.centers, block_reach, ray_start, direction)
     slots = (np.flatnonzero(is_near)[:, None] * group.unit + np.arange(group.unit)).ravel()
     slots = slots[slots < len(group)]

@@ -40,7 +40,7 @@ class ShaderDraws:
         self.chunk = chunk
         #: Shared if given as a `CardMaterial`, else a copy.
         self.material = prop if isinstance(prop, CardMaterial) else CardMaterial(prop)
-        self.actors = [_draw_actor(self.mapper, self.material, translucent) for _ in range(draws)]
+        self.actors = [draw_actor(self.mapper, self.material, translucent) for _ in range(draws)]
         self.textures: dict[str, Texture] = {}
         #: Replaced with every change, as are `own_uniforms`, which have no name in common.
         self.uniforms: dict = {}
@@ -174,7 +174,7 @@ class ShaderDraws:
             self.entries = None
 
 
-def _draw_actor(mapper, material, translucent):
+def draw_actor(mapper, material, translucent):
     """Return an unpickable actor without bounds."""
     actor = pv.Actor()
     actor.SetMapper(mapper)

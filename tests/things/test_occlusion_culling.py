@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from pvibr.maths.views import View
-from pvibr.points.occlusion_culling import behind, likely_seen, on_screen
 from pvibr.things.frame import Frame
+from pvibr.things.occlusion_culling import behind, likely_seen, on_screen
 
 SIZE = 96, 64
 
