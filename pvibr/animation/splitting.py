@@ -1,4 +1,4 @@
-"""Sharp edges of meshes that move: points are split, and what deforms them follows."""
+"""Meshes that move with other points, copies of theirs or fewer: what deforms them follows."""
 
 from __future__ import annotations
 
@@ -19,18 +19,40 @@ def split_figure(figure, angles):
 
     None leaves a mesh as it is; if nothing is split, the figure itself is returned.
     """
-    split_meshes = [_split(mesh, angle) for mesh, angle in zip(figure.meshes, angles, strict=True)]
-    if all(origins is None for _, origins in split_meshes):
-        return figure
-    correctives = figure.correctives
+    pairs = enumerate(zip(figure.meshes, angles, strict=True))
+    split_meshes = {i: _split(mesh.mesh, angle) for i, (mesh, angle) in pairs}
+    split_meshes = {i: split for i, split in split_meshes.items() if split is not None}
+    return with_points(figure, split_meshes, other_normals=True) if split_meshes else figure
+
+
+def _split(mesh, angle):
+    """Return a mesh with split edges and the former number of each point, None if none splits."""
+    if angle is None or not (mesh.n_strips or mesh.GetNumberOfPolys()):
+        return None
+    point_count, mesh = mesh.n_points, mesh.copy(deep=False)
+    mesh.point_data[_ROW] = np.arange(point_count)
+    normal_options = {'cell_normals': False, 'consistent_normals': False, 'feature_angle': angle}
+    mesh = mesh.compute_normals(split_vertices=True, **normal_options)
+    origins = np.array(mesh.point_data.pop(_ROW))
+    mesh.point_data.pop('pyvistaOriginalPointIds', None)
+    return None if mesh.n_points == point_count else (mesh, origins)
+
+
+def with_points(figure, meshes, *, other_normals=False) -> Figure:
+    """Return a figure with other points of some meshes: {index: (mesh, former numbers)}.
+
+    If they have other normals than before, those of deformed meshes are computed.
+    """
+    figure_meshes, correctives = list(figure.meshes), figure.correctives
+    shapes = {} if correctives is None else dict(correctives.shapes)
+    for i, (mesh, origins) in meshes.items():
+        figure_meshes[i] = _with_points(figure.meshes[i], mesh, origins, other_normals)
+        if i in shapes:
+            shapes[i] = _morphs_of(shapes[i], figure_meshes[i], origins, other_normals)
     if correctives is not None:
-        shapes = {
-            i: morphs if split_meshes[i][1] is None else _split_morphs(morphs, *split_meshes[i])
-            for i, morphs in correctives.shapes.items()
-        }
         correctives = Correctives(correctives.spaces, shapes)
     return Figure(
-        [mesh for mesh, _ in split_meshes],
+        figure_meshes,
         figure.skeleton,
         figure.clips,
         correctives,
@@ -40,45 +62,33 @@ def split_figure(figure, angles):
     )
 
 
-def _split(figure_mesh, angle):
-    """Return a mesh with split edges and the former number of each point, else itself and None."""
-    mesh = figure_mesh.mesh
-    if angle is None or not (mesh.n_strips or mesh.GetNumberOfPolys()):
-        return figure_mesh, None
-    mesh = mesh.copy(deep=False)
-    mesh.point_data[_ROW] = np.arange(mesh.n_points)
-    normal_options = {'cell_normals': False, 'consistent_normals': False, 'feature_angle': angle}
-    mesh = mesh.compute_normals(split_vertices=True, **normal_options)
-    origins = np.array(mesh.point_data.pop(_ROW))
-    mesh.point_data.pop('pyvistaOriginalPointIds', None)
-    if mesh.n_points == figure_mesh.mesh.n_points:
-        return figure_mesh, None
+def _with_points(figure_mesh, mesh, origins, other_normals):
     skin, frames = figure_mesh.skin, figure_mesh.frames
     if skin is not None:
         skin = Skin(skin.nodes, skin.inverse_bind, skin.joints[origins], skin.weights[origins])
     if frames is not None:
-        frames = replace(frames, positions=frames.positions[:, origins], normals=None)
-    split = replace(figure_mesh, mesh=mesh, skin=skin, frames=frames, morphs=None)
+        normals = None if other_normals else frames.normals[:, origins]
+        frames = replace(frames, positions=frames.positions[:, origins], normals=normals)
+    changed = replace(figure_mesh, mesh=mesh, skin=skin, frames=frames, morphs=None)
     if figure_mesh.morphs is not None:
-        split.morphs = _split_morphs(figure_mesh.morphs, split, origins)
-    return split, origins
+        changed.morphs = _morphs_of(figure_mesh.morphs, changed, origins, other_normals)
+    return changed
 
 
-def _split_morphs(morphs, figure_mesh, origins):
-    """Return the targets for split points; differences of normals are those of the polygons."""
-    split_targets = {
-        attribute: [
-            _split_target(morphs.target(attribute, i), origins) for i in range(len(morphs))
-        ]
+def _morphs_of(morphs, figure_mesh, origins, other_normals):
+    """Return the targets for other points; other normals change as those of the polygons."""
+    targets = {
+        attribute: [_target_of(morphs.target(attribute, i), origins) for i in range(len(morphs))]
         for attribute in WIDTHS
         if morphs.has(attribute)
     }
-    split_targets.setdefault('positions', [None] * len(morphs))
-    split = Morphs(**split_targets, names=morphs.names, weights=morphs.weights)
-    return split.with_normals(figure_mesh.mesh) if morphs.has('normals') else split
+    targets.setdefault('positions', [None] * len(morphs))
+    split = Morphs(**targets, names=morphs.names, weights=morphs.weights)
+    is_computed = other_normals and morphs.has('normals')
+    return split.with_normals(figure_mesh.mesh) if is_computed else split
 
 
-def _split_target(target, origins):
+def _target_of(target, origins):
     if target is None:
         return None
     where, values = target

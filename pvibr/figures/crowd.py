@@ -302,7 +302,7 @@ class Crowd(Instances):
         """Return the report of instances, with bytes on the GPU."""
         details = super().report() | {'bytes': nbytes_of(*self.groups)}
         for group in self.groups:
-            details |= {'poses': group.near.poses.note} if group.near.poses.note else {}
+            details |= {'poses': group.near.note} if group.near.note else {}
         if len(self):
             details |= lying_note(self.figure, _matrix(self._items.poses[0]), self.pipeline)
         return details

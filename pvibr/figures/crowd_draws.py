@@ -21,12 +21,12 @@ from pvibr.things.shader_draws import ROW, pack
 _TEXELS = 4  # per member
 
 
-def can_share_draws(level, mesh_actors, may_mirror) -> bool:
+def can_share_draws(level, may_mirror) -> bool:
     """Return whether members may share draws: all look, and wind if faces are culled, alike."""
-    if may_mirror and culls_faces(mesh_actors):
+    if may_mirror and culls_faces(level.mesh_actors):
         return False
     # Also heavy ones, each with a draw of its own: an actor costs more than that.
-    return can_batch(level, np.inf) and all(_is_alike(actor) for actor in mesh_actors)
+    return can_batch(level, np.inf) and all(_is_alike(actor) for actor in level.mesh_actors)
 
 
 def _is_alike(mesh_actor) -> bool:
@@ -41,14 +41,15 @@ def culls_faces(mesh_actors) -> bool:
 
 
 class CrowdDraws(MeshDraws):
-    """The near members of a group."""
+    """The near members of a group that show a level."""
 
-    def __init__(self, level, mesh_actors, poses, *shared):
-        self.mesh_actors, self.poses = mesh_actors, poses
+    def __init__(self, level, poses, *shared):
+        self.poses = poses
         super().__init__(level, *shared)
 
     def _part_draws(self, capacity, center, *shared) -> list:
-        rows = zip(self.level.parts, self.level.materials, self.mesh_actors, strict=True)
+        level = self.level
+        rows = zip(level.parts, level.materials, level.mesh_actors, strict=True)
         origin = np.zeros_like(center)  # matrices are those of the meshes
         return [MemberDraws(*row, self.poses, capacity, origin, *shared) for row in rows]
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from pvibr.core.progress import baking
@@ -13,7 +11,7 @@ from pvibr.figures.mesh_actors import posed_part
 from pvibr.figures.player import Moment
 from pvibr.figures.pose_atlas import bake_pose_atlas
 from pvibr.figures.posed_meshes import PosedPool
-from pvibr.gl import nbytes_of
+from pvibr.gl import nbytes_of, release
 from pvibr.instances.group import InstanceGroup
 from pvibr.instances.mesh_models import MeshModels
 from pvibr.instances.near_meshes import NO_TINT, NearMeshes
@@ -54,38 +52,41 @@ class Playback:
 
 
 class _PosedMeshes(NearMeshes):
-    """Near members: many per draw, or with an actor per mesh and member."""
+    """Near members at their levels: many per draw, or with an actor per mesh and member."""
 
     def __init__(self, levels, state):
         self._state = state
-        self.poses = MemberPoses(state.mesh_actors, state.skinning)
-        # Slots and shares of the members that share draws, and the view that they were chosen for.
-        self._shared: tuple = (np.zeros(0, int), np.zeros(0))
+        points = np.array([sum(p.mesh.n_points for p in level.parts) for level in levels])
+        shares = points / points.sum()  # each has room for as many poses
+        #: Of each level.
+        self.poses = [
+            MemberPoses(level.mesh_actors, state.skinning, share)
+            for level, share in zip(levels, shares, strict=True)
+        ]
+        # Slots and shares of the members that share draws, by level, and the view of the choice.
+        self._shared: list[tuple] = []
         self._eye_from_world = np.eye(4)
-        #: Draws of the only level.
-        self._crowd_draws: Any = None
+        self._crowd_draws: list[CrowdDraws] = []
         super().__init__(levels)
 
     def _pools(self) -> list:
-        pool_options = self._state.mesh_actors, self._state.skinning
-        return [PosedPool(level, *pool_options) for level in self.levels]
+        return [PosedPool(level, self._state.skinning) for level in self.levels]
 
     def draw_many(self, capacity, center, binder):
         """Prepare draws of many members, unless their meshes need actors of their own."""
-        (level,) = self.levels
         options = capacity, center, self._matrix, binder, False
-        self._crowd_draws = CrowdDraws(level, self._state.mesh_actors, self.poses, *options)
-        self.draws = [self._crowd_draws]
+        pairs = zip(self.levels, self.poses, strict=True)
+        self._crowd_draws = [CrowdDraws(level, poses, *options) for level, poses in pairs]
+        self.draws = [*self._crowd_draws]
         self.follow_material()
 
     def follow_material(self):
         """Use actors of each member where a material needs more than surfaces."""
-        state = self._state
+        may_mirror = self._state.may_mirror()
         own_actors = [
-            not (self.draws and can_share_draws(level, state.mesh_actors, state.may_mirror()))
-            for level in self.levels
+            not (self.draws and can_share_draws(level, may_mirror)) for level in self.levels
         ]
-        self._culls = culls_faces(state.mesh_actors)
+        self._culls = culls_faces(self._state.mesh_actors)
         self._set_own_actors(own_actors, elsewhere=self._culls)
 
     def _need_own_actors(self, group, slots, mesh_levels) -> np.ndarray:
@@ -93,43 +94,57 @@ class _PosedMeshes(NearMeshes):
         # In a mirror image the other faces are culled.
         return needs_own | group.placement.mirrored(slots) if self._culls else needs_own
 
-    def _show_batches(self, group, frame, slots, _centers, _levels, shares, _outside):
-        draws = self._crowd_draws
-        if draws.blends:
-            slots, shares = slots[::-1], shares[::-1]
-        self._shared, self._eye_from_world = (slots, shares.clip(0, 1)), frame.view_from_world
-        uniforms = {name: group.cards.uniforms[name] for name in _UNIFORMS}
+    def _show_batches(self, group, frame, slots, _centers, levels, shares, _outside):
+        shares, self._eye_from_world = shares.clip(0, 1), frame.view_from_world
+        uniforms = {name: group.cards.uniforms[name] for name in _UNIFORMS} | NO_TINT
         textures = {'ibr_looks': group.cards.textures['ibr_looks']}
-        draws.set_inputs(None, textures, uniforms | NO_TINT)
-        return draws.show(0, len(slots), False)
+        new_actors, self._shared = [], []
+        blends = self._blends()
+        for k, draws in enumerate(self.draws):
+            (of_level,) = np.nonzero(levels == k)
+            drawn = of_level[::-1] if blends else of_level
+            self._shared.append((slots[drawn], shares[drawn]))
+            if len(drawn):
+                draws.set_inputs(None, textures, uniforms)
+                new_actors += draws.show(0, len(drawn), False)
+            elif draws.is_shown:
+                draws.hide()
+        return new_actors
 
     def pose(self, window, group, time):
         """Pose the members that share draws."""
-        slots, shares = self._shared
-        if len(slots):
-            clips, seconds = self._state.seconds(time, group.ids[slots])
+        eye_from_world, state = self._eye_from_world, self._state
+        for (slots, shares), draws in zip(self._shared, self._crowd_draws, strict=False):
+            if not len(slots):
+                continue
+            clips, seconds = state.seconds(time, group.ids[slots])
             ranks = np.arange(len(slots))
-            ranks = ranks[::-1] if self._crowd_draws.blends else ranks
-            times = clips, seconds, self._state.durations(clips), self._state.moments
-            numbers = self.poses.pose(window, slots, ranks, *times)
-            eye_from_figure = self._eye_from_world @ group.matrices(slots)
-            radii = group.radii[slots]
-            self._crowd_draws.upload(window, slots, shares, radii, numbers, eye_from_figure)
+            ranks = ranks[::-1] if self._blends() else ranks
+            times = clips, seconds, state.durations(clips), state.moments
+            numbers = draws.poses.pose(window, time, slots, ranks, *times)
+            eye_from_figure = eye_from_world @ group.matrices(slots)
+            draws.upload(window, slots, shares, group.radii[slots], numbers, eye_from_figure)
+
+    @property
+    def note(self) -> str:
+        """What members share because there are too few poses; empty if each has its own."""
+        notes = zip(self._level_names, self.poses, strict=True)
+        return '; '.join(f'{name}: {poses.note}' for name, poses in notes if poses.note)
 
     @property
     def nbytes(self) -> int:
         """Bytes on the GPU."""
-        return nbytes_of(self.poses, *self.draws, *self.pools)
+        return nbytes_of(*self.poses, *self.draws, *self.pools)
 
     def hide(self, group):
         """Draw nothing, and forget what slots hold."""
         super().hide(group)
-        self._shared = np.zeros(0, int), np.zeros(0)
+        self._shared = []
 
     def release(self, window):
         """Free GPU memory; the context is current."""
         super().release(window)
-        self.poses.release()
+        release(*self.poses)
 
 
 class CrowdGroup(InstanceGroup):

@@ -1,4 +1,4 @@
-"""Poses of the near members of a crowd, which stay on the GPU while time stands still."""
+"""Poses of the near members of a crowd, each posed once a frame for all views of it."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ _SHARED = 0.25  # of all poses, where there are too few: phases that members far
 
 
 class MemberPoses:
-    """Poses by number; a member has one as long as it is near."""
+    """Poses of a level by number; a member keeps one until others need it."""
 
-    def __init__(self, mesh_actors, skinning):
-        self.mesh_actors, self.skinning = mesh_actors, skinning
+    def __init__(self, mesh_actors, skinning, memory_share=1.0):
+        self.mesh_actors, self.skinning, self._memory_share = mesh_actors, skinning, memory_share
         self._posed = [a for a in mesh_actors if isinstance(a, PosedMeshActor)]
         self.posing: Posing | None = None
         self._capacity = 0
@@ -34,12 +34,13 @@ class MemberPoses:
         shape = extra, len(self.mesh_actors)
         identities = np.broadcast_to(np.eye(4), (*shape, 4, 4))
         if not old:
-            self._keys = np.zeros((0, 2))
+            self._keys, self._used_at = np.zeros((0, 2)), np.zeros(0)
             #: Of each pose and mesh: the matrix, and -1 where joints mirror it, else 1.
             self.figure_from_mesh = np.zeros((0, *shape[1:], 4, 4))
             self.turns = np.zeros((0, *shape[1:]))
             self._mesh_poses: list[list | MeshPose] = [[] for _ in self._posed]
         self._keys = np.concatenate([self._keys, np.full((extra, 2), np.nan)])
+        self._used_at = np.concatenate([self._used_at, np.full(extra, np.nan)])
         self.figure_from_mesh = np.concatenate([self.figure_from_mesh, identities])
         self.turns = np.concatenate([self.turns, np.ones(shape)])
         self._capacity = capacity
@@ -56,19 +57,20 @@ class MemberPoses:
         first, end = (self.posing.rows[self._posed.index(mesh_actor) + k] for k in (0, 1))
         return first + numbers * ((end - first) // self.posing.poses)
 
-    def pose(self, window, slots, ranks, clips, seconds, durations, moments_of) -> np.ndarray:
+    def pose(self, window, time, slots, ranks, clips, seconds, durations, moments_of):
         """Pose members, ranked from the nearest; return the numbers of their poses."""
-        most = most_poses(window, [actor.rest_mesh for actor in self._posed])
+        rest_meshes = [actor.rest_mesh for actor in self._posed]
+        most = most_poses(window, rest_meshes, self._memory_share)
         owners, seconds = self._shared(slots, ranks, clips, seconds, durations, most)
         owners, first, inverse = np.unique(owners, return_index=True, return_inverse=True)
-        numbers = self._numbers_of(owners, most)
+        numbers = self._numbers_of(owners, most, time)
         keys = np.stack([clips[first], seconds[first]], 1)
         (changed,) = np.nonzero((self._keys[numbers] != keys).any(1))
         if len(changed):
             self._pose(numbers[changed], moments_of(keys[changed]))
             self._keys[numbers[changed]] = keys[changed]
         if self._posed and (len(changed) or self.posing is None) and len(slots):
-            self._draw(window)
+            self._draw(window, numbers[changed])
         return numbers[inverse]
 
     def _shared(self, slots, ranks, clips, seconds, durations, most) -> tuple:
@@ -93,20 +95,37 @@ class MemberPoses:
         owners = np.where(is_far, -1 - (places * phase_count + phases), slots)
         return owners, np.where(is_far, (phases + 0.5) * steps, seconds)
 
-    def _numbers_of(self, owners, most) -> np.ndarray:
-        """Return the number of the pose of each owner; those of other owners become free."""
+    def _numbers_of(self, owners, most, time) -> np.ndarray:
+        """Return the number of the pose of each owner."""
         owner_list = owners.tolist()
-        if self._number_of.keys() != set(owner_list):
-            for owner in self._number_of.keys() - set(owner_list):
-                self._free.append(self._number_of.pop(owner))
-            new_owners = [owner for owner in owner_list if owner not in self._number_of]
-            if len(new_owners) > len(self._free):
-                needed = len(self._number_of) + len(new_owners)
-                ahead = max(1 << (needed - 1).bit_length(), _LEAST)
-                self._grow(max(min(ahead, most), needed))
-            for owner in new_owners:
-                self._number_of[owner] = self._free.pop()
-        return np.array([self._number_of[owner] for owner in owner_list], int)
+        new_owners = [owner for owner in owner_list if owner not in self._number_of]
+        missing = len(new_owners) - len(self._free)
+        if missing > 0:
+            # First poses of former times, then more room, then those of other views of this one.
+            missing -= self._free_others(owner_list, missing, lambda used_at: used_at != time)
+        if missing > 0:
+            needed = self._capacity + missing
+            ahead = max(1 << (needed - 1).bit_length(), _LEAST)
+            self._grow(max(min(ahead, most), self._capacity))
+            missing = len(new_owners) - len(self._free)
+        if missing > 0:
+            self._free_others(owner_list, missing, lambda _used_at: True)
+        for owner in new_owners:
+            self._number_of[owner] = self._free.pop()
+        numbers = np.array([self._number_of[owner] for owner in owner_list], int)
+        self._used_at[numbers] = time
+        return numbers
+
+    def _free_others(self, owners, count, may_go) -> int:
+        """Free up to a count of poses of other owners; return how many."""
+        others = [
+            owner
+            for owner in self._number_of.keys() - set(owners)
+            if may_go(self._used_at[self._number_of[owner]])
+        ][:count]
+        for owner in others:
+            self._free.append(self._number_of.pop(owner))
+        return len(others)
 
     def _pose(self, numbers, moments):
         """Take the poses of moments, each of some of the numbers."""
@@ -136,13 +155,16 @@ class MemberPoses:
             mesh_poses[number] = mesh_pose
         return mesh_poses
 
-    def _draw(self, window):
-        """Pose all vertices."""
+    def _draw(self, window, numbers):
+        """Pose the vertices of some poses, and of those between them."""
+        first, end = (numbers.min(), numbers.max() + 1) if len(numbers) else (0, self._capacity)
         if self.posing is None or self.posing.poses != self._capacity:
             self._release_posing()
             rest_meshes = [actor.rest_mesh for actor in self._posed]
             self.posing = Posing(window, rest_meshes, poses=self._capacity)
-        self.posing.draw(self._mesh_poses, skinning_mode=self.skinning)
+            first, end = 0, self._capacity
+        options = {'skinning_mode': self.skinning, 'span': (int(first), int(end))}
+        self.posing.draw(self._mesh_poses, **options)
 
     def _release_posing(self):
         release(self.posing)

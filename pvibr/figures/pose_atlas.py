@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 
 from pvibr.animation.clip import Clip
 from pvibr.animation.figure import Figure
-from pvibr.animation.normals import point_normals, with_flipped_winding
 from pvibr.core.errors import warn
-from pvibr.figures.mesh_actors import PosedMeshActor
+from pvibr.figures.figure_levels import FigureLevel, simplified
+from pvibr.figures.pose_sampler import PoseSampler
 from pvibr.gl.hidden_window import hidden_window
 from pvibr.instances.atlas import Atlas, pyramid
 from pvibr.instances.bake import Baker
@@ -19,10 +20,9 @@ from pvibr.instances.cache import AtlasCache, key_of
 from pvibr.instances.levels import VERSION, LodModel, look_values
 from pvibr.instances.measure import measure
 from pvibr.instances.mesh_pool import MeshLevel
+from pvibr.instances.stored_levels import from_arrays, to_arrays
 from pvibr.instances.support import box_of, support_table
 from pvibr.maths import octahedral
-from pvibr.maths.transforms import transform_normals, transform_points
-from pvibr.meshes.parts import Part
 
 #: Views along a side of each pose's grid, and tile sizes in texels: the first that fits.
 VIEWS = 12
@@ -31,6 +31,7 @@ TILES = (64, 32, 16)
 BUDGET = 192 * 2**20
 BINS = 1024  # time steps of a clip in the texture
 _SAMPLES = 32  # time steps at which the motion of a clip is sampled
+_SIMPLIFIED = 16  # poses of all clips in which lighter levels are accurate, about
 _MEASURED = 3  # most clips measured, in one pose each; a single clip in two
 _BYTES = 8 * 3 / 2  # per texel with its mipmaps
 
@@ -128,45 +129,6 @@ class Motion:
         return np.minimum((travel_share * n_poses).astype(int), n_poses - 1)
 
 
-class PoseSampler:
-    """Poses the meshes of a figure on the CPU, relative to a centre."""
-
-    def __init__(self, figure, mesh_actors, skinning):
-        self.figure, self.mesh_actors, self.skinning = figure, mesh_actors, skinning
-        self.center = np.zeros(3)
-
-    def shapes(self, pose) -> list:
-        """Return points and normals of each mesh, (v, 3) float64 each, and if it is mirrored."""
-        world = self.figure.world(pose)
-        return [self._shape(i, a, pose, world) for i, a in enumerate(self.mesh_actors)]
-
-    def _shape(self, mesh_index, mesh_actor, pose, world):
-        if isinstance(mesh_actor, PosedMeshActor):
-            points, normals = self.figure.posed(mesh_index, pose, self.skinning)
-        else:
-            figure_from_joint = np.eye(4) if mesh_actor.node < 0 else world[mesh_actor.node]
-            mesh = mesh_actor.part.mesh
-            points = transform_points(figure_from_joint, mesh.points)
-            normals = transform_normals(figure_from_joint, point_normals(mesh))
-        return points - self.center, normals, self.figure.meshes[mesh_index].mirrors(world)
-
-    def parts(self, pose) -> list[Part]:
-        """Return the parts of the figure in a pose."""
-        # Deep copies of the meshes: shallow ones share their points.
-        parts = [a.part.with_mesh(a.part.mesh.copy()) for a in self.mesh_actors]
-        self.set_pose(parts, pose)
-        return parts
-
-    def set_pose(self, parts, pose):
-        """Set points, normals and winding of parts that :meth:`parts` returned."""
-        shapes = zip(self.mesh_actors, parts, self.shapes(pose), strict=True)
-        for mesh_actor, part, (points, normals, is_mirrored) in shapes:
-            part.mesh.points = points.astype(np.float32)
-            part.mesh.point_data.active_normals = normals.astype(np.float32)
-            mesh = mesh_actor.part.mesh
-            part.mesh.SetPolys((with_flipped_winding(mesh) if is_mirrored else mesh).GetPolys())
-
-
 def _reach(sampler, motion):
     """Return the largest distance of a point from the centre over a motion."""
     poses = sampler.figure.sample(motion.times, motion.clip, loop=False)
@@ -218,27 +180,37 @@ def bake_pose_atlas(
     support = (support_reach - support_table(sampler.center[None])) / radius
     tile, counts = pose_counts([m.travel[-1] for m in motions], radius, max_error)
     poses = [m.pose((k + 0.5) / n) for m, n in zip(motions, counts, strict=True) for k in range(n)]
-    levels = [MeshLevel([mesh_actor.part for mesh_actor in mesh_actors])]
+    level = FigureLevel.of(sampler)
     store = None if cache is False else AtlasCache(None if cache is True else cache)
     cache_key = '' if store is None else _key(sampler, poses, tile, counts)
-    cached_atlas = None if store is None else store.load(cache_key, PoseAtlas.from_arrays)
-    if cached_atlas is not None:
-        return LodModel(levels, cached_atlas), list(motions)
+    model = None if store is None else store.load(cache_key, partial(_from_arrays, level))
+    if model is not None:
+        return model, list(motions)
     try:
-        atlas = _baked(sampler, motions, counts, poses, (radius, support, tile), advance)
+        model = _baked(sampler, motions, counts, poses, (radius, support, tile), advance)
     except RuntimeError as error:
         warn(
             f'image cards are disabled, and meshes are drawn instead: {error}. Run `pvibr '
             'doctor`, or update the graphics driver.'
         )
-        return LodModel(levels, Atlas.blank(figure_box)), list(motions)
+        return LodModel([level], Atlas.blank(figure_box)), list(motions)
     if store is not None:
-        store.put(cache_key, atlas.to_arrays())
-    return LodModel(levels, atlas), list(motions)
+        store.put(cache_key, model.atlas.to_arrays() | to_arrays(model.levels))
+    return model, list(motions)
+
+
+def _from_arrays(level, arrays) -> LodModel:
+    """Return the levels of a figure from arrays of the cache, checked."""
+    _, *lighter_levels = from_arrays(level.parts, arrays)
+    return _model(level, lighter_levels, PoseAtlas.from_arrays(arrays))
+
+
+def _model(level, lighter_levels, atlas) -> LodModel:
+    return LodModel([level, *map(level.lighter, lighter_levels)], atlas)
 
 
 def _key(sampler, poses, tile, counts):
-    key_values: list = ['poses', VERSION, VIEWS, tile, BINS, counts]
+    key_values: list = ['poses and lighter meshes', VERSION, VIEWS, tile, BINS, counts]
     for mesh_actor in sampler.mesh_actors:
         mesh = mesh_actor.part.mesh
         key_values += [mesh_actor.part.alpha_cutoff, np.asarray(mesh.regular_faces)]
@@ -254,6 +226,8 @@ def _key(sampler, poses, tile, counts):
 def _baked(sampler, motions, counts_by_clip, poses, grid_parameters, advance):
     start_time = time.perf_counter()
     radius, support, tile_size = grid_parameters
+    lighter_levels = simplified(sampler, _posed_at(motions), radius)
+    level = FigureLevel.of(sampler)
     parts = sampler.parts(poses[0])
     pictures, view_frames = [], octahedral.frame(octahedral.view_directions(VIEWS))
     with hidden_window() as (_, renderer):
@@ -271,21 +245,32 @@ def _baked(sampler, motions, counts_by_clip, poses, grid_parameters, advance):
     bins = [m.bins(n) + f for m, n, f in zip(motions, counts_by_clip, first_poses, strict=False)]
     view_parameters = np.zeros(3), radius, support, VIEWS, tile_size
     atlas = PoseAtlas(geometry, albedo, *view_parameters, bins=np.array(bins, np.float32))
-    atlas.errors = _measured(sampler, motions, counts_by_clip, atlas)
+    model = _model(level, lighter_levels, atlas)
+    atlas.errors = _measured(sampler, motions, counts_by_clip, model)
     atlas.center = sampler.center
     atlas.seconds = time.perf_counter() - start_time
-    return atlas
+    return model
 
 
-def _measured(sampler, motions, counts_by_clip, atlas):
+def _posed_at(motions) -> list:
+    """Return poses in which lighter levels must be accurate, over all clips."""
+    count = int(np.clip(_SIMPLIFIED // len(motions), 1, _SAMPLES))
+    return [motion.pose((k + 0.5) / count) for motion in motions for k in range(count)]
+
+
+def _measured(sampler, motions, counts_by_clip, model):
     """Return the worst error table of some poses, measured halfway between two."""
     error_tables = []
     first = 0
     poses_per_clip = 2 if len(motions) == 1 else 1
+    samplers = [level.sampler(sampler) for level in model.levels]
     for motion, pose_count in list(zip(motions, counts_by_clip, strict=True))[:_MEASURED]:
         for k in np.unique(np.linspace(0, pose_count - 1, 2 + poses_per_clip).astype(int)[1:-1]):
             between = motion.pose((k + 1) / pose_count)
-            model = LodModel([MeshLevel(sampler.parts(between))], atlas.pose(first + int(k)))
-            error_tables.append(measure(model))
+            levels = [
+                MeshLevel(own_sampler.parts(between), level.error)
+                for own_sampler, level in zip(samplers, model.levels, strict=True)
+            ]
+            error_tables.append(measure(LodModel(levels, model.atlas.pose(first + int(k)))))
         first += pose_count
     return {name: np.max([t[name] for t in error_tables], 0) for name in error_tables[0]}

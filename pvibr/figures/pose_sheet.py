@@ -124,11 +124,11 @@ class RowPool:
         """Draw into the rows; all GL state is restored afterwards."""
         return self._target.drawing()
 
-    def aim(self, first_row, row_count):
-        """Draw into these rows only."""
+    def aim(self, first_row, row_count, width=WIDTH):
+        """Draw into these rows only, or their first texels."""
         gl_state = self.window.GetState()
-        gl_state.vtkglViewport(0, first_row, WIDTH, row_count)
-        gl_state.vtkglScissor(0, first_row, WIDTH, row_count)
+        gl_state.vtkglViewport(0, first_row, width, row_count)
+        gl_state.vtkglScissor(0, first_row, width, row_count)
 
     def download(self, first_row, row_count) -> list[np.ndarray]:
         """Return the texels of rows of each texture, for tests."""
@@ -197,9 +197,10 @@ class PoseSheet:
             self._uploaded_places = row_places
             self._places.upload(row_places[:, None].astype(np.float32))
 
-    def draw(self, first_row, row_count, defines, uniforms, textures):
-        """Pose the vertices of rows, within ``posed.drawing()``."""
-        self.posed.aim(first_row, row_count)
+    def draw(self, first_row, size, defines, uniforms, textures):
+        """Pose the vertices of rows, width and count, within ``posed.drawing()``."""
+        width, row_count = size
+        self.posed.aim(first_row, row_count, width)
         program_key = tuple(defines.items())
         if program_key not in self._quads:
             shader_text = shader('pose', WIDTH=WIDTH, STATE_WIDTH=STATE_WIDTH, **defines)

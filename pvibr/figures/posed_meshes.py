@@ -27,10 +27,10 @@ class PosedPool(MeshPool):
 
     turns_normals = False  # where a pose mirrors, faces are wound the other way
 
-    def __init__(self, level, mesh_actors, skinning):
+    def __init__(self, level, skinning):
         super().__init__(level)
-        self.mesh_actors, self.skinning = mesh_actors, skinning
-        self._posed = [b for b in mesh_actors if isinstance(b, PosedMeshActor)]
+        self.mesh_actors, self.skinning = level.mesh_actors, skinning
+        self._posed = [b for b in self.mesh_actors if isinstance(b, PosedMeshActor)]
         self._posing: Posing | None = None
         #: Slot and clip time of each pose, by its number.
         self._shown_keys: dict = {}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 
 import numpy as np
@@ -21,6 +21,8 @@ from pvibr.things.shader_draws import pack
 _UNIFORM_NUMBERS, _UNIFORM_MESHES = 192, 4
 
 
+#: Poses of a mesh from which a draw of its own pays, as wide as it has vertices.
+_MANY_POSES = 16
 #: Bytes of a posed vertex, and the share of the GPU's memory for images that poses may take.
 _VERTEX_BYTES, _MEMORY_SHARE = 32, 0.25
 
@@ -60,11 +62,15 @@ class MeshPose:
     amounts: np.ndarray | tuple = ()
     frames: int = 0
 
+    def __getitem__(self, poses) -> MeshPose:
+        """Return some of its many poses."""
+        return replace(self, matrices=None if self.matrices is None else self.matrices[poses])
 
-def most_poses(window, rest_meshes) -> int:
-    """Return in how many poses the meshes fit one texture and a share of the GPU's memory."""
+
+def most_poses(window, rest_meshes, share=1.0) -> int:
+    """Return in how many poses the meshes fit one texture and a share of what poses may take."""
     pose_rows = sum(-(-len(mesh.points) // WIDTH) for mesh in rest_meshes)
-    affordable_rows = limit_bytes() * _MEMORY_SHARE // (_VERTEX_BYTES * WIDTH)
+    affordable_rows = share * limit_bytes() * _MEMORY_SHARE // (_VERTEX_BYTES * WIDTH)
     return max(int(min(texture_limit(window), affordable_rows) // max(pose_rows, 1)), 1)
 
 
@@ -103,14 +109,19 @@ class Posing:
         shape_bytes = sum(m.store.nbytes for m in self._meshes if m.store is not None)
         return 16 * WIDTH * row_count + shape_bytes
 
-    def draw(self, mesh_poses, *, skinning_mode='linear', bulge=1.0):
-        """Pose all meshes, each in a list of poses or in a `MeshPose` of many."""
-        draw_together(self.passes(mesh_poses, skinning_mode, bulge))
+    def draw(self, mesh_poses, *, skinning_mode='linear', bulge=1.0, span=None):
+        """Pose all meshes, each in a list of poses or in a `MeshPose` of many, or a span of it."""
+        first, end = span or (0, self.poses)
+        draw_together(
+            self.passes([poses[first:end] for poses in mesh_poses], skinning_mode, bulge, first)
+        )
 
-    def passes(self, mesh_poses, skinning, bulge) -> list[_Pass]:
-        """Return the passes that pose the meshes."""
+    def passes(self, mesh_poses, skinning, bulge, first=0) -> list[_Pass]:
+        """Return the passes that pose the meshes, in poses from the first one on."""
         pairs = zip(self._meshes, mesh_poses, strict=True)
-        return [_Pass(m, m.pose_states(poses, skinning), skinning, bulge) for m, poses in pairs]
+        return [
+            _Pass(m, m.pose_states(poses, skinning), skinning, bulge, first) for m, poses in pairs
+        ]
 
     @property
     def textures(self) -> dict:
@@ -155,15 +166,16 @@ def draw_together(passes):
                 defines, uniforms, textures = first_pass.settings()
                 defines['NUMBERS'] = len(pose_uniforms.get('ibr_numbers', ()))
                 pose_uniforms |= uniforms
-                sheet.draw(first_pass.mesh.first, n_rows, defines, pose_uniforms, textures)
+                size = first_pass.width, n_rows
+                sheet.draw(first_pass.first, size, defines, pose_uniforms, textures)
 
 
 def _runs(passes) -> list[tuple[list[_Pass], dict]]:
     """Group passes into draws: adjacent rows, same program."""
     draw_runs: list = []
-    for pose_pass in sorted(passes, key=lambda p: p.mesh.first):
+    for pose_pass in sorted(passes, key=lambda p: p.first):
         last_pass = draw_runs[-1][0][-1] if draw_runs else None
-        place = pose_pass.mesh.first, pose_pass.program
+        place = pose_pass.first, pose_pass.program
         if last_pass and (last_pass.end, last_pass.program) == place:
             draw_runs[-1][0].append(pose_pass)
         else:
@@ -174,8 +186,8 @@ def _runs(passes) -> list[tuple[list[_Pass], dict]]:
 def _texture_state(passes, height) -> tuple[np.ndarray, np.ndarray]:
     """Return the state of all poses, and for each row of the target which of it to read."""
     value_counts = np.concatenate([p.value_counts() for p in passes])
-    posed_meshes = [(p.mesh, k) for p in passes for k in range(len(p.pose_states))]
-    table = [(m.first + k * m.rows, m.rest, m.rows, m.palette) for m, k in posed_meshes]
+    posed_meshes = [(p, p.mesh, k) for p in passes for k in range(len(p.pose_states))]
+    table = [(p.first + k * m.rows, m.rest, m.rows, m.palette) for p, m, k in posed_meshes]
     first_rows, rest_rows, counts, palette_sizes = np.array(table).T
     within = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
     starts = np.cumsum(value_counts) - value_counts
@@ -246,12 +258,16 @@ def _shapes(store, mesh_poses):
 class _Pass:
     """How a mesh is posed, once or in several poses."""
 
-    def __init__(self, mesh, pose_states, skinning_mode, bulge):
+    def __init__(self, mesh, pose_states, skinning_mode, bulge, first_pose=0):
         self.mesh, self.pose_states, self.bulge = mesh, pose_states, float(bulge)
+        #: Its first row.
+        self.first = mesh.first + first_pose * mesh.rows
+        #: Texels of a row that are drawn: all, unless many poses of few vertices waste them.
+        self.width = WIDTH if len(pose_states) < _MANY_POSES else min(mesh.count, WIDTH)
         group_count = mesh.rest_mesh.n_groups
         self._dual = skinning_mode == 'dual' and group_count > 0
         #: Key of the passes that one draw can combine.
-        self.program = group_count, self._dual and self.bulge, mesh.store
+        self.program = group_count, self._dual and self.bulge, mesh.store, self.width
 
     def value_counts(self) -> np.ndarray:
         """Return the rows of numbers of each pose."""
@@ -267,7 +283,7 @@ class _Pass:
     @property
     def end(self) -> int:
         """First row after its own."""
-        return self.mesh.first + self.n_rows
+        return self.first + self.n_rows
 
     @property
     def is_small(self) -> bool:
@@ -281,7 +297,7 @@ class _Pass:
         value_block[: len(pose_values)] = pose_values
         return {
             'ibr_numbers': value_block.reshape(-1, 4, 4).swapaxes(1, 2),
-            'ibr_place': (mesh.rest - mesh.first, 0, mesh.rows, mesh.palette),
+            'ibr_place': (mesh.rest - self.first, 0, mesh.rows, mesh.palette),
         }
 
     def settings(self) -> tuple[dict, dict, dict]:
