@@ -22,8 +22,8 @@ from pvibr.meshes.surface_distance import Surface
 _STEP = 0.8
 #: Triangles of a level relative to the next heavier one, at most; and fewest triangles.
 _SHARE, _LIGHTEST = 0.7, 150
-#: Errors of levels in radii: a pixel at diameters of 1024 px to 14 px, each 1.4 times the other.
-_ERRORS = 2.0 ** -np.arange(9.0, 2.5, -0.5)
+#: Errors of levels in radii: a pixel at diameters of 1024 px to 45 px, below which images serve.
+_ERRORS = 2.0 ** -np.arange(9.0, 4.0, -0.5)
 #: Points of a mesh at which errors are measured, about.
 _SAMPLES = 4000
 #: Most poses in which distances count while a mesh is simplified.
