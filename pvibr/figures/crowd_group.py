@@ -63,7 +63,8 @@ class _PosedMeshes(NearMeshes):
             MemberPoses(level.mesh_actors, state.skinning, share)
             for level, share in zip(levels, shares, strict=True)
         ]
-        # Slots and shares of the members that share draws, by level, and the view of the choice.
+        # Levels whose members share draws, with their slots, shares and ranks from the nearest;
+        # and the view that they were chosen for.
         self._shared: list[tuple] = []
         self._eye_from_world = np.eye(4)
         self._crowd_draws: list[CrowdDraws] = []
@@ -98,15 +99,17 @@ class _PosedMeshes(NearMeshes):
         shares, self._eye_from_world = shares.clip(0, 1), frame.view_from_world
         uniforms = {name: group.cards.uniforms[name] for name in _UNIFORMS} | NO_TINT
         textures = {'ibr_looks': group.cards.textures['ibr_looks']}
-        new_actors, self._shared = [], []
-        blends = self._blends()
-        for k, draws in enumerate(self.draws):
-            (of_level,) = np.nonzero(levels == k)
-            drawn = of_level[::-1] if blends else of_level
-            self._shared.append((slots[drawn], shares[drawn]))
-            if len(drawn):
+        new_actors, self._shared, blends = [], [], self._blends()
+        ranks = np.arange(len(slots))
+        level_counts = np.bincount(levels, minlength=len(self.draws)).tolist()
+        for k, (draws, count) in enumerate(zip(self.draws, level_counts, strict=True)):
+            if count:
+                drawn, order = ranks[levels == k], ranks[:count]  # nearest first
+                if blends:
+                    drawn, order = drawn[::-1], order[::-1]
+                self._shared.append((k, slots[drawn], shares[drawn], order))
                 draws.set_inputs(None, textures, uniforms)
-                new_actors += draws.show(0, len(drawn), False)
+                new_actors += draws.show(0, count, False)
             elif draws.is_shown:
                 draws.hide()
         return new_actors
@@ -114,12 +117,9 @@ class _PosedMeshes(NearMeshes):
     def pose(self, window, group, time):
         """Pose the members that share draws."""
         eye_from_world, state = self._eye_from_world, self._state
-        for (slots, shares), draws in zip(self._shared, self._crowd_draws, strict=False):
-            if not len(slots):
-                continue
+        for level, slots, shares, ranks in self._shared:
+            draws = self._crowd_draws[level]
             clips, seconds = state.seconds(time, group.ids[slots])
-            ranks = np.arange(len(slots))
-            ranks = ranks[::-1] if self._blends() else ranks
             times = clips, seconds, state.durations(clips), state.moments
             numbers = draws.poses.pose(window, time, slots, ranks, *times)
             eye_from_figure = eye_from_world @ group.matrices(slots)
