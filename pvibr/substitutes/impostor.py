@@ -8,11 +8,11 @@ import numpy as np
 
 from pvibr.core.params import Param
 from pvibr.gl.drawer import Drawer
-from pvibr.gl.driver import driver_of
 from pvibr.instances.instances import Instances
 from pvibr.substitutes.impostor_cards import ImpostorCards
 from pvibr.substitutes.impostor_costs import Costs
-from pvibr.substitutes.impostor_images import FINEST, Eyes, Images
+from pvibr.substitutes.impostor_images import Eyes, Images
+from pvibr.substitutes.impostor_limits import FINEST, limits_of
 from pvibr.substitutes.impostor_sources import (
     Materials,
     Source,
@@ -26,8 +26,6 @@ from pvibr.substitutes.leaves import CUT_BY_MOVING, Leaves
 from pvibr.substitutes.substitute import Substitute, addresses
 from pvibr.things.casters import listed
 
-#: Largest side of an image in texels.
-LARGEST = 1024
 # Cost factor of last frame's choice, so that it does not flicker.
 _HYSTERESIS = 0.8
 # Least number of places added at once.
@@ -284,7 +282,7 @@ class Impostor(Substitute):
             return
         self._still_key = None
         eyes = Eyes(frame)
-        self._allowed_error = self.max_error / frame.quality
+        self._limits = limits_of(self.max_error, eyes, self._nodes.stroke_px)
         self._costs.move(frame)
         nodes, reasons = self._cut(eyes)
         shown_images = self._render_invalid(frame, eyes, nodes, reasons)
@@ -295,7 +293,7 @@ class Impostor(Substitute):
     def _settings_key(self, frame) -> tuple:
         """Return a value that changes with all on which the choice of images depends."""
         settings = self.max_error, self.only_if_faster, self.depth, self.views, self.memory
-        state = driver_of(), self._costs.pixel, self._version, self._leaves.sections.version
+        state = self._costs.key(frame), self._version, self._leaves.sections.version
         return frame.view.key(), frame.size, frame.quality, settings, state
 
     # -- updates ---------------------------------------------------------------------------------
@@ -376,24 +374,18 @@ class Impostor(Substitute):
         eye_distance = eyes.away(nodes.center)
         px_per_unit = eyes.pixels(nodes.center, nodes.radius) / eye_distance
         size_px = 2 * nodes.radius * px_per_unit
-        self._error_sizes = self._allowed_error / px_per_unit[leaves]
-        pool = self._images.pool
-        largest = LARGEST if pool is None else min(LARGEST, pool.largest)
-        usable &= size_px * 1.2 / self._allowed_error < largest
+        self._error_sizes = (self._limits.displaced / px_per_unit)[leaves]
+        usable &= size_px * 1.2 / self._limits.texel < self._images.largest
         mesh_cost = self._costs.meshes(self._leaves, nodes)
         box_depth, self._card_areas = nodes.faces(eyes)
         self._card_areas *= px_per_unit**2
         pixels_off = 0.0 if eyes.parallel else box_depth * px_per_unit / eye_distance
-        has_image = self._images.current.reshape(len(nodes), -1).any(1)
-        image_cost = self._costs.images(
-            nodes, mesh_cost, pixels_off / self._allowed_error, has_image, self._card_areas
-        )
+        renewals, has_image = pixels_off / self._limits.displaced, self._images.has_current
+        image_cost = self._costs.images(nodes, mesh_cost, renewals, has_image, self._card_areas)
         image_cost[self._last_cut] *= _HYSTERESIS
         cost = np.where(usable, image_cost, np.inf)
         # The alternative is the mesh, and the only choice for leaves near the eye.
-        plain_cost = self._leaves.plain(
-            mesh_cost[leaves], size_px[leaves], self._card_areas[leaves], self._costs.pixel
-        )
+        plain_cost = self._costs.plain(self._leaves, mesh_cost, size_px, self._card_areas)
         too_near = ~usable[leaves]
         too_costly = (cost[leaves] > plain_cost) & self.only_if_faster & ~too_near
         as_mesh = np.zeros(len(nodes), bool)
@@ -404,22 +396,27 @@ class Impostor(Substitute):
         without_image = cut_leaves[too_near[cut_leaves]]
         reasons[without_image] = np.where(nodes.moving[without_image], CUT_BY_MOVING, 'near')
         reasons[cut_leaves[too_costly[cut_leaves]]] = 'cheaper as a mesh'
-        return cut[~as_mesh[cut]], reasons
+        as_image = cut[~as_mesh[cut]]
+        card_areas, limits = self._card_areas[as_image], self._limits.rows(as_image)
+        self._images.fit(eyes.frame.window, self.memory, card_areas, limits)
+        return as_image, reasons
 
     def _render_invalid(self, frame, eyes, nodes, reasons):
         """Renew invalid images; return the images and nodes to show, shape (k, 2)."""
-        images, limit = self._images, self._allowed_error
-        view, displacement, texel_size = images.errors(nodes, eyes)
+        images, limits = self._images, self._limits.rows(nodes)
+        view, displacement, texel_size = images.errors(nodes, eyes, limits)
         error = np.maximum(displacement, texel_size)
-        is_invalid = ~(error <= limit) | (texel_size * FINEST < min(limit, 1.0))
+        excess = limits.excess(displacement, texel_size)
+        is_invalid = ~(excess <= 1) | (texel_size * FINEST < np.minimum(limits.texel, 1.0))
         images.shown_frame[view[~is_invalid]] = frame.index
         queue = np.flatnonzero(is_invalid)
-        queue = queue[np.argsort(-error[queue], kind='stable')]
+        queue = queue[np.argsort(-excess[queue], kind='stable')]
         if len(queue):
             new_view = self._render_images(frame, eyes, nodes[queue])
             rendered, new_view = queue[new_view >= 0], new_view[new_view >= 0]
             view[rendered] = new_view
-            error[rendered] = np.maximum(*images.errors(nodes[rendered], eyes)[1:])
+            new_errors = images.errors(nodes[rendered], eyes, limits.rows(rendered))[1:]
+            error[rendered] = np.maximum(*new_errors)
         # Rendering may have evicted other images.
         is_shown = (view >= 0) & images.alive[view]
         for node in nodes[~is_shown]:
@@ -432,10 +429,12 @@ class Impostor(Substitute):
     def _render_images(self, frame, eyes, nodes):
         """Render images of nodes within the budget; return their indices, -1 if not rendered."""
         images, new_views = self._images, np.full(len(nodes), -1)
-        card = self._nodes.cards(nodes, eyes, self._costs.step, self._allowed_error)
-        tile_sizes = images.sizes(card, eyes, self._allowed_error)
-        total_area = int((4.0 ** np.ceil(np.log2(tile_sizes.max(1).clip(8, LARGEST)))).sum())
-        pool = images.open(frame, total_area, self._missing_area, self.memory)
+        limits = self._limits.rows(nodes)
+        card = self._nodes.cards(nodes, eyes, self._costs.step, limits.displaced)
+        plan = images.plan(card, eyes, limits)
+        total_area = max(plan.tile_area, self._missing_area)
+        grow = self._missing_area > 0
+        pool = images.open(frame.window, total_area, grow=grow, tinted=self._leaves.tinted)
         self._missing_area = 0
         seconds_left = self._budget()
         rendered_count = 0
@@ -444,13 +443,13 @@ class Impostor(Substitute):
                 leaf_ids = self._nodes.below(node)
                 if rendered_count and self._costs.expected(self._leaves, leaf_ids) > seconds_left:
                     break
-                index = images.reserve(node, tile_sizes[k].max(), frame.index)
+                index = images.reserve(node, plan.sides[k], frame.index)
                 if index is None:
-                    self._missing_area = max(2 * total_area, 2 * pool.side**2)
+                    self._missing_area = 2 * max(total_area, pool.side**2)
                     continue
                 with self._costs.timed(frame.window, self._leaves, leaf_ids) as spent:
                     sources = self._leaves.clipped_sources(leaf_ids)
-                    images.draw(index, card, k, tile_sizes[k], sources, parallel=eyes.parallel)
+                    images.draw(index, card, k, plan, sources, eyes)
                 images.shown_frame[index] = images.rendered_frame[index] = frame.index
                 new_views[k] = index
                 seconds_left -= spent.seconds
@@ -462,10 +461,11 @@ class Impostor(Substitute):
         return new_views
 
     def _show(self, frame, shown_images, reasons):
-        self._image_cards.attach(depth=self.depth, materials=self._materials)
+        pool = self._images.pool
+        self._image_cards.attach(pool, depth=self.depth, materials=self._materials)
         if len(shown_images):
             card_rows = self._images.card_rows(frame, shown_images[:, 0])
-            self._image_cards.show(frame, card_rows, self._images.pool)
+            self._image_cards.show(frame, card_rows, pool)
             card_area = float(self._card_areas[shown_images[:, 1]].sum())
             self._costs.measure(frame, self._image_cards, self._images.drawer, card_area)
         else:

@@ -14,19 +14,20 @@ _ROW, _TEXELS = 128, 5  # cards per row of the table, texels per card
 
 
 @cache
-def card_feature(*, depth, shiny, several) -> Feature:
+def card_feature(*, depth, shiny, several, tinted) -> Feature:
     """Return the shader of cards by VTK's tags."""
     shader_parts = sections(shader_source(__file__, 'impostor'))
     light_tag = '//VTK::Light::Impl\n'
     return Feature(
-        f'impostor_{int(depth)}{int(shiny)}{int(several)}',
+        f'impostor_{int(depth)}{int(shiny)}{int(several)}{int(tinted)}',
         {
             'VTK::PositionVC::Dec': shader_parts['vertex.declare'],
             'VTK::PositionVC::Impl': shader_parts['vertex.position'],
         },
         {
+            'VTK::System::Dec': _SAMPLE_MASK,
             'VTK::PositionVC::Dec': f'#define MATERIALS {int(several)}\n'
-            + shader_parts['fragment.declare'],
+            f'#define TINTED {int(tinted)}\n' + shader_parts['fragment.declare'],
             'VTK::PositionVC::Impl': shader_parts['fragment.sample'],
             'VTK::Depth::Impl': depth * shader_parts['fragment.depth'] + '//VTK::Depth::Impl\n',
             'VTK::Color::Impl': '//VTK::Color::Impl\n' + shader_parts['fragment.color'],
@@ -36,6 +37,8 @@ def card_feature(*, depth, shiny, several) -> Feature:
     )
 
 
+# Where a driver has it, outlines are as smooth as those of meshes.
+_SAMPLE_MASK = '//VTK::System::Dec\n#extension GL_ARB_sample_shading : enable\n'
 # VTK declares both only if there is a light.
 _SHINY = (
     '#define specularColor ibr_specular\n#define specularPower ibr_matter.w\n',
@@ -69,10 +72,11 @@ class ImpostorCards(ShaderDraws):
         self.chunk, self._bounds = max(self.chunk, count), new_bounds
         self.place_cards(self._bounds)
 
-    def attach(self, *, depth, materials):
+    def attach(self, pool, *, depth, materials):
         """Attach the shader and set the materials."""
         several = len(materials) > 1
-        self.set_feature(card_feature(depth=depth, shiny=materials.shiny, several=several))
+        shiny, tinted = materials.shiny, pool is not None and pool.tinted
+        self.set_feature(card_feature(depth=depth, shiny=shiny, several=several, tinted=tinted))
         if self._textures is not None and len(materials) != self._material_count:
             self._textures[1].upload(materials.table())
         self._material_count = len(materials)

@@ -9,6 +9,7 @@ import numpy as np
 
 from pvibr.core.costs import RunningMean
 from pvibr.core.determinism import is_deterministic
+from pvibr.core.passes import supersampling_of
 from pvibr.gl import Target
 from pvibr.gl.driver import SOFTWARE, Driver, driver_of, timed
 from pvibr.substitutes.impostor_tree import FARTHEST
@@ -28,6 +29,7 @@ class Costs:
     def __init__(self):
         self._driver: Driver = SOFTWARE  # until the first frame
         self._measured_pixel_s: float | None = None
+        self.samples = 1  # times the seconds of a mesh in the window, in those of its image
         self.busy = np.zeros(0)
         self.step = self._last_step = np.zeros(3)
         self._eye: np.ndarray | None = None
@@ -52,6 +54,10 @@ class Costs:
         """Return whether the camera and the actors have rested so long that choices stay."""
         return self.speed.value <= _SLOWEST * nodes.radius.max() and self.busy.max() <= _RARE
 
+    def key(self, frame) -> tuple:
+        """Return a value that changes with the driver and the pixels that it draws."""
+        return driver_of(), self.pixel, supersampling_of(frame.renderer)
+
     @property
     def pixel(self) -> float:
         """Seconds per pixel of a card."""
@@ -62,6 +68,8 @@ class Costs:
         driver = driver_of(frame.window)
         if driver is not self._driver:
             self._driver, self._node_seconds = driver, None
+        # GPUs hardly slow down with more samples per pixel.
+        self.samples = max(frame.window.GetMultiSamples(), 1) if driver.is_software else 1
         if self._eye is not None:
             step = frame.eye - self._eye
             step_length, last_length = np.linalg.norm(step), np.linalg.norm(self._last_step)
@@ -80,6 +88,12 @@ class Costs:
             self._node_seconds = nodes.tree.gather(live_seconds, np.add)
         return self._node_seconds
 
+    def plain(self, leaves, mesh_seconds, size_px, card_area) -> np.ndarray:
+        """Return the seconds of each leaf drawn without an image."""
+        n = len(leaves)
+        window_seconds = self.samples * mesh_seconds[:n]
+        return leaves.plain(window_seconds, size_px[:n], card_area[:n], self.pixel)
+
     def often(self, tree) -> np.ndarray | float:
         """Return the share of frames in which each node changed."""
         return tree.gather(self.busy, np.maximum) if self.busy.max() > _RARE else 0.0
@@ -93,7 +107,7 @@ class Costs:
         milliseconds: dict = {}
         for reason, seconds in zip(mesh_reasons, self.of(leaves).tolist(), strict=False):
             if reason and reason not in UNDRAWN:
-                milliseconds[reason] = milliseconds.get(reason, 0.0) + 1e3 * seconds
+                milliseconds[reason] = milliseconds.get(reason, 0.0) + 1e3 * self.samples * seconds
         return milliseconds
 
     def _of(self, seconds, cells):

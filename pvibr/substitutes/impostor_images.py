@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
+from pvibr.core.passes import supersampling_of
 from pvibr.gl import Target, texture_limit
 from pvibr.gl.drawer import Drawer
+from pvibr.substitutes.impostor_limits import LARGEST, Plan, plan, room
 from pvibr.substitutes.impostor_maths import Card, card_view, displacement, stretch_of
 
-#: Texels per pixel of a new image, so that it still serves from nearer.
-RESERVE = 1.15
-#: Texels per pixel, along a side, at which an image is rendered again.
-FINEST = 4.0
+_VIEW_FIELDS = 'alive', 'is_cut', 'parallel', 'texel', 'drawn_px', 'planes', 'tile', 'size'
 _SHAPES: tuple = ((3,), (3,), (3, 3), (2,), (2,), (), ())  # of a card's fields
 
 
@@ -20,6 +19,7 @@ class Images:
 
     _pool: TilePool  # while `_is_open`
     _is_open = False
+    _largest_side, _room = 0, 1.0
 
     def __init__(self, count, views, drawer: Drawer):
         self.count, self.views = count, views
@@ -30,6 +30,7 @@ class Images:
         self.cut_objects = np.zeros(count, bool)  # of which whole images wait
         self.parallel = np.zeros(view_count, bool)
         self.texel = np.zeros(view_count)
+        self.drawn_px = np.zeros(view_count)  # drawn pixels per texel when rendered
         self.planes = np.zeros((view_count, 2))
         self.tile = np.zeros((view_count, 3), int)  # corner and side
         self.size = np.zeros((view_count, 2), int)
@@ -43,7 +44,7 @@ class Images:
         self.count += len(objects)
         self.cut_objects = np.insert(self.cut_objects, objects, False)
         self.card = Card(*(np.insert(field, insert_at, 0, axis=0) for field in self.card))
-        for name in ('alive', 'is_cut', 'parallel', 'texel', 'planes', 'tile', 'size'):
+        for name in _VIEW_FIELDS:
             setattr(self, name, np.insert(getattr(self, name), insert_at, 0, axis=0))
         self.shown_frame, self.rendered_frame = (
             np.insert(a, insert_at, -1) for a in (self.shown_frame, self.rendered_frame)
@@ -54,9 +55,19 @@ class Images:
         """Which images show an object as cut as it is now."""
         return self.alive & (self.is_cut == np.repeat(self.cut_objects, self.views))
 
+    @property
+    def has_current(self) -> np.ndarray:
+        """Which objects have any such image."""
+        return np.any(self.current.reshape(self.count, -1), axis=1)
+
+    @property
+    def largest(self) -> int:
+        """The largest side of an image in texels."""
+        return min(LARGEST, self._pool.largest) if self._is_open else LARGEST
+
     # -- errors ----------------------------------------------------------------------------------
 
-    def errors(self, objects, eyes):
+    def errors(self, objects, eyes, limits):
         """Return each object's best image, -1 if none, its displacement and texel size in px."""
         view_ids = objects[:, None] * self.views + np.arange(self.views)
         usable = self.current[view_ids] & (self.parallel[view_ids] == eyes.parallel)
@@ -67,7 +78,12 @@ class Images:
             errors[0, usable] = displacement(card, eyes.eye, eyes.toward) * px_per_radian
             texel_angle = self.texel[view_ids[usable]] / eyes.away(card.center)
             errors[1, usable] = texel_angle * px_per_radian
-        best = np.arange(len(objects)), errors.max(0).argmin(axis=1)
+            drawn_px = eyes.supersampling * errors[1, usable]
+            growth = np.abs(drawn_px / self.drawn_px[view_ids[usable]] - 1)
+            image_limits = limits.rows(np.nonzero(usable)[0])
+            errors[0, usable] += image_limits.widened(growth)
+        excess = limits.rows((slice(None), None)).excess(*errors)
+        best = np.arange(len(objects)), excess.argmin(axis=1)
         displaced, texel_px = errors[:, best[0], best[1]]
         has_image = np.isfinite(np.maximum(displaced, texel_px))
         return np.where(has_image, view_ids[best], -1), displaced, texel_px
@@ -79,24 +95,31 @@ class Images:
         """The tiles on the GPU; None before the first image."""
         return self._pool if self._is_open else None
 
-    def open(self, frame, area, missing_area, memory) -> TilePool:
-        """Return the pool, created on first use, and larger if an area was missing."""
-        if missing_area and self._is_open and self._pool.side < self._pool.largest:
-            self.close_pool()
+    def open(self, window, area, *, grow, tinted) -> TilePool:
+        """Return the pool, created on first use, and again for edges that are tinted.
+
+        A larger one is made if it has to grow.
+        """
+        if self._is_open:
+            may_grow = grow and self._pool.side < self._pool.largest
+            if may_grow or (tinted and not self._pool.tinted):
+                self.close_pool()
         if not self._is_open:
-            self._pool, self._is_open = (
-                TilePool(frame.window, max(area, missing_area), memory),
-                True,
-            )
+            self._pool = TilePool(window, area, self._largest_side, tinted)
+            self._is_open = True
         return self._pool
 
-    def sizes(self, card, eyes, max_error) -> np.ndarray:
-        """Return image sizes at screen resolution, margins included, shape (n, 2)."""
+    def fit(self, window, memory, card_areas, limits):
+        """Choose how fine new images are, given the cards of this frame, areas in pixels."""
+        self._largest_side = largest_side(window, memory)
+        self._room = room(self._largest_side**2, card_areas, limits)
+
+    def plan(self, card, eyes, limits) -> Plan:
+        """Return the sizes of new images."""
         # The larger of the sizes seen now and from the image's own eye.
         eye_distance = np.minimum(eyes.away(card.center), np.linalg.norm(card.eye, axis=1))
         pixels_per_unit = eyes.pixels(card.center, card.depth) / eye_distance
-        side_px = (card.high - card.low) * pixels_per_unit[:, None]
-        return np.ceil(np.minimum(side_px * RESERVE / max_error, 1e6)).astype(int) + 2
+        return plan((card.high - card.low) * pixels_per_unit[:, None], limits, self._room)
 
     def reserve(self, obj, side, frame_index) -> int | None:
         """Return the index of a new image with a tile, None if the pool is full."""
@@ -137,11 +160,14 @@ class Images:
         self.cut_objects[: len(is_cut)] = is_cut
         self.cut_objects[len(is_cut) :] = True  # nodes, which planes rid of leaves
 
-    def draw(self, view, card, index, image_size, sources, *, parallel):
+    def draw(self, view, card, index, plan, sources, eyes):
         """Render an image, within ``pool.target.drawing()``."""
-        image_size = np.asarray(image_size)
-        texel_size = (card.high[index] - card.low[index]) / (image_size - 2)
-        image_view = card_view(card, index, texel_size, parallel=parallel)
+        image_size, margin = plan.size[index], plan.margin[index]
+        texel_size = (card.high[index] - card.low[index]) / (image_size - 2 * margin)
+        image_view = card_view(card, index, margin * texel_size, parallel=eyes.parallel)
+        center = card.center[index : index + 1]
+        texels_per_px = eyes.away(center) / (eyes.mean_pixels(center) * texel_size.mean())
+        texels_per_px /= eyes.supersampling  # which has thinner lines
         x, y, _ = self.tile[view].tolist()
         self.drawer.look(image_view, (x, y, *image_size.tolist()))
         self.drawer.have_a_light()
@@ -149,14 +175,18 @@ class Images:
         # GL reads columns, so the rows of view from world give its transpose.
         world_from_view = image_view.view_from_world[:3, :3].ravel().tolist()
         for source in sources:
-            source.draw(self.drawer.inner, world_from_view, float(texel_size.min()))
+            texel = float(texel_size.min())
+            source.draw(self.drawer.inner, world_from_view, texel, float(texels_per_px[0]))
         for field, new_field in zip(self.card, card, strict=True):
             field[view] = new_field[index]
-        self.card.low[view] -= texel_size
-        self.card.high[view] += texel_size
+        self.card.low[view] -= margin * texel_size
+        self.card.high[view] += margin * texel_size
         self.texel[view], self.size[view] = texel_size.max(), image_size
+        texel_angle = self.texel[view] / eyes.away(center)
+        px_per_radian = eyes.pixels(center, np.maximum(card.depth[index], 0.0))
+        self.drawn_px[view] = eyes.supersampling * (texel_angle * px_per_radian)[0]
         self.planes[view] = image_view.near, image_view.far
-        self.parallel[view], self.alive[view] = parallel, True
+        self.parallel[view], self.alive[view] = eyes.parallel, True
         self.is_cut[view] = self.cut_objects[view // self.views]
 
     # -- drawing ---------------------------------------------------------------------------------
@@ -203,6 +233,7 @@ class Eyes:
     def __init__(self, frame):
         self.frame, self.eye, self.parallel = frame, frame.eye, frame.parallel
         self.up = frame.view_from_world[1, :3]
+        self.supersampling = supersampling_of(frame.renderer)
         self.toward = frame.view_from_world[2, :3] if frame.parallel else None
         clip = frame.clip_from_view
         half_widths = [(1 + abs(clip[k, 2])) / clip[k, k] for k in range(2)]
@@ -221,15 +252,21 @@ class Eyes:
             return np.full(len(places), scale)
         return scale * stretch_of(_in_view(self.frame, places), radius, self._corner)
 
+    def mean_pixels(self, places) -> np.ndarray:
+        """Return the same as the mean over directions, at the points alone."""
+        scale = self.frame.pixel_scale
+        # The magnification is 1 + t^2 away from the screen's middle, and its root across.
+        return scale * (self.pixels(places, 0.0) / scale) ** 0.75
+
 
 def _in_view(frame, places):
     # Subtract the eye first for precision far from the origin.
     return (places - frame.eye) @ frame.view_from_world[:3, :3].T
 
 
-# Colour and coverage, normal and material; depth beside them.
-FORMATS = ('rgba8', 'rgba8')
-TEXEL_BYTES = 12
+# Colour and coverage, normal and material, unlit colour of edges; depth beside them.
+_SAMPLERS = 'ibr_albedo', 'ibr_shape', 'ibr_tint'
+TEXEL_BYTES = 16
 
 
 class Tiles:
@@ -275,21 +312,27 @@ class Tiles:
         self._free.setdefault(side, set()).add(corner)
 
 
+def largest_side(window, memory) -> int:
+    """Return the largest side of a pool, a power of two."""
+    affordable_side = int(min((memory / TEXEL_BYTES) ** 0.5, texture_limit(window)))
+    return max(8, 1 << (affordable_side.bit_length() - 1))
+
+
 class TilePool:
     """Tiles on the GPU, limited by memory."""
 
-    def __init__(self, window, area, memory):
-        affordable_side = int(min((memory / TEXEL_BYTES) ** 0.5, texture_limit(window)))
-        self.largest = max(8, 1 << (affordable_side.bit_length() - 1))  # a power of two
+    def __init__(self, window, area, largest, tinted):
+        self.tinted, self.largest = tinted, largest
         side = 256
         while side < self.largest and side * side < 2 * area:
             side *= 2
         self.side = min(side, self.largest)
         self.tiles = Tiles(self.side)
-        self.target = Target(window, self.side, self.side, FORMATS, depth=True)
+        formats = ('rgba8',) * (2 + tinted)
+        self.target = Target(window, self.side, self.side, formats, depth=True)
 
     @property
     def textures(self) -> dict:
         """Textures by sampler name."""
-        colors = dict(zip(('ibr_albedo', 'ibr_shape'), self.target.colors, strict=True))
+        colors = dict(zip(_SAMPLERS, self.target.colors, strict=False))
         return colors | {'ibr_depth': self.target.depth}

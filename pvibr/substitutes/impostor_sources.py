@@ -14,24 +14,35 @@ from pvibr.meshes.surfaces import polygons_of
 from pvibr.substitutes.draft_meshes import DraftMesh
 from pvibr.substitutes.impostor_maths import dop_corners
 from pvibr.textures.material_textures import copy_property
-from pvibr.things.actor_watch import NOT_FINITE, ineligibility, updated_data
+from pvibr.things.actor_watch import (
+    NOT_FINITE,
+    has_thin_cells,
+    ineligibility,
+    stroke_width,
+    updated_data,
+)
 from pvibr.things.casters import listed
 from pvibr.things.clipping import set_planes
 from pvibr.things.content_key import planes_of
 from pvibr.things.thing import Thing
 
 # Images store the colour before lighting, which VTK then multiplies by the texture, and the normal
-# after VTK's flip for back faces; for actors without lighting, the colour alone.
+# after VTK's flip for back faces; for actors without lighting, the colour alone. Edges are unlit.
 _UNLIT = """//VTK::Light::Impl
   fragOutput0 = vec4(diffuseColor, 1.0);
   vec3 ibr_normal = ibr_world_from_view * normalVCVSOutput;
+  vec3 ibr_unlit = ambientColor;
 """
 _PLAIN = """//VTK::Light::Impl
   vec3 ibr_normal = vec3(0.0);
+  vec3 ibr_unlit = vec3(0.0);
 """
+# VTK lights lines and points only by normals of points, and else declares none for them.
+_NO_NORMAL = '//VTK::Normal::Dec\nvec3 normalVCVSOutput = vec3(0.0);\n'
 _OUTPUT = """  if (gl_FragData[0].a < 0.5) discard;
   gl_FragData[0].a = 1.0;
   gl_FragData[1] = vec4(ibr_normal * 0.5 + 0.5, ibr_material / 255.0);
+  gl_FragData[2] = vec4(ibr_unlit, 1.0);
 //VTK::DepthPeeling::Impl
 """
 
@@ -83,6 +94,8 @@ class Source:
         self.center, self.half, self.radius = np.zeros(3), np.zeros((3, 3)), 0.0
         self.corners = np.zeros((80, 3))
         self.cells = self.tries = 0
+        self.stroke_px = 0.0  # width of the widest edges, lines and points, 0 if none
+        self.has_tint = False  # whether edges have another colour than black
         self.planes: list = []  # of the actor's mapper
         self.draft = DraftMesh()
         self._cut_planes: list = []  # of the double's mapper
@@ -120,6 +133,9 @@ class Source:
         self.corners = self._local_corners @ world_from_model[:, :3].T
         if self.radius == 0.0:
             self.why = 'a point'
+        self.stroke_px = stroke_width(self.actor, data)
+        prop = self.actor.GetProperty()
+        self.has_tint = bool(prop.GetEdgeVisibility() and any(prop.GetEdgeColor()))
         self._copy_looks(data)
 
     def _measure(self, data, dops):
@@ -146,7 +162,9 @@ class Source:
     def _copy_looks(self, data):
         actor = self.actor
         mapper, prop = actor.GetMapper(), actor.GetProperty()
-        drawn_data = polygons_of(pv.wrap(data)) if data.IsA('vtkPolyData') else data
+        drawn_data = data
+        if data.IsA('vtkPolyData') and not has_thin_cells(data):
+            drawn_data = polygons_of(pv.wrap(data))
         cleaned_time = 0 if drawn_data is data else data.GetMTime()
         look_times = mapper, mapper.GetMTime(), prop, prop.GetMTime(), data, cleaned_time
         number = self.materials.number(actor.GetProperty())
@@ -160,6 +178,10 @@ class Source:
         set_planes(double.GetMapper(), self._cut_planes)
         copy_property(double.GetProperty(), actor.GetProperty())
         unlit(double, number)
+        has_normals = data.GetPointData().GetNormals() is not None
+        if self.stroke_px and not (has_normals and actor.GetProperty().GetInterpolation()):
+            shader = double.GetShaderProperty()
+            shader.AddFragmentShaderReplacement('//VTK::Normal::Dec', True, _NO_NORMAL, False)
 
     def clip(self, planes):
         """Clip what :meth:`draw` draws."""
@@ -167,8 +189,10 @@ class Source:
             self._cut_planes = planes
             set_planes(self._double.GetMapper(), planes)
 
-    def draw(self, renderer, world_from_view, texel):
-        """Draw colour and coverage, normal and material."""
+    def draw(self, renderer, world_from_view, texel, texels_per_pixel):
+        """Draw colour and coverage, normal and material, and unlit edges."""
+        if self.stroke_px:
+            scale_strokes(self._double.GetProperty(), self.actor.GetProperty(), texels_per_pixel)
         uniforms = self._double.GetShaderProperty().GetFragmentCustomUniforms()
         uniforms.SetUniformMatrix3x3('ibr_world_from_view', world_from_view)
         self._double.RenderOpaqueGeometry(renderer)
@@ -197,11 +221,19 @@ def unlit(actor, number):
     prop.SetAmbient(0.0)
     prop.SetDiffuse(1.0)
     prop.SetSpecular(0.0)
+    shader.ClearFragmentShaderReplacement('//VTK::Normal::Dec', True)
     for tag, text in (('Light', _UNLIT if is_lit else _PLAIN), ('DepthPeeling', _OUTPUT)):
         name = f'//VTK::{tag}::Impl'
         shader.ClearFragmentShaderReplacement(name, True)
         shader.AddFragmentShaderReplacement(name, True, text, False)
     shader.GetFragmentCustomUniforms().SetUniformf('ibr_material', float(number))
+
+
+def scale_strokes(prop, source_prop, scale):
+    """Make edges, lines and points so many times as wide as those of another property."""
+    prop.SetLineWidth(scale * source_prop.GetLineWidth())
+    prop.SetEdgeWidth(scale * source_prop.GetEdgeWidth())
+    prop.SetPointSize(scale * source_prop.GetPointSize())
 
 
 def copied(mapper, data):

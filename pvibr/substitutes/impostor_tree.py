@@ -249,6 +249,7 @@ class Nodes:
         low, high = gather(low, np.minimum), gather(high, np.maximum)
         self.live = gather(live, np.logical_or)
         self.moving = gather(leaves.sections.moving & live, np.logical_or)
+        self.stroke_px = gather(leaves.stroke_px * live, np.maximum)
         low, high = (np.where(self.live[:, None], a, 0.0) for a in (low, high))
         self.low, self.high = low, high
         self.center, half_size = (low + high) / 2, (high - low) / 2
@@ -303,7 +304,7 @@ class Nodes:
         leaf_offsets = self.leaves.center[leaf_ids] - self.center[node]
         return (leaf_offsets[:, None] + self.leaves.corners[leaf_ids]).reshape(-1, 3)
 
-    def cards(self, nodes, eyes, eye_step, max_error) -> Card:
+    def cards(self, nodes, eyes, eye_step, allowed_error) -> Card:
         """Return cards for new images, as far ahead of the camera as the error allows."""
         is_leaf = nodes < len(self.leaves)
         index_groups = [np.flatnonzero(is_leaf), *np.flatnonzero(~is_leaf)[:, None]]
@@ -313,17 +314,18 @@ class Nodes:
             corners = self.corners(group_nodes[0])[None]
             if indices is index_groups[0]:
                 corners = self.leaves.corners[group_nodes]
-            cards.append(self._cards_within(group_nodes, corners, eyes, eye_step, max_error))
+            limit = allowed_error[indices]
+            cards.append(self._cards_within(group_nodes, corners, eyes, eye_step, limit))
         joined = Card(*(np.concatenate(field) for field in zip(*cards, strict=True)))
         return joined.rows(np.argsort(np.concatenate(index_groups)))
 
-    def _cards_within(self, nodes, corners, eyes, eye_step, max_error):
+    def _cards_within(self, nodes, corners, eyes, eye_step, allowed_error):
         center, radius = self.center[nodes], self.radius[nodes]
         hull = center, corners, radius
         now = fit_cards(*hull, eyes.eye, eyes.up, eyes.toward)
         if eyes.parallel or not eye_step.any():
             return now
-        limit = max_error / eyes.pixels(now.center, now.depth)
+        limit = allowed_error / eyes.pixels(now.center, now.depth)
         error_per_step = displacement(fit_cards(*hull, eyes.eye + eye_step, eyes.up), eyes.eye)
         step_count = np.minimum(_AHEAD * limit / np.maximum(error_per_step, 1e-12), FARTHEST)
         eye_ahead = eyes.eye + step_count[:, None] * eye_step

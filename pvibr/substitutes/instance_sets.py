@@ -10,7 +10,7 @@ from pvibr.substitutes.impostor_maths import box_corners, dop_corners
 from pvibr.substitutes.impostor_sources import copied, unlit
 from pvibr.textures.material_textures import copy_property
 from pvibr.things import appearance as look
-from pvibr.things.actor_watch import ineligibility
+from pvibr.things.actor_watch import ineligibility, stroke_width
 
 #: Most blocks of a set: each costs time in every frame.
 MOST = 4096
@@ -55,7 +55,7 @@ class InstanceSet:
         for number, group in enumerate(thing.groups):
             blocks = [block for block in self.blocks if block.number == number]
             mesh_reason = next(
-                (w for p in group.levels[0].parts if (w := ineligibility(p.actor, relit=True))),
+                filter(None, map(_ineligibility, group.levels[0].parts)),
                 'translucent' if thing.is_translucent else '',
             )
             bounds = _block_bounds(group, self.items_per_block)
@@ -119,6 +119,7 @@ class Block:
 
     tries: int = 0
     seconds: float = np.inf
+    stroke_px, has_tint = 0.0, False
     planes = ()  # clip all blocks of a set alike
 
     def __init__(self, owner, number, span):
@@ -131,7 +132,7 @@ class Block:
     def clip(self, planes):
         """Leave the set's own planes."""
 
-    def draw(self, renderer, world_from_view, texel_size):
+    def draw(self, renderer, world_from_view, texel_size, texels_per_pixel):
         """Draw the unlit surfaces, see :meth:`Source.draw`."""
         owner = self.owner
         group = owner.thing.groups[self.number]
@@ -163,6 +164,13 @@ class _Pool(MeshPool):
         actor.SetProperty(prop)
         unlit(actor, self._materials.number(part.actor.GetProperty()))
         return actor
+
+
+def _ineligibility(part) -> str:
+    actor = part.actor
+    reason = ineligibility(actor, relit=True)
+    has_strokes = not reason and stroke_width(actor, actor.GetMapper().GetInput()) > 0
+    return 'edges, lines or points of instances' if has_strokes else reason
 
 
 def _block_bounds(group, items_per_block):

@@ -15,7 +15,10 @@ from pvibr.things.plain_actors import is_composed
 #: Reason for an actor whose points or matrix are not finite.
 NOT_FINITE = 'bounds that are not finite'
 _VERSIONS = count(1)
-_SURFACE, _PBR = 2, 3  # VTK_SURFACE, VTK_PBR
+_POINTS, _WIREFRAME = 0, 1  # VTK_POINTS, VTK_WIREFRAME
+_PBR = 3  # VTK_PBR
+# Cells of one dimension or none, among those of unstructured grids.
+_THIN_CELLS = {1, 2, 3, 4, 21, 35, 51, 60, 68, 75}
 _MAPPERS = ('vtkDataSetMapper', 'vtkOpenGLPolyDataMapper', 'vtkPolyDataMapper')
 
 
@@ -201,16 +204,34 @@ def _not_relit(actor, data) -> str:
     prop = actor.GetProperty()
     if not data.IsA('vtkDataSet') or not data.GetNumberOfCells():
         return 'empty'
-    if prop.GetRepresentation() != _SURFACE:
-        return 'points or lines'
-    if prop.GetEdgeVisibility():
-        return 'edges'
-    has_thin_cells = data.IsA('vtkPolyData') and data.GetNumberOfVerts() + data.GetNumberOfLines()
-    if has_thin_cells and not has_strays_only(data):
-        return 'points or lines'
+    if prop.GetRenderLinesAsTubes() or prop.GetRenderPointsAsSpheres():
+        return 'tubes or spheres'
     if prop.GetInterpolation() == _PBR or actor.GetBackfaceProperty() is not None:
         return 'a material of another kind'
     return 'shaders of its own' if _has_shaders(actor.GetShaderProperty()) else ''
+
+
+def stroke_width(actor, data) -> float:
+    """Return the width in pixels of the widest edges, lines and points of an actor, 0 if none."""
+    prop = actor.GetProperty()
+    representation, is_thin = prop.GetRepresentation(), has_thin_cells(data)
+    has_points = representation == _POINTS or prop.GetVertexVisibility() or is_thin
+    has_lines = representation == _WIREFRAME or prop.GetEdgeVisibility() or is_thin
+    line_width = prop.GetLineWidth()
+    if not prop.GetUseLineWidthForEdgeThickness():
+        line_width = max(line_width, prop.GetEdgeWidth())
+    return max(has_points * prop.GetPointSize(), has_lines * line_width)
+
+
+def has_thin_cells(data) -> bool:
+    """Return whether a dataset has lines or points other than on edges of its polygons."""
+    if data.IsA('vtkPolyData'):
+        has_any = data.GetNumberOfVerts() + data.GetNumberOfLines() > 0
+        return has_any and not has_strays_only(data)
+    if not data.IsA('vtkUnstructuredGrid'):
+        return False
+    cell_types = _vtk.vtk_to_numpy(data.GetDistinctCellTypesArray())
+    return not _THIN_CELLS.isdisjoint(cell_types.tolist())
 
 
 def _has_shaders(shader) -> bool:

@@ -183,7 +183,7 @@ def test_to_all_others_the_actors_are_what_they_were(kind):
 def test_what_cannot_be_an_image_is_drawn_as_it_is():
     looks = {
         'translucent': {'opacity': 0.5},
-        'points or lines': {'style': 'wireframe'},
+        'tubes or spheres': {'style': 'wireframe', 'render_lines_as_tubes': True},
         'a material of another kind': {'pbr': True},
     }
     for why, look in looks.items():
