@@ -9,7 +9,7 @@ from scipy.ndimage import distance_transform_edt, maximum_filter, minimum_filter
 from benchmarks.common import plots
 from benchmarks.common.harness import Bench, Row
 from benchmarks.common.meshes import knot, scatter, torus
-from benchmarks.common.timing import beside_full, warm_up
+from benchmarks.common.timing import beside_full, mean_flip, pictures, warm_up
 from benchmarks.common.whole_frames import real_plotter, turning
 from pvibr.scenes.stage import Stage
 
@@ -109,6 +109,51 @@ def _outlines(settings, results):
     for max_error, away in worst.items():
         name = f'outline displaced at most, max_error {max_error:g}'
         yield Row(name, away, 'px', max_error + 0.5)
+
+
+def _parts(settings, scale=1, seed=3):
+    """Return unlike parts in a block, a quarter with edges and a tenth translucent."""
+    rng = np.random.default_rng(seed)
+    side, actors = int(np.ceil(settings.parts ** (1 / 3))), []
+    for k in range(settings.parts):
+        cells = int(settings.part_cells * rng.uniform(0.2, 1.8))
+        edge = max(int(np.sqrt(cells / 2)), 3)
+        meshes = (
+            torus(cells),
+            pv.Cylinder(radius=rng.uniform(0.3, 1), height=rng.uniform(0.5, 2), resolution=edge),
+            pv.Cube(x_length=rng.uniform(0.5, 2), y_length=rng.uniform(0.5, 2)),
+            pv.Sphere(theta_resolution=edge, phi_resolution=edge),
+        )
+        actor = pv.Actor(mapper=pv.DataSetMapper(meshes[k % 4]))
+        actor.scale, actor.orientation = (2 / meshes[k % 4].length,) * 3, rng.random(3) * 360
+        place = np.array(np.unravel_index(k, (side,) * 3)) - (side - 1) / 2
+        actor.position = tuple(2.2 * place + 0.3 * rng.random(3))
+        actor.prop.color = rng.uniform(0.2, 1, 3)
+        actor.prop.show_edges, actor.prop.line_width = k % 16 < 4, scale
+        if k % 10 == 9:
+            actor.prop.opacity = 0.4
+        actors.append(actor)
+    return actors
+
+
+def _assembly(settings, results):
+    """Yield speed and error of an assembly at PyVista's defaults."""
+    cameras = orbit(settings.frames, 6.0 * settings.parts ** (1 / 3))
+    last = cameras[-3:]
+    actors = _parts(settings)
+    with _stage(actors, settings.size) as stage:
+        stage.look(cameras[0])
+        plain = pictures(stage, last)
+        stage.look(cameras[0])
+        impostor = stage.plotter.ibr.add_impostor(actors)
+        found = _timed(stage, impostor, cameras)
+        images = pictures(stage, last)
+    with _stage(_parts(settings, scale=3), settings.size, samples=3) as stage:
+        fine = pictures(stage, last)
+    results.points['assembly'] = found
+    yield from _rows('assembly', settings.parts, found, 10)
+    ratio = mean_flip(images, fine) / mean_flip(plain, fine)
+    yield Row('assembly: mean FLIP over that of the meshes', ratio, '', 1.25)
 
 
 def _covers(stage, cameras):
@@ -212,6 +257,7 @@ BENCH = Bench(
     parts={
         'orbit and fly-by': _paths,
         'outlines': _outlines,
+        'assembly': _assembly,
         'nailboards': _nailboards,
         'hierarchy': _hierarchy,
     },
@@ -224,6 +270,8 @@ BENCH = Bench(
         'cells': (40_000, 2000),
         'few_cells': (10_000, 500),
         'crowd_cells': (8000, 500),
+        'parts': (800, 27),
+        'part_cells': (20_000, 400),
         'frames': (40, 10),
         'errors': ((0.5, 1.0, 2.0, 4.0), (1.0,)),
     },

@@ -114,6 +114,19 @@ class Drawer:
         state.SetEnumState(gl.BLEND, False)
         state.vtkglDepthMask(True)
 
+    @contextmanager
+    def farthest(self, is_wanted):
+        """Keep the farthest fragments in place of the nearest, within a view."""
+        state = self.window.GetState()
+        if is_wanted:
+            state.vtkglClearDepth(0.0)
+            state.vtkglClear(gl.DEPTH_BUFFER_BIT)
+            state.vtkglDepthFunc(gl.GEQUAL)
+        yield
+        if is_wanted:
+            state.vtkglDepthFunc(gl.LEQUAL)
+            state.vtkglClearDepth(1.0)
+
     def done(self):
         """Undo what the view changed, before the renderer itself draws."""
         # Programs, which subplots share, update their lights only for a camera modified later.

@@ -4,8 +4,9 @@
 // VTK's lighting and writes its depth, so that cards intersect as their meshes do.
 // Sources: Schaufler, "Dynamically Generated Impostors", GI Workshop 1995; "Nailboards: A
 // Rendering Primitive for Image Caching in Dynamic Scenes", EGWR 1997.
-// Spaces: eye = VTK's VC. A card has 5 texels of ibr_cards, see Images.card_rows.
-// Defines: MATERIALS, 1 if there are several; TINTED, 1 if any edges have another colour than black.
+// Spaces: eye = VTK's VC. A card has 6 texels of ibr_cards, see Images.card_rows.
+// Defines: MATERIALS, 1 if there are several; TINTED, 1 if any edges have another colour than black;
+// CLEAR, 1 for layers of translucent surfaces.
 
 //@vertex.declare
 uniform sampler2D ibr_cards;
@@ -14,6 +15,7 @@ uniform mat4 ibr_clip_from_eye;
 flat out vec4 ibr_rect;      // corner in the pool, sides, texels
 flat out vec4 ibr_image_eye;      // eye of the image, or view direction; w 1 if parallel
 flat out vec3 ibr_planes;    // distances of near plane, far plane and card from that eye
+flat out vec2 ibr_layer;     // opacity, and texels above the first layer of the same faces
 flat out vec2 ibr_foot;      // of that eye on the card, texels from the corner
 flat out vec3 ibr_eye;       // foot of this frame's eye and its height, or the same of its direction
 out vec2 ibr_uv;             // texels from the corner
@@ -24,13 +26,14 @@ out vec4 vertexVCVSOutput;
     int card = gl_VertexID / 4;
     int corner = gl_VertexID % 4;
     bool live = card < ibr_count;
-    ivec2 at = live ? ivec2(card % 128 * 5, card / 128) : ivec2(0);
+    ivec2 at = live ? ivec2(card % 128 * 6, card / 128) : ivec2(0);
     vec4 origin = texelFetch(ibr_cards, at, 0);
     vec4 right = texelFetch(ibr_cards, at + ivec2(1, 0), 0);
     vec4 up = texelFetch(ibr_cards, at + ivec2(2, 0), 0);
     ibr_image_eye = texelFetch(ibr_cards, at + ivec2(3, 0), 0);
     ibr_rect = texelFetch(ibr_cards, at + ivec2(4, 0), 0);
     ibr_planes = vec3(right.w, up.w, origin.w);
+    ibr_layer = texelFetch(ibr_cards, at + ivec2(5, 0), 0).xy;
     vec2 q = vec2(corner == 1 || corner == 2 ? 1.0 : 0.0, corner >= 2 ? 1.0 : 0.0);
     ibr_uv = q * ibr_rect.zw;
     mat3 axes = mat3(ibr_rect.z * right.xyz / dot(right.xyz, right.xyz),
@@ -58,6 +61,7 @@ uniform vec4 ibr_clip_depth;     // rows z and w of clip from eye, z columns: zz
 flat in vec4 ibr_rect;
 flat in vec4 ibr_image_eye;
 flat in vec3 ibr_planes;
+flat in vec2 ibr_layer;
 flat in vec2 ibr_foot;
 flat in vec3 ibr_eye;
 in vec2 ibr_uv;
@@ -89,13 +93,13 @@ const ivec2 IBR_SAMPLES[12] = ivec2[12](
     vec2 ibr_to = ibr_uv + ibr_beside.x * ibr_across + ibr_beside.y * ibr_upward;
     ibr_to = ibr_rect.xy + clamp(ibr_to, vec2(0.5), ibr_rect.zw - 0.5);
     ibr_met = texelFetch(ibr_depth, ivec2(ibr_to), 0).r;
-    if (ibr_met < 1.0) { break; }
+    if (ibr_met < 1.0 && ibr_met > 0.0) { break; }
   }
   float ibr_reach = ibr_distance(ibr_met);
   float ibr_height = ibr_planes.z - ibr_reach;
   vec2 ibr_seen = ibr_image_eye.w > 0.5 ? ibr_uv + ibr_eye.xy * ibr_height / ibr_eye.z : ibr_foot
     + (mix(ibr_uv, ibr_eye.xy, ibr_height / ibr_eye.z) - ibr_foot) * ibr_planes.z / ibr_reach;
-  ibr_seen = ibr_met < 1.0 ? ibr_seen : ibr_uv;
+  ibr_seen = ibr_met < 1.0 && ibr_met > 0.0 ? ibr_seen : ibr_uv;
   vec2 ibr_at = clamp(ibr_seen, vec2(0.5), ibr_rect.zw - 0.5);
   float ibr_least = 0.5;
 #ifdef GL_ARB_sample_shading
@@ -129,7 +133,7 @@ const ivec2 IBR_SAMPLES[12] = ivec2[12](
   vec2 ibr_t = (ibr_rect.xy + ibr_at) / vec2(textureSize(ibr_albedo, 0));
   vec4 ibr_color = texture(ibr_albedo, ibr_t);
   if (ibr_color.a < ibr_least) { discard; }
-  // Depth 1 is background: interpolate over covered texels only.
+  // Depths 0 and 1 are background: interpolate over covered texels only.
   ivec2 ibr_low = ivec2(ibr_rect.xy + ibr_at - 0.5);
   vec2 ibr_f = ibr_rect.xy + ibr_at - 0.5 - vec2(ibr_low);
   vec4 ibr_ds = vec4(texelFetch(ibr_depth, ibr_low, 0).r,
@@ -137,11 +141,18 @@ const ivec2 IBR_SAMPLES[12] = ivec2[12](
     texelFetchOffset(ibr_depth, ibr_low, 0, ivec2(0, 1)).r,
     texelFetchOffset(ibr_depth, ibr_low, 0, ivec2(1, 1)).r);
   vec4 ibr_w = vec4(1.0 - ibr_f.x, ibr_f.x, 1.0 - ibr_f.x, ibr_f.x)
-    * vec4(1.0 - ibr_f.y, 1.0 - ibr_f.y, ibr_f.y, ibr_f.y) * (1.0 - step(1.0, ibr_ds));
-#if MATERIALS
+    * vec4(1.0 - ibr_f.y, 1.0 - ibr_f.y, ibr_f.y, ibr_f.y) * (1.0 - step(1.0, ibr_ds))
+    * sign(ibr_ds);
+#if MATERIALS || CLEAR
   float ibr_largest = max(max(ibr_w.x, ibr_w.y), max(ibr_w.z, ibr_w.w));
   ivec2 ibr_covered = ibr_low + (ibr_w.x == ibr_largest ? ivec2(0)
     : ibr_w.y == ibr_largest ? ivec2(1, 0) : ibr_w.z == ibr_largest ? ivec2(0, 1) : ivec2(1));
+#endif
+#if CLEAR
+  // The first layer of the same faces shows it already.
+  float ibr_first = texelFetch(ibr_depth, ibr_covered - ivec2(0, int(ibr_layer.y)), 0).r;
+  float ibr_last = texelFetch(ibr_depth, ibr_covered, 0).r;
+  if (ibr_layer.y > 0.0 && abs(ibr_first - ibr_last) < 1e-5) { discard; }
 #endif
   float ibr_d = dot(ibr_w, ibr_ds) / dot(ibr_w, vec4(1.0));
   vec4 ibr_s = texture(ibr_shape, ibr_t);
@@ -177,6 +188,9 @@ const ivec2 IBR_SAMPLES[12] = ivec2[12](
   gl_FragDepth = clamp(ibr_zw.x / ibr_zw.y * 0.5 + 0.5, 0.0, 1.0);
 
 //@fragment.color
+#if CLEAR
+  opacity = ibr_layer.x;
+#endif
   ambientColor = ibr_matter.x * ibr_base_color;
 #if TINTED
   ambientColor += texture(ibr_tint, ibr_t).rgb / ibr_color.a;

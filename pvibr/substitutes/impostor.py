@@ -126,13 +126,13 @@ class Impostor(Substitute):
 
     def actors(self) -> list:
         """Return the actor of the cards, and the replaced actors."""
-        return [self._image_cards.actor, *self._stood_for()]
+        return [*self._card_actors(), *self._stood_for()]
 
     def _stood_for(self) -> list:
         return [thing for thing in self.things if is_actor(thing)]
 
     def _cards(self) -> list:
-        return [self._image_cards]
+        return self._image_cards.draws
 
     def solids(self) -> list:
         """Return the actors whose meshes cast shadow volumes."""
@@ -277,12 +277,12 @@ class Impostor(Substitute):
         still_key = self._settings_key(frame)
         if still_key == self._still_key and self._costs.are_at_rest(self._nodes):
             self._images.shown_frame[self._shown_views] = frame.index
-            self._image_cards.show_spans([(0, len(self._shown_views))])
+            self._image_cards.show_again()
             self._leaves.hide(self._mesh_reasons, self._error_sizes)
             return
         self._still_key = None
         eyes = Eyes(frame)
-        self._limits = limits_of(self.max_error, eyes, self._nodes.stroke_px)
+        self._limits = limits_of(self.max_error, eyes, self._nodes)
         self._costs.move(frame)
         nodes, reasons = self._cut(eyes)
         shown_images = self._render_invalid(frame, eyes, nodes, reasons)
@@ -375,10 +375,11 @@ class Impostor(Substitute):
         px_per_unit = eyes.pixels(nodes.center, nodes.radius) / eye_distance
         size_px = 2 * nodes.radius * px_per_unit
         self._error_sizes = (self._limits.displaced / px_per_unit)[leaves]
-        usable &= size_px * 1.2 / self._limits.texel < self._images.largest
+        texels = size_px * self._limits.rows_of_layers / self._limits.texel
+        usable &= texels * 1.2 < self._images.largest
         mesh_cost = self._costs.meshes(self._leaves, nodes)
         box_depth, self._card_areas = nodes.faces(eyes)
-        self._card_areas *= px_per_unit**2
+        self._card_areas *= (px_per_unit * self._limits.rows_of_layers) ** 2
         pixels_off = 0.0 if eyes.parallel else box_depth * px_per_unit / eye_distance
         renewals, has_image = pixels_off / self._limits.displaced, self._images.has_current
         image_cost = self._costs.images(nodes, mesh_cost, renewals, has_image, self._card_areas)
@@ -464,12 +465,12 @@ class Impostor(Substitute):
         pool = self._images.pool
         self._image_cards.attach(pool, depth=self.depth, materials=self._materials)
         if len(shown_images):
-            card_rows = self._images.card_rows(frame, shown_images[:, 0])
-            self._image_cards.show(frame, card_rows, pool)
+            rows = self._images.card_rows(frame, shown_images[:, 0])
+            self._image_cards.show(frame, rows, pool)
             card_area = float(self._card_areas[shown_images[:, 1]].sum())
             self._costs.measure(frame, self._image_cards, self._images.drawer, card_area)
         else:
-            self._image_cards.hide()
+            self._image_cards.empty()
         for thing in self._leaves.hide(reasons, self._error_sizes):
             if thing.enabled and thing.needed(frame) is True:
                 thing.prepare(frame)  # again, if its turn came before

@@ -12,6 +12,7 @@ from pvibr.core.determinism import is_deterministic
 from pvibr.core.passes import supersampling_of
 from pvibr.gl import Target
 from pvibr.gl.driver import SOFTWARE, Driver, driver_of, timed
+from pvibr.substitutes.impostor_limits import LAYERS
 from pvibr.substitutes.impostor_tree import FARTHEST
 from pvibr.substitutes.leaves import UNDRAWN
 
@@ -125,6 +126,7 @@ class Costs:
         renewal_rate = speed * renewals + np.where(has_image, 0.0, 1 / FARTHEST)
         change_rate = self.often(nodes.tree)
         render_share = np.minimum(renewal_rate + change_rate, 1.0)
+        mesh_seconds = mesh_seconds * np.where(nodes.is_clear, LAYERS, 1)
         return render_share * (mesh_seconds + _IMAGE) + _CARD + self.pixel * card_area
 
     @contextmanager
@@ -140,7 +142,9 @@ class Costs:
         source.tries += 1
         self._node_seconds = None
         if source.tries > 1:  # the first draw uploads the mesh and builds its shader
-            source.seconds = min(source.seconds, max(spent.seconds - _IMAGE, 1e-6))
+            draws = LAYERS if source.opacity < 1 else 1
+            mesh_seconds = (spent.seconds - _IMAGE) / draws
+            source.seconds = min(source.seconds, max(mesh_seconds, 1e-6))
             leaves.seconds[leaf_ids] = source.seconds
             self._ratio.add(source.seconds / self._driver.expected_seconds(source.cells))
 

@@ -2,15 +2,24 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from pvibr.core.passes import supersampling_of
 from pvibr.gl import Target, texture_limit
 from pvibr.gl.drawer import Drawer
-from pvibr.substitutes.impostor_limits import LARGEST, Plan, plan, room
+from pvibr.substitutes.impostor_limits import LARGEST, LAYERS, Plan, plan, room
 from pvibr.substitutes.impostor_maths import Card, card_view, displacement, stretch_of
 
-_VIEW_FIELDS = 'alive', 'is_cut', 'parallel', 'texel', 'drawn_px', 'planes', 'tile', 'size'
+_VIEW_FIELDS = (
+    *('alive', 'is_cut', 'parallel', 'texel', 'drawn_px', 'opacity'),
+    *('rows', 'planes', 'tile', 'size'),
+)
+# Distances of layers from the middle, in shares of the extent.
+_NEARNESS = -1.0, -0.5, 0.5, 1.0
+# Layers of translucent surfaces, the first ones first: faces, and whether the last of these.
+_LAYERS = ('front', False), ('back', False), ('front', True), ('back', True)
 _SHAPES: tuple = ((3,), (3,), (3, 3), (2,), (2,), (), ())  # of a card's fields
 
 
@@ -30,6 +39,8 @@ class Images:
         self.cut_objects = np.zeros(count, bool)  # of which whole images wait
         self.parallel = np.zeros(view_count, bool)
         self.texel = np.zeros(view_count)
+        self.opacity = np.ones(view_count)
+        self.rows = np.ones(view_count, int)  # rows and columns of layers
         self.drawn_px = np.zeros(view_count)  # drawn pixels per texel when rendered
         self.planes = np.zeros((view_count, 2))
         self.tile = np.zeros((view_count, 3), int)  # corner and side
@@ -168,15 +179,19 @@ class Images:
         center = card.center[index : index + 1]
         texels_per_px = eyes.away(center) / (eyes.mean_pixels(center) * texel_size.mean())
         texels_per_px /= eyes.supersampling  # which has thinner lines
-        x, y, _ = self.tile[view].tolist()
-        self.drawer.look(image_view, (x, y, *image_size.tolist()))
-        self.drawer.have_a_light()
-        self.drawer.fill((0.0, 0.0, 0.0, 0.0))
-        # GL reads columns, so the rows of view from world give its transpose.
-        world_from_view = image_view.view_from_world[:3, :3].ravel().tolist()
-        for source in sources:
-            texel = float(texel_size.min())
-            source.draw(self.drawer.inner, world_from_view, texel, float(texels_per_px[0]))
+        scales = float(texel_size.min()), float(texels_per_px[0])
+        layers = _LAYERS if plan.rows[index] > 1 else [(None, False)]
+        for layer, (faces, is_last) in enumerate(layers):
+            x, y = self.tile[view, :2] + image_size * (layer % 2, layer // 2)
+            self.drawer.look(image_view, (int(x), int(y), *image_size.tolist()))
+            self.drawer.have_a_light()
+            self.drawer.fill((0.0, 0.0, 0.0, 0.0))
+            # GL reads columns, so the rows of view from world give its transpose.
+            world_from_view = image_view.view_from_world[:3, :3].ravel().tolist()
+            with self.drawer.farthest(is_last):
+                for source in sources:
+                    source.draw(self.drawer.inner, world_from_view, *scales, faces)
+        self.opacity[view], self.rows[view] = sources[0].opacity, plan.rows[index]
         for field, new_field in zip(self.card, card, strict=True):
             field[view] = new_field[index]
         self.card.low[view] -= margin * texel_size
@@ -191,14 +206,14 @@ class Images:
 
     # -- drawing ---------------------------------------------------------------------------------
 
-    def card_rows(self, frame, views) -> np.ndarray:
-        """Return the texels of some images for :meth:`ImpostorCards.show`, shape (n, 5, 4)."""
+    def card_rows(self, frame, views) -> CardRows:
+        """Return the texels of some images for :meth:`ImpostorCards.show`."""
         card, view_rotation = self.card.rows(views), frame.view_from_world[:3, :3]
         card_center = _in_view(frame, card.center)
         right, up, back = (card.axes[:, k] @ view_rotation.T for k in range(3))
         card_width, card_height = (card.high - card.low).T
         is_parallel = self.parallel[views]
-        table = np.zeros((len(views), 5, 4))
+        table = np.zeros((len(views), 6, 4))
         table[:, 0, :3] = card_center + card.low[:, :1] * right + card.low[:, 1:] * up
         table[:, 0, 3] = np.where(is_parallel, self.planes[views].mean(1), card.away)
         table[:, 1, :3], table[:, 2, :3] = card_width[:, None] * right, card_height[:, None] * up
@@ -207,7 +222,25 @@ class Images:
         table[:, 3, :3] = np.where(is_parallel[:, None], -back, image_eye)
         table[:, 3, 3] = is_parallel
         table[:, 4, :2], table[:, 4, 2:] = self.tile[views, :2], self.size[views]
-        return table
+        table[:, 5, 0] = 1.0
+        is_clear = self.rows[views] > 1
+        clear = self._layer_rows(table[is_clear], views[is_clear], card_center[is_clear])
+        return CardRows(table[~is_clear], clear)
+
+    def _layer_rows(self, table, views, card_center):
+        """Return the texels of all layers of some images, from back to front."""
+        layer = np.tile(np.arange(LAYERS), len(views))
+        rows = np.repeat(table, LAYERS, axis=0)
+        shift = np.repeat(self.size[views], LAYERS, axis=0)
+        shift *= np.stack([layer % 2, layer // 2], 1)
+        rows[:, 4, :2] += shift
+        rows[:, 5, 0] = np.repeat(self.opacity[views], LAYERS)
+        # Where the first layer of the same faces is: what both show counts once.
+        rows[:, 5, 1] = np.where(layer >= 2, shift[:, 1], 0)
+        away = -card_center[:, 2]
+        extent = np.repeat(self.card.depth[views], LAYERS)
+        order = np.repeat(away, LAYERS) + extent * np.array(_NEARNESS)[layer]
+        return rows[np.argsort(-order, kind='stable')]
 
     @property
     def nbytes(self) -> int:
@@ -225,6 +258,13 @@ class Images:
         """Free GPU memory; the context is current."""
         self.close_pool()
         self.drawer.release()
+
+
+class CardRows(NamedTuple):
+    """Texels of the cards of opaque images, and of the layers of translucent ones in order."""
+
+    opaque: np.ndarray  # (n, 6, 4)
+    clear: np.ndarray
 
 
 class Eyes:

@@ -10,6 +10,8 @@ import numpy as np
 FINEST = 4.0
 #: Largest side of an image in texels.
 LARGEST = 1024
+#: Layers of images of translucent surfaces, in two rows: the first and the last fronts and backs.
+LAYERS = 4
 # Texels per allowed error of a new image, so that it still serves from nearer.
 _RESERVE = 1.15
 # Texels per pixel of a new image if memory allows, for smooth outlines in multisampled windows.
@@ -25,11 +27,12 @@ _TILE_SHARE, _SQUARE_SHARE = 1.6, 2.0
 
 
 class Limits(NamedTuple):
-    """The largest errors of n images, and the widths of their lines, all in pixels."""
+    """The largest errors of n images and the widths of their lines in pixels, and their layers."""
 
     displaced: np.ndarray  # (n,)
     texel: np.ndarray
     stroke_px: np.ndarray  # 0 if there are none
+    is_clear: np.ndarray  # of which a tile holds several layers
 
     def rows(self, index) -> Limits:
         """Return a selection."""
@@ -44,30 +47,37 @@ class Limits(NamedTuple):
         return growth * np.where(self.stroke_px > 0, np.maximum(self.stroke_px, _BOLD), 0.0)
 
     @property
+    def rows_of_layers(self) -> np.ndarray:
+        """Rows and columns of layers in the tile of each image."""
+        return np.where(self.is_clear, 2, 1)
+
+    @property
     def least_texels(self) -> np.ndarray:
         """Texels per pixel of new images."""
         return _RESERVE / self.texel
 
 
-def limits_of(max_error, eyes, stroke_px) -> Limits:
-    """Return the limits of images by the widths of their lines."""
+def limits_of(max_error, eyes, nodes) -> Limits:
+    """Return the limits of images of nodes."""
+    stroke_px = nodes.stroke_px
     has_lines, quality = stroke_px > 0, eyes.frame.quality
     line_texel = min(max_error, _LINE_TEXEL, 1 / (_LINE_TEXELS * eyes.supersampling))
     displaced = np.where(has_lines, min(max_error, _LINE_ERROR), max_error) / quality
     texel = np.where(has_lines, line_texel, max_error) / quality
-    return Limits(displaced, texel, stroke_px)
+    return Limits(displaced, texel, stroke_px, nodes.is_clear)
 
 
 class Plan(NamedTuple):
     """Sizes of new images in texels."""
 
-    size: np.ndarray  # (n, 2), margins included
+    size: np.ndarray  # (n, 2), margins included, of a layer
     margin: np.ndarray  # (n,), on each side
+    rows: np.ndarray  # (n,), rows and columns of layers
 
     @property
     def sides(self) -> np.ndarray:
-        """The larger side of each image."""
-        return self.size.max(1)
+        """The larger side of each image, all layers included."""
+        return self.rows * self.size.max(1)
 
     @property
     def tile_area(self) -> int:
@@ -82,15 +92,16 @@ def plan(side_px, limits, room) -> Plan:
     """
     largest_px = np.maximum(side_px.max(1), 1e-300)
     smooth_size = largest_px * min(_SMOOTH, room) / np.maximum(limits.texel, 1.0) + 2
-    tile_size = np.minimum(2.0 ** np.rint(np.log2(smooth_size)), LARGEST)
+    rows = limits.rows_of_layers
+    tile_size = np.minimum(2.0 ** np.rint(np.log2(rows * smooth_size)), LARGEST) / rows
     texels_per_px = np.maximum(limits.least_texels, (tile_size - 2.5) / largest_px)
     inner_size = np.ceil(np.minimum(side_px * texels_per_px[:, None], 1e6)).astype(int)
     margin = 1 + np.ceil(limits.stroke_px / 2 * texels_per_px).astype(int)
-    return Plan(inner_size + 2 * margin[:, None], margin)
+    return Plan(inner_size + 2 * margin[:, None], margin, rows)
 
 
 def room(texels, card_area, limits) -> float:
-    """Return how many texels per pixel fit, for cards of areas in pixels."""
+    """Return how many texels per pixel fit, for cards of areas in pixels, all layers included."""
     is_fixed = limits.least_texels > _SMOOTH
     tile_area = _TILE_SHARE * card_area
     fixed_texels = _SQUARE_SHARE * tile_area * limits.least_texels**2

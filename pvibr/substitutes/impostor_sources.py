@@ -16,8 +16,10 @@ from pvibr.substitutes.impostor_maths import dop_corners
 from pvibr.textures.material_textures import copy_property
 from pvibr.things.actor_watch import (
     NOT_FINITE,
+    TRANSLUCENT,
     has_thin_cells,
     ineligibility,
+    is_evenly_clear,
     stroke_width,
     updated_data,
 )
@@ -96,6 +98,7 @@ class Source:
         self.cells = self.tries = 0
         self.stroke_px = 0.0  # width of the widest edges, lines and points, 0 if none
         self.has_tint = False  # whether edges have another colour than black
+        self.opacity = 1.0
         self.planes: list = []  # of the actor's mapper
         self.draft = DraftMesh()
         self._cut_planes: list = []  # of the double's mapper
@@ -113,6 +116,9 @@ class Source:
     def update(self, dops):
         """Update eligibility, bounding box and double."""
         self.why = ineligibility(self.actor, relit=True)
+        self.opacity = 1.0
+        if self.why == TRANSLUCENT and is_evenly_clear(self.actor):
+            self.why, self.opacity = '', self.actor.GetProperty().GetOpacity()
         self.planes = planes_of(self.actor)
         if self.why:
             data = updated_data(self.actor.GetMapper())
@@ -189,8 +195,11 @@ class Source:
             self._cut_planes = planes
             set_planes(self._double.GetMapper(), planes)
 
-    def draw(self, renderer, world_from_view, texel, texels_per_pixel):
-        """Draw colour and coverage, normal and material, and unlit edges."""
+    def draw(self, renderer, world_from_view, texel, texels_per_pixel, faces=None):
+        """Draw colour and coverage, normal and material, and unlit edges, of all faces or some."""
+        if faces is not None:
+            self._double.GetProperty().SetFrontfaceCulling(faces == 'back')
+            self._double.GetProperty().SetBackfaceCulling(faces == 'front')
         if self.stroke_px:
             scale_strokes(self._double.GetProperty(), self.actor.GetProperty(), texels_per_pixel)
         uniforms = self._double.GetShaderProperty().GetFragmentCustomUniforms()
@@ -218,6 +227,7 @@ def unlit(actor, number):
     prop, shader = actor.GetProperty(), actor.GetShaderProperty()
     is_lit = bool(prop.GetLighting())
     prop.SetInterpolation(min(prop.GetInterpolation(), 2))
+    prop.SetOpacity(1.0)
     prop.SetAmbient(0.0)
     prop.SetDiffuse(1.0)
     prop.SetSpecular(0.0)

@@ -250,6 +250,9 @@ class Nodes:
         self.live = gather(live, np.logical_or)
         self.moving = gather(leaves.sections.moving & live, np.logical_or)
         self.stroke_px = gather(leaves.stroke_px * live, np.maximum)
+        self.is_clear = gather((leaves.opacity < 1) & live, np.logical_or)
+        # Translucent surfaces have images of their own.
+        self.is_mixed = self.is_clear & (np.arange(len(self)) >= len(leaves))
         low, high = (np.where(self.live[:, None], a, 0.0) for a in (low, high))
         self.low, self.high = low, high
         self.center, half_size = (low + high) / 2, (high - low) / 2
@@ -281,7 +284,7 @@ class Nodes:
         in_view = self.live & may_see_boxes(view, self.low, self.high) & (far_end > view.near)
         is_far = (eyes.away(self.center) > NEAREST * self.radius) | eyes.parallel
         # A mesh cut by the near plane shows its inside, which no image has.
-        return in_view, is_far & (near_end >= view.near) & ~self.moving
+        return in_view, is_far & (near_end >= view.near) & ~self.moving & ~self.is_mixed
 
     def faces(self, eyes):
         """Return depth and visible area of the boxes."""

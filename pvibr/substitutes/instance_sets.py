@@ -119,7 +119,7 @@ class Block:
 
     tries: int = 0
     seconds: float = np.inf
-    stroke_px, has_tint = 0.0, False
+    stroke_px, has_tint, opacity = 0.0, False, 1.0
     planes = ()  # clip all blocks of a set alike
 
     def __init__(self, owner, number, span):
@@ -132,7 +132,7 @@ class Block:
     def clip(self, planes):
         """Leave the set's own planes."""
 
-    def draw(self, renderer, world_from_view, texel_size, texels_per_pixel):
+    def draw(self, renderer, world_from_view, texel_size, texels_per_pixel, faces=None):
         """Draw the unlit surfaces, see :meth:`Source.draw`."""
         owner = self.owner
         group = owner.thing.groups[self.number]

@@ -17,7 +17,7 @@ CLIPPED_AWAY, CUT_BY_MOVING = 'clipped away', 'cut by a moving plane'
 UNDRAWN = 'hidden', 'out of view', CLIPPED_AWAY
 _COLUMNS = (
     *('eligible', 'visible', 'cells', 'seconds'),
-    *('center', 'half', 'radius', 'reach', 'corners', 'stroke_px'),
+    *('center', 'half', 'radius', 'reach', 'corners', 'stroke_px', 'opacity'),
 )
 
 
@@ -32,7 +32,7 @@ class Leaves:
         self.mesh_reasons = np.zeros(0, object)
         self.center, self.half = np.zeros((0, 3)), np.zeros((0, 3, 3))
         self.radius, self.reach = np.zeros(0), np.zeros((0, 3))
-        self.stroke_px = np.zeros(0)
+        self.stroke_px, self.opacity = np.zeros(0), np.zeros(0)
         self.cells, self.seconds = np.zeros(0, int), np.zeros(0)
         self.corners = np.zeros((0, 80, 3))
         leaf_counts = [len(sources), *(len(owner.blocks) for owner in instance_sets)]
@@ -139,6 +139,7 @@ class Leaves:
             return
         self.center[i], self.half[i], self.radius[i] = source.center, source.half, source.radius
         self.corners[i], self.stroke_px[i] = source.corners, source.stroke_px
+        self.opacity[i] = source.opacity
         self.reach[i] = np.abs(source.corners).max(0)
 
     def plain(self, mesh_cost, size_px, card_area, pixel_cost) -> np.ndarray:

@@ -14,6 +14,8 @@ from pvibr.things.plain_actors import is_composed
 
 #: Reason for an actor whose points or matrix are not finite.
 NOT_FINITE = 'bounds that are not finite'
+#: Reason for an actor that is not opaque.
+TRANSLUCENT = 'translucent'
 _VERSIONS = count(1)
 _POINTS, _WIREFRAME = 0, 1  # VTK_POINTS, VTK_WIREFRAME
 _PBR = 3  # VTK_PBR
@@ -197,7 +199,7 @@ def ineligibility(actor, *, relit=False) -> str:
     bounds = actor.GetBounds()
     if bounds is None or bounds[0] > bounds[1]:
         return 'empty'
-    return 'translucent' if actor.HasTranslucentPolygonalGeometry() else ''
+    return TRANSLUCENT if actor.HasTranslucentPolygonalGeometry() else ''
 
 
 def _not_relit(actor, data) -> str:
@@ -209,6 +211,15 @@ def _not_relit(actor, data) -> str:
     if prop.GetInterpolation() == _PBR or actor.GetBackfaceProperty() is not None:
         return 'a material of another kind'
     return 'shaders of its own' if _has_shaders(actor.GetShaderProperty()) else ''
+
+
+def is_evenly_clear(actor) -> bool:
+    """Return whether an actor is translucent by its own opacity alone."""
+    texture = actor.GetTexture()
+    has_own = actor.GetMapper().HasTranslucentPolygonalGeometry() or (
+        texture is not None and texture.IsTranslucent()
+    )
+    return actor.GetProperty().GetOpacity() < 1.0 and not has_own
 
 
 def stroke_width(actor, data) -> float:

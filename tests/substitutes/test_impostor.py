@@ -182,7 +182,7 @@ def test_to_all_others_the_actors_are_what_they_were(kind):
 
 def test_what_cannot_be_an_image_is_drawn_as_it_is():
     looks = {
-        'translucent': {'opacity': 0.5},
+        'translucent': {'scalars': np.arange(BALL.n_points), 'opacity': 'linear'},
         'tubes or spheres': {'style': 'wireframe', 'render_lines_as_tubes': True},
         'a material of another kind': {'pbr': True},
     }

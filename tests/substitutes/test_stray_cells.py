@@ -69,13 +69,14 @@ def test_what_else_there_is_to_see_is_no_stray():
     for strut in ((1, 3), (0, 4), (0, 1, 3)):
         assert not has_strays_only(with_lines((0, 1), strut))
     pl = plotter((100, 75))
+    ball = pv.Sphere(center=(2, 0, 0))
     actors = [
         pl.add_mesh(pv.Sphere(), show_edges=True),
-        pl.add_mesh(with_lines((1, 3))),
-        pl.add_mesh(pv.Sphere(center=(2, 0, 0)), opacity=0.4),
+        pl.add_mesh(with_lines((1, 3)).clean()),  # without the far point
+        pl.add_mesh(ball, scalars=ball.points[:, 2], opacity='linear', show_scalar_bar=False),
         pl.add_mesh(pv.PolyData(np.eye(3))),
     ]
-    place(pl, (20, -30, 20))
+    pl.camera_position = [(20, -30, 20), (0, 0, 0), (0, 0, 1)]
     impostor = pl.ibr.add_impostor(actors, only_if_faster=False)
     pl.show(auto_close=False)
     told = impostor.report()
