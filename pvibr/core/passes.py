@@ -51,13 +51,13 @@ def margins(renderer, size) -> tuple[float, float]:
 
 def samples_of(renderer) -> int:
     """Return the samples per pixel of the scene, 1 without antialiasing."""
-    samples_along = supersampling_of(renderer)
-    return max(renderer.GetRenderWindow().GetMultiSamples(), 1) * round(samples_along**2)
+    ssaa_passes = sum(p.IsA('vtkSSAAPass') for p in passes_of(renderer))
+    return max(renderer.GetRenderWindow().GetMultiSamples(), 1) * round(_SAMPLES**2) ** ssaa_passes
 
 
 def supersampling_of(renderer) -> float:
     """Return how many samples passes draw along a side of a pixel, 1 without them."""
-    return float(_SAMPLES ** sum(p.IsA('vtkSSAAPass') for p in passes_of(renderer)))
+    return sqrt(samples_of(renderer) / max(renderer.GetRenderWindow().GetMultiSamples(), 1))
 
 
 def peels_samples(renderer) -> bool:

@@ -4,7 +4,7 @@
 // VTK's lighting and writes its depth, so that cards intersect as their meshes do.
 // Sources: Schaufler, "Dynamically Generated Impostors", GI Workshop 1995; "Nailboards: A
 // Rendering Primitive for Image Caching in Dynamic Scenes", EGWR 1997.
-// Spaces: eye = VTK's VC. A card has 6 texels of ibr_cards, see Images.card_rows.
+// Spaces: eye = VTK's VC. A card has 5 texels of ibr_cards, a layer 6, see Images.card_rows.
 // Defines: MATERIALS, 1 if there are several; TINTED, 1 if any edges have another colour than black;
 // CLEAR, 1 for layers of translucent surfaces.
 
@@ -15,7 +15,9 @@ uniform mat4 ibr_clip_from_eye;
 flat out vec4 ibr_rect;      // corner in the pool, sides, texels
 flat out vec4 ibr_image_eye;      // eye of the image, or view direction; w 1 if parallel
 flat out vec3 ibr_planes;    // distances of near plane, far plane and card from that eye
+#if CLEAR
 flat out vec2 ibr_layer;     // opacity, and texels above the first layer of the same faces
+#endif
 flat out vec2 ibr_foot;      // of that eye on the card, texels from the corner
 flat out vec3 ibr_eye;       // foot of this frame's eye and its height, or the same of its direction
 out vec2 ibr_uv;             // texels from the corner
@@ -26,14 +28,16 @@ out vec4 vertexVCVSOutput;
     int card = gl_VertexID / 4;
     int corner = gl_VertexID % 4;
     bool live = card < ibr_count;
-    ivec2 at = live ? ivec2(card % 128 * 6, card / 128) : ivec2(0);
+    ivec2 at = live ? ivec2(card % 128 * (5 + CLEAR), card / 128) : ivec2(0);
     vec4 origin = texelFetch(ibr_cards, at, 0);
     vec4 right = texelFetch(ibr_cards, at + ivec2(1, 0), 0);
     vec4 up = texelFetch(ibr_cards, at + ivec2(2, 0), 0);
     ibr_image_eye = texelFetch(ibr_cards, at + ivec2(3, 0), 0);
     ibr_rect = texelFetch(ibr_cards, at + ivec2(4, 0), 0);
     ibr_planes = vec3(right.w, up.w, origin.w);
+#if CLEAR
     ibr_layer = texelFetch(ibr_cards, at + ivec2(5, 0), 0).xy;
+#endif
     vec2 q = vec2(corner == 1 || corner == 2 ? 1.0 : 0.0, corner >= 2 ? 1.0 : 0.0);
     ibr_uv = q * ibr_rect.zw;
     mat3 axes = mat3(ibr_rect.z * right.xyz / dot(right.xyz, right.xyz),
@@ -61,7 +65,9 @@ uniform vec4 ibr_clip_depth;     // rows z and w of clip from eye, z columns: zz
 flat in vec4 ibr_rect;
 flat in vec4 ibr_image_eye;
 flat in vec3 ibr_planes;
+#if CLEAR
 flat in vec2 ibr_layer;
+#endif
 flat in vec2 ibr_foot;
 flat in vec3 ibr_eye;
 in vec2 ibr_uv;

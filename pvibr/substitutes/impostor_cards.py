@@ -11,7 +11,7 @@ from pvibr.gl.feature import Feature, sections
 from pvibr.substitutes.impostor_limits import LAYERS
 from pvibr.things.shader_draws import DULL, ShaderDraws
 
-_ROW, _TEXELS = 128, 6  # cards per row of the table, texels per card
+_ROW = 128  # cards per row of the table
 
 
 @cache
@@ -22,7 +22,8 @@ def card_feature(*, depth, shiny, several, tinted, clear) -> Feature:
     return Feature(
         f'impostor_{int(depth)}{int(shiny)}{int(several)}{int(tinted)}{int(clear)}',
         {
-            'VTK::PositionVC::Dec': shader_parts['vertex.declare'],
+            'VTK::PositionVC::Dec': f'#define CLEAR {int(clear)}\n'
+            + shader_parts['vertex.declare'],
             'VTK::PositionVC::Impl': shader_parts['vertex.position'],
         },
         {
@@ -150,11 +151,12 @@ class CardDraws(ShaderDraws):
             self._textures = Texture(frame.window), materials
         cards, materials = self._textures
         table_height = max(1, -(-len(card_rows) // _ROW))
-        table = np.zeros((table_height * _ROW, _TEXELS, 4), np.float32)
+        texel_count = card_rows.shape[1]
+        table = np.zeros((table_height * _ROW, texel_count, 4), np.float32)
         table[: len(card_rows)] = card_rows
         if self._card_table is None or not np.array_equal(table, self._card_table):
             self._card_table = table
-            cards.upload(table.reshape(table_height, _ROW * _TEXELS, 4))
+            cards.upload(table.reshape(table_height, _ROW * texel_count, 4))
         clip, view = frame.clip_from_view, frame.view_from_world
         self.textures = {**pool.textures, 'ibr_cards': cards, 'ibr_materials': materials}
         self.uniforms = {

@@ -213,7 +213,7 @@ class Images:
         right, up, back = (card.axes[:, k] @ view_rotation.T for k in range(3))
         card_width, card_height = (card.high - card.low).T
         is_parallel = self.parallel[views]
-        table = np.zeros((len(views), 6, 4))
+        table = np.zeros((len(views), 5, 4))
         table[:, 0, :3] = card_center + card.low[:, :1] * right + card.low[:, 1:] * up
         table[:, 0, 3] = np.where(is_parallel, self.planes[views].mean(1), card.away)
         table[:, 1, :3], table[:, 2, :3] = card_width[:, None] * right, card_height[:, None] * up
@@ -222,7 +222,6 @@ class Images:
         table[:, 3, :3] = np.where(is_parallel[:, None], -back, image_eye)
         table[:, 3, 3] = is_parallel
         table[:, 4, :2], table[:, 4, 2:] = self.tile[views, :2], self.size[views]
-        table[:, 5, 0] = 1.0
         is_clear = self.rows[views] > 1
         clear = self._layer_rows(table[is_clear], views[is_clear], card_center[is_clear])
         return CardRows(table[~is_clear], clear)
@@ -230,7 +229,7 @@ class Images:
     def _layer_rows(self, table, views, card_center):
         """Return the texels of all layers of some images, from back to front."""
         layer = np.tile(np.arange(LAYERS), len(views))
-        rows = np.repeat(table, LAYERS, axis=0)
+        rows = np.pad(np.repeat(table, LAYERS, axis=0), ((0, 0), (0, 1), (0, 0)))
         shift = np.repeat(self.size[views], LAYERS, axis=0)
         shift *= np.stack([layer % 2, layer // 2], 1)
         rows[:, 4, :2] += shift
@@ -263,8 +262,8 @@ class Images:
 class CardRows(NamedTuple):
     """Texels of the cards of opaque images, and of the layers of translucent ones in order."""
 
-    opaque: np.ndarray  # (n, 6, 4)
-    clear: np.ndarray
+    opaque: np.ndarray  # (n, 5, 4)
+    clear: np.ndarray  # (n, 6, 4)
 
 
 class Eyes:
