@@ -63,7 +63,8 @@ def limits_of(max_error, eyes, nodes) -> Limits:
     has_lines, quality = stroke_px > 0, eyes.frame.quality
     line_texel = min(max_error, _LINE_TEXEL, 1 / (_LINE_TEXELS * eyes.supersampling))
     displaced = np.where(has_lines, min(max_error, _LINE_ERROR), max_error) / quality
-    texel = np.where(has_lines, line_texel, max_error) / quality
+    # While quality is lowered, lines are coarser, but no blots.
+    texel = np.where(has_lines, min(line_texel / quality, 1.0), max_error / quality)
     return Limits(displaced, texel, stroke_px, nodes.is_clear)
 
 
