@@ -76,6 +76,7 @@ _EXPORTS = {
     'ImageLayers': 'pvibr.substitutes.image_layers',
     'Impostor': 'pvibr.substitutes.impostor',
     'Instances': 'pvibr.instances.instances',
+    'LargeMesh': 'pvibr.large.large_mesh',
     'Lens': 'pvibr.maths.lenses',
     'LensCamera': 'pvibr.maths.lens_camera',
     'LiveTexture': 'pvibr.effects.live_texture',

@@ -16,7 +16,7 @@ ROOT = Path(pvibr.__file__).parent
 # The floors of the house, highest first: an import goes down, or stays in its room.
 FLOORS = (
     ('api', 'cli'),
-    ('capture', 'export', 'figures', 'inspection', 'photos', 'scenes', 'substitutes'),
+    ('capture', 'export', 'figures', 'inspection', 'large', 'photos', 'scenes', 'substitutes'),
     ('effects', 'instances', 'points', 'shadows', 'visibility'),
     ('meshes', 'things'),
     ('animation', 'textures'),

@@ -42,6 +42,7 @@ if TYPE_CHECKING:
     from pvibr.figures.animated_actor import AnimatedActor
     from pvibr.figures.crowd import Crowd
     from pvibr.instances.instances import Instances
+    from pvibr.large.large_mesh import LargeMesh
     from pvibr.photos.photo_mesh import PhotoMesh
     from pvibr.points.billboards import Billboards
     from pvibr.points.cylinders import Cylinders
@@ -324,6 +325,7 @@ class IBRComponent(metaclass=Complete):
     add_image_layers: AddMethod[ImageLayers] = AddMethod(
         'pvibr.substitutes.image_layers.ImageLayers'
     )
+    add_large_mesh: AddMethod[LargeMesh] = AddMethod('pvibr.large.large_mesh.LargeMesh')
     add_photos: AddMethod[PhotoMesh] = AddMethod('pvibr.photos.photo_mesh.PhotoMesh')
 
     def remove(self, thing):

@@ -1,0 +1,1 @@
+"""One large mesh, drawn by a cut through a hierarchy of simplified patches."""

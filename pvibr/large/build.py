@@ -1,0 +1,356 @@
+"""Build the hierarchy of a mesh by batched multi-triangulation.
+
+Cignoni et al., "Batched Multi Triangulation", IEEE Visualization 2005: at each level all triangles
+are divided into cells anew, and each cell is simplified with its border locked.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from pvibr.large.cells import kd_cells
+from pvibr.large.hierarchy import NO_CELL, Hierarchy
+from pvibr.large.simplified_cell import Cell, edges_once, has_three_corners, simplify_cell
+
+#: Samples of the full mesh by which the error of a cell is measured.
+_SAMPLES = 1024
+#: Points of a draft, about.
+_DRAFT_POINTS = 100_000
+#: Cubes along the longest side of the grid by which points of drafts are counted, and of theirs.
+_ROUGH_GRID, _FINEST_GRID = 48, 400
+#: Levels at most; each has about half the triangles of the one before.
+_LEVELS = 40
+
+
+@dataclass
+class TriangleMesh:
+    """The triangles of a mesh, with equal points merged."""
+
+    #: Points of the mesh, (n, 3), float32 or float64.
+    points: np.ndarray
+    #: Triangles as numbers of points, (m, 3).
+    faces: np.ndarray
+    #: Cell of the user's mesh that each triangle is of, (m,).
+    mesh_cells: np.ndarray
+    #: Normals of the points if the mesh has any, (n, 3).
+    normals: np.ndarray | None = None
+
+
+@dataclass
+class _Level:
+    """The triangles that are left at a level."""
+
+    faces: np.ndarray
+    is_border: np.ndarray
+    #: Cell that made each triangle.
+    made_by: np.ndarray
+    samples: np.ndarray
+    #: Triangle nearest to each sample.
+    sample_faces: np.ndarray
+
+
+def build_hierarchy(
+    mesh: TriangleMesh, progress: Callable[[float], Any] = lambda fraction: None
+) -> Hierarchy:
+    """Return the hierarchy of a mesh."""
+    return _Builder(mesh, merged_points, progress).build(_LEVELS)
+
+
+def build_draft(mesh: TriangleMesh) -> Hierarchy:
+    """Return a hierarchy of one level, of a mesh with few points, to be drawn until it is built.
+
+    Rossignac and Borrel, "Multi-resolution 3D approximations for rendering complex scenes", 1993.
+    """
+    return _Builder(mesh, clustered_points, lambda fraction: None).build(0)
+
+
+class _Builder:
+    """A hierarchy in the making."""
+
+    def __init__(self, mesh, merge, progress):
+        self._mesh, self._progress = mesh, progress
+        self._rng = np.random.default_rng(0)
+        points = np.asarray(mesh.points)
+        self._origin = (points.min(0).astype(float) + points.max(0)) / 2
+        points, self._vertex_of_point = merge(points - self._origin)
+        faces = self._vertex_of_point[mesh.faces]
+        is_area = has_three_corners(faces)
+        self._faces, self._mesh_cells = faces[is_area], np.asarray(mesh.mesh_cells)[is_area]
+        if not len(self._faces):
+            raise ValueError('mesh must have triangles, got none with an area')
+        # As they are drawn: what is locked keeps its place to the bit.
+        self._points = points.astype(np.float32).astype(np.float64)
+        self._new_points: list[np.ndarray] = [self._points]
+        self._parents: list[np.ndarray] = [np.full(len(points), -1, np.int32)]
+        self._level_starts = [0, len(points)]
+        self._errors: list[float] = []
+        self._boxes: list[np.ndarray] = []
+        self._patches: list[tuple[int, int, np.ndarray]] = []
+        self._patch_mesh_cells: list[np.ndarray] = []
+
+    def build(self, level_count) -> Hierarchy:
+        """Simplify level by level until one cell is left, or none gets smaller."""
+        faces = self._faces
+        owners = np.zeros(len(self._points), np.int32)
+        owners[faces.ravel()] = np.repeat(np.arange(len(faces), dtype=np.int32), 3)
+        used = np.unique(faces)
+        level = _Level(
+            faces,
+            edges_once(faces, len(self._points)),
+            np.full(len(faces), NO_CELL, np.int32),
+            self._points[used],
+            owners[used],
+        )
+        self._mesh_cell_of_face = self._mesh_cells
+        for _ in range(level_count):
+            cells = kd_cells(self._centers(level.faces), self._rng)
+            if len(cells) == 1:
+                break
+            level, has_changed = self._coarser(level, cells)
+            if not has_changed:
+                break
+        for ids in kd_cells(self._centers(level.faces), self._rng):
+            self._record(level, ids, NO_CELL)
+        self._progress(1.0)
+        return self._finished()
+
+    def _centers(self, faces) -> np.ndarray:
+        points = self._points.astype(np.float32)
+        return (points[faces[:, 0]] + points[faces[:, 1]] + points[faces[:, 2]]) / 3
+
+    def _coarser(self, level, cells) -> tuple[_Level, bool]:
+        """Return the next level, and whether a cell could be simplified."""
+        sample_ids = self._samples_of(level, cells)
+        vertices: list[np.ndarray] = []
+        jobs = self._jobs(level, cells, sample_ids, vertices)
+        parts: list[_Level] = []
+        merges: list[tuple[np.ndarray, np.ndarray]] = []
+        new_points: list[np.ndarray] = []
+        offset, next_vertex, has_changed = 0, len(self._points), False
+        for k, simplified in enumerate(map(simplify_cell, jobs)):
+            ids, samples = cells[k], sample_ids[k]
+            if simplified is None:
+                local = np.searchsorted(np.sort(ids), level.sample_faces[samples])
+                ids = np.sort(ids)
+                part = _kept(level, ids, samples, local + offset)
+            else:
+                new_vertices = np.flatnonzero(simplified.is_new)
+                numbers = vertices[k][simplified.continued]
+                numbers[new_vertices] = next_vertex + np.arange(len(new_vertices))
+                next_vertex += len(new_vertices)
+                new_points.append(simplified.points[new_vertices])
+                merges.append(_merges(vertices[k], simplified, numbers))
+                self._replace(level, ids, simplified.error)
+                part = _Level(
+                    numbers[simplified.faces],
+                    simplified.is_border,
+                    np.full(len(simplified.faces), len(self._errors) - 1, np.int32),
+                    level.samples[samples],
+                    (simplified.nearest + offset).astype(np.int32),
+                )
+                has_changed = True
+            vertices[k] = _NOTHING
+            parts.append(part)
+            offset += len(part.faces)
+            self._advance(len(level.faces), (k + 1) / len(cells))
+        self._add_vertices(new_points, merges)
+        return _joined(parts), has_changed
+
+    def _jobs(self, level, cells, sample_ids, vertices) -> Iterator[Cell]:
+        """Yield the cells to simplify, and note the vertices of each."""
+        for ids, samples in zip(cells, sample_ids, strict=True):
+            own_vertices, faces = np.unique(level.faces[ids], return_inverse=True)
+            vertices.append(own_vertices)
+            yield Cell(
+                self._points[own_vertices],
+                faces.reshape(-1, 3).astype(np.int32),
+                level.is_border[ids],
+                level.samples[samples],
+            )
+
+    def _samples_of(self, level, cells) -> list[np.ndarray]:
+        """Return the samples of each cell, at most as many as it needs."""
+        cell_of_face = np.empty(len(level.faces), np.int32)
+        for k, ids in enumerate(cells):
+            cell_of_face[ids] = k
+        cell_of_sample = cell_of_face[level.sample_faces]
+        order = np.argsort(cell_of_sample, kind='stable')
+        ends = np.searchsorted(cell_of_sample[order], np.arange(1, len(cells)))
+        return [
+            ids if len(ids) <= _SAMPLES else self._rng.choice(ids, _SAMPLES, replace=False)
+            for ids in np.split(order, ends)
+        ]
+
+    def _advance(self, left, fraction):
+        """Tell the fraction done: each level takes half as long as the one before."""
+        done = 1 - left / len(self._faces) * (1 - fraction / 2)
+        self._progress(min(done, 0.999))
+
+    def _replace(self, level, ids, error):
+        """Note that a cell has replaced triangles."""
+        number = len(self._errors)
+        children = np.unique(level.made_by[ids])
+        children = children[children >= 0]
+        corners = self._points[level.faces[ids].ravel()]
+        boxes = np.array([[corners.min(0), corners.max(0)], *(self._boxes[c] for c in children)])
+        self._boxes.append(np.stack([boxes[:, 0].min(0), boxes[:, 1].max(0)]))
+        self._errors.append(max([error, *(self._errors[c] for c in children)]))
+        self._record(level, ids, number)
+
+    def _record(self, level, ids, replaced_by):
+        """Note the patches of triangles that one cell replaces."""
+        ids = ids[np.argsort(level.made_by[ids], kind='stable')]
+        makers = level.made_by[ids]
+        for part in np.split(ids, np.flatnonzero(makers[1:] != makers[:-1]) + 1):
+            made_by = int(level.made_by[part[0]])
+            self._patches.append((made_by, replaced_by, level.faces[part]))
+            mesh_cells = self._mesh_cell_of_face[part] if made_by == NO_CELL else _NOTHING
+            self._patch_mesh_cells.append(mesh_cells)
+
+    def _add_vertices(self, new_points, merges):
+        added = np.concatenate([np.zeros((0, 3)), *new_points])
+        self._parents.append(np.full(len(added), -1, np.int32))
+        parents = np.concatenate(self._parents)
+        for children, own_parents in merges:
+            parents[children] = own_parents
+        self._parents = [parents]
+        self._points = np.concatenate([self._points, added])
+        self._level_starts.append(len(self._points))
+
+    def _finished(self) -> Hierarchy:
+        order = sorted(range(len(self._patches)), key=lambda k: self._patches[k][0] != NO_CELL)
+        points = self._points.astype(np.float32)
+        vertices, triangles, boxes = [], [], []
+        for k in order:
+            own_vertices, faces = np.unique(self._patches[k][2], return_inverse=True)
+            vertices.append(own_vertices.astype(np.int32))
+            triangles.append(faces.reshape(-1, 3).astype(np.uint16))
+            corners = points[own_vertices]
+            boxes.append((corners.min(0), corners.max(0)))
+        areas, normals = self._areas_and_normals()
+        cell_count = len(self._errors)
+        hierarchy = Hierarchy(
+            origin=self._origin,
+            points=points,
+            normals=np.zeros((0, 3), np.float32),
+            parents=np.concatenate(self._parents),
+            level_starts=np.array(self._level_starts, np.int64),
+            areas=areas,
+            vertex_of_point=self._vertex_of_point,
+            mesh_cells=np.concatenate([self._patch_mesh_cells[k] for k in order]).astype(np.int64),
+            errors=np.array(self._errors).reshape(cell_count),
+            boxes=np.array(self._boxes).reshape(cell_count, 2, 3),
+            patch_cells=np.array([self._patches[k][:2] for k in order], np.int32),
+            patch_boxes=np.array(boxes, np.float64),
+            vertex_starts=np.cumsum([0, *map(len, vertices)]),
+            triangle_starts=np.cumsum([0, *map(len, triangles)]),
+            vertices=np.concatenate(vertices),
+            triangles=np.concatenate(triangles),
+        )
+        return with_normals(hierarchy, normals)
+
+    def _areas_and_normals(self):
+        """Return areas around vertices, and normals of the mesh's points."""
+        corners = self._points[self._faces]
+        crosses = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        lengths = np.linalg.norm(crosses, axis=1)
+        count = self._level_starts[1]
+        areas = np.bincount(self._faces.ravel(), np.repeat(lengths, 3), count)
+        # A point without area counts as little as can be, but has its own values.
+        areas = np.maximum(areas, 1e-12 * max(areas.max(), 1e-300)).astype(np.float32)
+        if self._mesh.normals is not None:
+            return areas, self._mesh.normals
+        # The mean of the facets' unit normals, as VTK has it.
+        crosses /= np.maximum(lengths, 1e-300)[:, None]
+        normals = [np.bincount(self._faces.ravel(), np.repeat(n, 3), count) for n in crosses.T]
+        normals = np.stack(normals, 1)
+        normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
+        return areas, normals[self._vertex_of_point]
+
+
+_NOTHING = np.zeros(0, np.int64)
+
+
+def with_normals(hierarchy, normals) -> Hierarchy:
+    """Return a hierarchy with unit normals of all vertices, from those of the mesh's points."""
+    means = hierarchy.averaged(normals)
+    lengths = np.linalg.norm(means, axis=1, keepdims=True)
+    is_known = lengths[:, 0] > 0
+    means = np.where(is_known[:, None], means / np.where(lengths > 0, lengths, 1), (0, 0, 1))
+    arrays = hierarchy.to_arrays() | {'normals': means.astype(np.float32)}
+    return Hierarchy(**arrays)
+
+
+def merged_points(points) -> tuple[np.ndarray, np.ndarray]:
+    """Return points without copies, and the place of each among them.
+
+    Points that look the same in single precision are the same.
+    """
+    drawn = np.ascontiguousarray(points, np.float32) + np.float32(0.0)  # no negative zeros
+    keys = drawn.view(np.uint32).astype(np.uint64)
+    hashes = keys @ np.array([0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9], np.uint64)
+    order = np.argsort(hashes, kind='stable')
+    is_first = np.r_[True, hashes[order][1:] != hashes[order][:-1]]
+    if is_first.all():
+        return points, np.arange(len(points), dtype=np.int32)
+    first, groups = order[is_first], np.empty(len(points), np.int64)
+    groups[order] = np.cumsum(is_first) - 1
+    if not np.array_equal(drawn, drawn[first[groups]]):  # hashes met
+        _, first, groups = np.unique(drawn, axis=0, return_index=True, return_inverse=True)
+    # In the order of the mesh, which keeps neighbours together.
+    ranks = np.empty(len(first), np.int32)
+    ranks[np.argsort(first)] = np.arange(len(first), dtype=np.int32)
+    return points[np.sort(first)], ranks[groups.ravel()]
+
+
+def clustered_points(points) -> tuple[np.ndarray, np.ndarray]:
+    """Return one point of each cube of a grid that has any, and the place of each among them."""
+    low = points.min(0)
+    extent = float((points.max(0) - low).max()) or 1.0
+    side = extent / _ROUGH_GRID
+    occupied = _cubes(points[:: max(len(points) // _DRAFT_POINTS, 1)], low, side)[1]
+    # The number of cubes that a surface meets grows with the square of the grid.
+    side *= min(max((len(occupied) / _DRAFT_POINTS) ** 0.5, _ROUGH_GRID / _FINEST_GRID), 1.0)
+    places, first = _cubes(points, low, side)
+    return points[first], places
+
+
+def _cubes(points, low, side) -> tuple[np.ndarray, np.ndarray]:
+    """Return the cube of each point, numbered, and a point of each cube."""
+    cubes = ((points - low) / side).astype(np.int64)
+    shape = cubes.max(0) + 1
+    keys = (cubes[:, 0] * shape[1] + cubes[:, 1]) * shape[2] + cubes[:, 2]
+    point_of_key = np.full(int(shape.prod()), -1, np.int32)
+    point_of_key[keys] = np.arange(len(keys), dtype=np.int32)
+    occupied = np.flatnonzero(point_of_key >= 0)
+    first = point_of_key[occupied]
+    point_of_key[occupied] = np.arange(len(occupied), dtype=np.int32)
+    return point_of_key[keys], first
+
+
+def _merges(vertices, simplified, numbers) -> tuple[np.ndarray, np.ndarray]:
+    """Return the vertices that new ones were made of, and these."""
+    targets = simplified.merged_into
+    is_merged = targets >= 0
+    is_merged[is_merged] = simplified.is_new[targets[is_merged]]
+    return vertices[is_merged], numbers[targets[is_merged]].astype(np.int32)
+
+
+def _kept(level, ids, samples, sample_faces) -> _Level:
+    """Return the triangles of a cell that could not be simplified."""
+    return _Level(
+        level.faces[ids],
+        level.is_border[ids],
+        level.made_by[ids],
+        level.samples[samples],
+        sample_faces.astype(np.int32),
+    )
+
+
+def _joined(parts) -> _Level:
+    names = _Level.__dataclass_fields__
+    return _Level(**{n: np.concatenate([getattr(p, n) for p in parts]) for n in names})

@@ -1,0 +1,106 @@
+"""Build a hierarchy in another process, while a draft is drawn."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import sys
+import tempfile
+import weakref
+from pathlib import Path
+
+import numpy as np
+
+from pvibr.instances.cache import AtlasCache
+from pvibr.large.build import TriangleMesh, build_hierarchy
+from pvibr.large.hierarchy import Hierarchy
+from pvibr.large.stored import hierarchy_key
+
+_NAMES = 'points', 'faces', 'mesh_cells', 'normals'
+_STDERR_BYTES = 2000
+# Ctrl+C is for the parent, which decides.
+_PROGRAM = (
+    'import signal, sys; signal.signal(signal.SIGINT, signal.SIG_IGN); sys.path[:] = {path!r}; '
+    'from pvibr.large.build_job import main; main({folder!r}, {cache!r}, {key!r})'
+)
+
+
+class BuildJob:
+    """A process that builds the hierarchy of a mesh, into the cache or a folder of its own."""
+
+    def __init__(self, mesh: TriangleMesh, cache: AtlasCache | None):
+        self._cache, self._key = cache, hierarchy_key(mesh)
+        self._folder = Path(tempfile.mkdtemp(prefix='pvibr-'))
+        self._process: subprocess.Popen | None = None
+        self._cleaner = weakref.finalize(self, _clean, [], self._folder)
+        for name in _NAMES:
+            if getattr(mesh, name) is not None:
+                np.save(self._folder / f'{name}.npy', getattr(mesh, name))
+
+    def start(self):
+        """Start the process."""
+        cache = None if self._cache is None else str(self._cache.path)
+        program = _PROGRAM.format(
+            path=sys.path, folder=str(self._folder), cache=cache, key=self._key
+        )
+        with (self._folder / 'stderr').open('wb') as stderr:
+            self._process = subprocess.Popen(
+                [sys.executable, '-c', program],
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.DEVNULL,
+                stderr=stderr,
+                creationflags=getattr(subprocess, 'CREATE_NO_WINDOW', 0),
+            )
+        self._cleaner.detach()
+        self._cleaner = weakref.finalize(self, _clean, [self._process], self._folder)
+
+    @property
+    def is_over(self) -> bool:
+        """Whether the process has ended."""
+        return self._process is not None and self._process.poll() is not None
+
+    def wait(self, timeout=None) -> bool:
+        """Wait for the end; return False if the time was too short."""
+        if self._process is None:
+            self.start()
+        try:
+            self._process.wait(timeout)
+        except subprocess.TimeoutExpired:
+            return False
+        return True
+
+    def result(self) -> Hierarchy:
+        """Return the hierarchy; raise a RuntimeError if there is none."""
+        for cache in (self._cache, AtlasCache(self._folder)):
+            found = cache and cache.load(self._key, Hierarchy.of_arrays)
+            if found:
+                return found
+        last_words = (self._folder / 'stderr').read_bytes()[-_STDERR_BYTES:]
+        lines = last_words.decode('utf-8', 'replace').strip().splitlines()
+        raise RuntimeError(lines[-1] if lines else 'the process ended without a result')
+
+    def end(self):
+        """End the process, and remove its files."""
+        self._cleaner()
+
+
+def _clean(processes, folder):
+    for process in processes:
+        process.kill()
+        process.wait()
+    shutil.rmtree(folder, ignore_errors=True)
+
+
+def main(folder, cache_path, key):
+    """Build the hierarchy of the arrays in a folder: the child's program."""
+    folder = Path(folder)
+    arrays = {n: folder / f'{n}.npy' for n in _NAMES}
+    mesh = TriangleMesh(**{n: np.load(p) for n, p in arrays.items() if p.exists()})
+    cache = None if cache_path is None else AtlasCache(cache_path)
+    hierarchy = None if cache is None else cache.load(key, Hierarchy.of_arrays)
+    if hierarchy is not None:
+        return
+    arrays = build_hierarchy(mesh).to_arrays()
+    if cache is None or not cache.put(key, arrays):
+        # Too large for the cache: for this run alone.
+        AtlasCache(folder, sys.maxsize).put(key, arrays)

@@ -1,0 +1,63 @@
+"""The mesh of a cut, gathered anew only when another one is drawn."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pvibr.core import _vtk
+from pvibr.large.cut import gathered
+
+
+class CutMesh:
+    """Patches as one mesh of VTK, whose bounds are always those of the full mesh."""
+
+    def __init__(self):
+        self.data = _vtk.vtkPolyData()
+        self._points = _vtk.vtkPoints()
+        self.data.SetPoints(self._points)
+        self.patches = np.zeros(0, int)
+        self._key: tuple = ()
+        #: Where the triangles of each patch start.
+        self.n_triangles = 0
+
+    @property
+    def nbytes(self) -> int:
+        """GPU memory of its buffers, about: positions, normals, colours and indices."""
+        return 28 * self._points.GetNumberOfPoints() + 12 * self.n_triangles
+
+    def show(self, hierarchy, patches, values, *, has_normals):
+        """Let the mesh be of some patches, with values of vertices as its scalars."""
+        key = id(hierarchy), id(values), has_normals, patches.tobytes()
+        if key == self._key:
+            return
+        self._key, self.patches = key, patches
+        vertices, triangles = gathered(hierarchy, patches)
+        self.n_triangles = len(triangles)
+        points = np.empty((len(vertices) + 2, 3))
+        np.add(hierarchy.points[vertices], hierarchy.origin, out=points[:-2])
+        # Two corners hold the bounds, by which VTK also places what it uploads; they draw nothing.
+        points[-2:] = hierarchy.bounds
+        corners = np.repeat(np.array([[0], [1]], np.int32) + len(vertices), 3, axis=1)
+        triangles = np.concatenate([triangles, corners])
+        self._points.SetData(_vtk.numpy_to_vtk(points))
+        offsets = np.arange(0, 3 * len(triangles) + 1, 3, dtype=np.int32)
+        cells = _vtk.vtkCellArray()
+        cells.SetData(_vtk.numpy_to_vtk(offsets), _vtk.numpy_to_vtk(triangles.ravel()))
+        self.data.SetPolys(cells)
+        vertices = np.append(vertices, [vertices[0] if len(vertices) else 0] * 2)
+        self._set_arrays(vertices, hierarchy.normals if has_normals else None, values)
+
+    def _set_arrays(self, vertices, normals, values):
+        point_data = self.data.GetPointData()
+        point_data.SetNormals(None if normals is None else _array('Normals', normals[vertices]))
+        if values is None:
+            point_data.SetScalars(None)
+        else:
+            point_data.SetScalars(_array(values.name, values.by_vertex[vertices]))
+        self.data.Modified()
+
+
+def _array(name, values):
+    array = _vtk.numpy_to_vtk(np.ascontiguousarray(values))
+    array.SetName(name)
+    return array

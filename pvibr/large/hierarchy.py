@@ -1,0 +1,159 @@
+"""A mesh as patches of all levels, of which some draw it within an error."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from functools import cached_property
+
+import numpy as np
+
+#: Index of the cell that made the patches of the full mesh, or that replaces the coarsest.
+NO_CELL = -1
+_INDEX = np.iinfo(np.int32).max
+
+
+@dataclass(frozen=True)
+class Hierarchy:
+    """Patches of triangles, each made by one cell and replaced by another.
+
+    A cell replaces all of its patches at once by others with about half the triangles. Patches
+    that share an edge have the same vertices there, by number.
+    """
+
+    #: Where vertex positions are relative to, model space, (3,) float64.
+    origin: np.ndarray
+    #: Positions of the vertices about the origin, (v, 3) float32; first those of the full mesh.
+    points: np.ndarray
+    #: Unit normals of the vertices, (v, 3) float32.
+    normals: np.ndarray
+    #: Vertex that each was merged into, -1 for none; always a later one.
+    parents: np.ndarray
+    #: Vertices of each level start here, (levels + 1,).
+    level_starts: np.ndarray
+    #: Area around each vertex of the full mesh, its weight in averages.
+    areas: np.ndarray
+    #: Vertex of each point of the mesh; equal points have the same.
+    vertex_of_point: np.ndarray
+    #: Cell of the mesh that each triangle of the full mesh is of, in the order of patches.
+    mesh_cells: np.ndarray
+    #: Distance that the full mesh keeps from what replaced each cell, (c,).
+    errors: np.ndarray
+    #: Bounds (low, high) about the origin of each cell and all that it replaces, (c, 2, 3).
+    boxes: np.ndarray
+    #: Cells that made each patch and that replace it, (p, 2), `NO_CELL` for none.
+    patch_cells: np.ndarray
+    #: Bounds of each patch, (p, 2, 3).
+    patch_boxes: np.ndarray
+    #: Where the vertices and the triangles of each patch start, (p + 1,).
+    vertex_starts: np.ndarray
+    triangle_starts: np.ndarray
+    #: Vertices of the patches.
+    vertices: np.ndarray
+    #: Triangles of the patches, as places among the vertices of their patch, (t, 3) uint16.
+    triangles: np.ndarray
+
+    @property
+    def nbytes(self) -> int:
+        """Size of all arrays."""
+        return sum(array.nbytes for array in self.to_arrays().values())
+
+    @cached_property
+    def triangle_counts(self) -> np.ndarray:
+        """Triangles of each patch."""
+        return np.diff(self.triangle_starts)
+
+    @cached_property
+    def full_patches(self) -> np.ndarray:
+        """Patches of the full mesh."""
+        return np.flatnonzero(self.patch_cells[:, 0] == NO_CELL)
+
+    @property
+    def n_triangles(self) -> int:
+        """Triangles of the full mesh."""
+        return len(self.mesh_cells)
+
+    @cached_property
+    def bounds(self) -> tuple[np.ndarray, np.ndarray]:
+        """Lowest and highest coordinates of the full mesh, model space."""
+        boxes = self.patch_boxes[self.full_patches]
+        return self.origin + boxes[:, 0].min(0), self.origin + boxes[:, 1].max(0)
+
+    def averaged(self, values) -> np.ndarray:
+        """Return values of all vertices from those of the mesh's points, float32.
+
+        A vertex has the mean by area of what was merged into it; what is not finite counts for
+        nothing, unless all is.
+        """
+        values = np.asarray(values, np.float64).reshape(len(self.vertex_of_point), -1)
+        sums, weights = self._of_vertices(values)
+        for first, last in zip(self.level_starts[1:-1], self.level_starts[2:], strict=True):
+            children = self._children[slice(*np.searchsorted(self._child_parents, (first, last)))]
+            if len(children):
+                places, count = self.parents[children] - first, last - first
+                sums[first:last] = _summed(places, sums[children], count)
+                weights[first:last] = _summed(places, weights[children], count)
+        with np.errstate(invalid='ignore'):
+            return (sums / np.where(weights > 0, weights, np.nan)).astype(np.float32)
+
+    def _of_vertices(self, values):
+        """Return weighted sums of values by vertex, of which those of the full mesh are set."""
+        count = len(self.areas)
+        weights = np.repeat(self.areas[self.vertex_of_point, None], values.shape[1], 1)
+        weights = np.where(np.isfinite(values), weights, 0.0).astype(np.float64)
+        sums = np.zeros((len(self.points), values.shape[1]))
+        all_weights = np.zeros_like(sums)
+        sums[:count] = _summed(self.vertex_of_point, np.nan_to_num(values) * weights, count)
+        all_weights[:count] = _summed(self.vertex_of_point, weights, count)
+        return sums, all_weights
+
+    @cached_property
+    def _children(self) -> np.ndarray:
+        """Vertices that were merged into others, in the order of these."""
+        order = np.argsort(self.parents, kind='stable')
+        return order[np.searchsorted(self.parents[order], 0) :]
+
+    @cached_property
+    def _child_parents(self) -> np.ndarray:
+        return self.parents[self._children]
+
+    def to_arrays(self) -> dict[str, np.ndarray]:
+        """Return all arrays by name."""
+        return {field.name: getattr(self, field.name) for field in fields(self)}
+
+    @classmethod
+    def of_arrays(cls, arrays: Mapping[str, np.ndarray]) -> Hierarchy:
+        """Return the hierarchy of arrays that `to_arrays` returned, checked."""
+        hierarchy = cls(**{field.name: arrays[field.name] for field in fields(cls)})
+        hierarchy._check()
+        return hierarchy
+
+    def _check(self):
+        """Raise a ValueError where arrays do not belong together."""
+        patch_count, vertex_count = len(self.patch_cells), len(self.points)
+        starts = self.vertex_starts, self.triangle_starts
+        ends = len(self.vertices), len(self.triangles)
+        is_whole = (
+            all(len(s) == patch_count + 1 and s[0] == 0 for s in starts)
+            and all(s[-1] == end and (np.diff(s) > 0).all() for s, end in zip(starts, ends, strict=True))
+            and _is_below(self.vertices, vertex_count)
+            and _is_below(self.vertex_of_point, len(self.areas))
+            and _is_below(self.patch_cells, len(self.errors), NO_CELL)
+            and _is_below(self.parents, vertex_count, -1)
+            and self.level_starts[-1] == vertex_count
+            and len(self.boxes) == len(self.errors)
+            and len(self.patch_boxes) == patch_count
+            and self.points.shape == self.normals.shape == (vertex_count, 3)
+        )
+        limits = np.repeat(np.diff(self.vertex_starts), self.triangle_counts)
+        if not is_whole or (self.triangles.max(1) >= limits).any():
+            raise ValueError('its arrays do not belong together')
+
+
+def _summed(places, values, count) -> np.ndarray:
+    """Return sums of rows by place."""
+    return np.stack([np.bincount(places, column, count) for column in values.T], 1)
+
+
+def _is_below(indices, count, least=0) -> bool:
+    return not indices.size or bool(indices.min() >= least and indices.max() < count)

@@ -1,0 +1,450 @@
+"""One large mesh, fluent while it moves and exact when it rests."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyvista as pv
+
+from pvibr.core import _vtk
+from pvibr.core.arguments import checked_number
+from pvibr.core.determinism import is_deterministic
+from pvibr.core.errors import warn
+from pvibr.core.params import Param, checked_flag
+from pvibr.core.signatures import takes
+from pvibr.instances.bake_queue import can_run
+from pvibr.large.build import build_draft
+from pvibr.large.build_job import BuildJob
+from pvibr.large.colouring import Coloring
+from pvibr.large.cut import ModelView, cut_of
+from pvibr.large.cut_mesh import CutMesh
+from pvibr.large.full_picking import nearest_triangle
+from pvibr.large.sources import source_of
+from pvibr.large.stored import SUFFIX, built, cache_of, load
+from pvibr.meshes.parts import as_parts
+from pvibr.textures.material_textures import copy_property
+from pvibr.things.clipping import ClippingPlanes, set_planes
+from pvibr.things.picking import Hit, pixel_ray
+from pvibr.things.thing import Thing
+
+#: Triangles up to which a mesh is built at once, even in a window.
+_SMALL = 100_000
+#: Error of what casts shadows in pixels of the depth map.
+_CAST_ERROR = 0.5
+#: Least error while the view moves at quality 1, pixels: less is for stills.
+_MOVING_ERROR = 1.0
+_FLAT = 0  # VTK_FLAT
+
+#: Arguments of add_mesh that have no effect here, or are not there.
+REFUSED = (
+    *('texture', 'style', 'show_edges', 'edge_color', 'edge_opacity', 'line_width', 'point_size'),
+    *('render_points_as_spheres', 'render_lines_as_tubes', 'split_sharp_edges', 'feature_angle'),
+    *('categories', 'component', 'preference', 'user_matrix', 'alpha_cutoff', 'force_opaque'),
+    *('use_transparency', 'opacity'),
+)
+
+
+class LargeMesh(Thing):
+    """Draw a mesh of millions of triangles by simplified patches, within an error in pixels.
+
+    Parameters
+    ----------
+    mesh : pyvista.DataSet, trimesh mesh or path
+        The mesh; its surface is drawn. Also a ``.pvl`` file that ``pvibr build`` or
+        ``mesh.ibr.large`` wrote, which is mapped into memory.
+    max_error : float
+        Maximum distance of the drawn surface from the mesh, in pixels.
+    moving : float, optional
+        Frame time in ms that is met while the view moves, by a larger error.
+    scalars : str or array_like, shape (n,), (n, 3) or (n, 4), optional
+        Values of points that `cmap` colours, or colours with ``rgb=True``; by default the active
+        point scalars. Patches show their means by area.
+    opacity : float
+        Opacity of the whole, 0 to 1.
+    cmap, clim : optional
+        As in ``add_mesh``.
+    smooth_shading : bool, optional
+        Interpolate normals, by default as the theme says.
+    name : str, optional
+        Name in the plotter and in reports.
+    pickable : bool
+        Allow picking.
+    cache : bool or path
+        Keep the hierarchy on disk, or the folder of the cache.
+    progress : bool, optional
+        Show a progress bar while the hierarchy is built; by default in terminals and notebooks.
+    wait : bool, optional
+        Wait until the hierarchy is built. Otherwise another process builds it, and a coarse draft
+        is drawn; screenshots, movies and exports wait. By default off screen, but not in windows
+        and notebooks.
+    theme : pyvista.plotting.themes.Theme, optional
+        Defaults of the looks.
+    **look
+        As in :meth:`pyvista.Plotter.add_mesh`.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If an argument is invalid.
+
+    Examples
+    --------
+    >>> import pyvista as pv
+    >>> import pvibr
+    >>> sphere = pv.Sphere(theta_resolution=200, phi_resolution=200)
+    >>> pl = pv.Plotter(off_screen=True)
+    >>> ball = pl.ibr.add(pvibr.LargeMesh(sphere, max_error=2.0, cache=False))
+    >>> ball.n_triangles
+    79200
+    >>> pl.show(auto_close=False)
+    >>> ball.report()['triangles'] < ball.n_triangles
+    True
+    >>> pl.close()
+    """
+
+    FOR_USERS = ('n_triangles', 'refined', 'set_scalars', 'cut', 'pick')
+    moved_by = None
+    web = 'baked', 'the mesh of the current view'
+    keeps_arguments = False
+
+    max_error = Param(
+        1.0,
+        'Maximum distance of the drawn surface from the mesh at rest: raise it for speed; 0 draws '
+        'the mesh itself.',
+        range='[0, inf)',
+        unit='px',
+    )
+    moving = Param(
+        None,
+        'Frame time that is met while the view moves, by a larger error; by default that of the '
+        'plotter, `interactive_frame_ms`. The least of all applies; 0 keeps `max_error`.',
+        range='[0, inf)',
+        unit='ms',
+        kind=float,
+    )
+
+    @takes(look=as_parts, without=REFUSED)
+    def __init__(
+        self,
+        mesh,
+        *,
+        max_error=1.0,
+        moving=None,
+        scalars=None,
+        opacity=1.0,
+        name=None,
+        pickable=True,
+        cache=True,
+        progress=None,
+        wait=None,
+        theme=None,
+        **look,
+    ):
+        super().__init__(max_error=max_error, moving=moving)
+        self.name, self.pickable = name, pickable
+        look |= {'opacity': checked_number('opacity', opacity, 0, 1), 'theme': theme}
+        self._look, cache = look, cache_of(cache)
+        waits = checked_flag('wait', wait, optional=True) is not False
+        self._job: BuildJob | None = None
+        self._changes = 0
+        self._own_view: Any = None
+        self._tolerance = max_error
+        self._cut, self._other_cut = CutMesh(), CutMesh()
+        self._other_actor = pv.Actor()
+        if str(mesh).lower().endswith(SUFFIX) and isinstance(mesh, (str, Path)):
+            hierarchy, self._source = load(mesh)
+        else:
+            self._source = source_of(mesh)
+            triangles = self._source.mesh
+        self._coloring = Coloring.of(self._source, scalars, look)
+        if self._source.mesh is not None:
+            if waits or len(triangles.faces) <= _SMALL or not can_run():
+                hierarchy = built(triangles, cache, progress)
+            else:
+                hierarchy, self._job = build_draft(triangles), BuildJob(triangles, cache)
+        self._prepare_actors()
+        self._adopt(hierarchy)
+
+    def _prepare_actors(self):
+        """Let this actor, and one for other views, draw the meshes of cuts."""
+        self.GetMapper().SetNumberOfSubPieces(1)
+        copy_property(self.prop, self._coloring.part.actor.prop)
+        self.SetBackfaceProperty(self._coloring.part.actor.GetBackfaceProperty())
+        self.ForceOpaqueOff()
+        self.SetPickable(True)
+        other = self._other_actor
+        other.SetMapper(_vtk.vtkPolyDataMapper())
+        other.SetProperty(self.prop)
+        other.VisibilityOff()
+        other.PickableOff()
+        other.UseBoundsOff()
+        self._dressed = (other,)
+        self._dress_mappers()
+
+    def _dress_mappers(self):
+        """Let the mappers have the look of the colouring."""
+        pairs = (self, self._cut), (self._other_actor, self._other_cut)
+        for actor, cut in pairs:
+            mapper = actor.GetMapper()
+            planes = list(mapper.GetClippingPlanes() or ())
+            mapper.ShallowCopy(self._coloring.part.actor.mapper)
+            mapper.SetInputDataObject(cut.data)
+            set_planes(mapper, planes)
+        self._scalar_name = self._coloring.name
+
+    def _adopt(self, hierarchy):
+        """Draw a hierarchy from now on."""
+        self._hierarchy = hierarchy
+        self._values = self._coloring.values_of(hierarchy)
+        self._changes += 1
+        nothing = np.zeros(0, int)
+        for cut in (self._cut, self._other_cut):
+            cut.show(hierarchy, nothing, None, has_normals=False)
+
+    # -- what users call ---------------------------------------------------------------------
+
+    @property
+    def n_triangles(self) -> int:
+        """Number of triangles of the mesh."""
+        mesh = self._source.mesh
+        return self._hierarchy.n_triangles if mesh is None else len(mesh.faces)
+
+    @property
+    def refined(self) -> bool:
+        """Whether the last frame kept `max_error`."""
+        return self._job is None and self._tolerance <= self.max_error
+
+    def set_scalars(self, scalars, *, clim=None):
+        """Colour by other values of points.
+
+        Parameters
+        ----------
+        scalars : str or array_like, shape (n,), (n, 3) or (n, 4)
+            Values of points, or the name of a point array; colours if it has ``rgb=True``.
+        clim : sequence of 2 float, optional
+            Range of the colours; by default that of the values.
+
+        Raises
+        ------
+        KeyError
+            If there is no such array.
+        ValueError
+            If there is not one value per point.
+        """
+        look = {k: v for k, v in self._look.items() if k not in ('clim', 'color')}
+        self._coloring = Coloring.of(self._source, scalars, look | {'clim': clim})
+        self._values = self._coloring.values_of(self._hierarchy)
+        self._dress_mappers()
+        self._changes += 1
+        self._show_bar()
+
+    def cut(self, max_error=None) -> pv.PolyData:
+        """Return the mesh that draws the current view.
+
+        Parameters
+        ----------
+        max_error : float, optional
+            Error in pixels; by default `max_error`.
+
+        Returns
+        -------
+        pyvista.PolyData
+            Its triangles in world units, without those out of view.
+
+        Raises
+        ------
+        RuntimeError
+            If it is in no plotter.
+        """
+        if self.pipeline is None:
+            raise RuntimeError(f'{self.name} must be in a plotter, whose view the cut is of')
+        if max_error is None:
+            max_error = self.max_error
+        max_error = checked_number('max_error', max_error, 0)
+        self.wait()
+        self._take_result()
+        cut, hierarchy = CutMesh(), self._hierarchy
+        patches = cut_of(hierarchy, self._view(self.pipeline.view()), max_error)
+        cut.show(hierarchy, patches, self._values, has_normals=True)
+        mesh = pv.wrap(cut.data)
+        mesh.regular_faces = mesh.regular_faces[:-2]
+        return mesh.clean(point_merging=False).transform(self.matrix, inplace=False)
+
+    def pick(self, x, y) -> Hit | None:
+        """Return where the ray through a pixel meets the full mesh; ``index`` is its cell."""
+        if not self.pickable or self.pipeline is None or not self.visibility:
+            return None
+        start, direction = pixel_ray(self.pipeline.renderer, x, y)
+        first, last = ClippingPlanes(self.GetMapper().GetClippingPlanes()).reach(start, direction)
+        model_from_world = np.linalg.inv(self._matrix())
+        local_start = model_from_world[:3, :3] @ start + model_from_world[:3, 3]
+        local_direction = model_from_world[:3, :3] @ direction
+        found = nearest_triangle(self._hierarchy, local_start, local_direction, first, last)
+        if found is None:
+            return None
+        index, distance = found
+        return Hit(index, tuple((start + distance * direction).tolist()), distance)
+
+    def wait(self, timeout=None) -> bool:
+        """Wait until the hierarchy is built.
+
+        Parameters
+        ----------
+        timeout : float, optional
+            Seconds to wait at most; by default any time.
+
+        Returns
+        -------
+        bool
+            True if it is, False if the time was too short.
+
+        Raises
+        ------
+        ValueError
+            If the timeout is negative or no number.
+        """
+        super().wait(timeout)
+        return self._job is None or self._job.wait(timeout)
+
+    def report(self) -> dict:
+        """Return bytes, triangles and patches of the last frame, and its error in pixels."""
+        cuts = self._cut, self._other_cut
+        return {
+            'bytes': 0 if self.pipeline is None else sum(cut.nbytes for cut in cuts),
+            'triangles': self._cut.n_triangles,
+            'of': self.n_triangles,
+            'patches': len(self._cut.patches),
+            'error': 'draft' if self.is_draft else round(self._tolerance, 3),
+        }
+
+    # -- as a thing ----------------------------------------------------------------------------
+
+    def _contents(self) -> str:
+        return f'{self.n_triangles} triangles'
+
+    def actors(self) -> list:
+        """Return this actor, and the one that draws other views."""
+        return [self, self._other_actor]
+
+    def SetPickable(self, pickable):
+        """Set `pickable`, for VTK's pickers as well."""
+        super().SetPickable(pickable)
+        pv.Actor.SetPickable(self, self.pickable)
+
+    def set_clipping_planes(self, planes):
+        """Clip what other views see, too; this actor's mapper clips itself."""
+        set_planes(self._other_actor.GetMapper(), planes or ())
+
+    def dataset(self):
+        """Return the mesh that is drawn, before its matrix."""
+        return pv.wrap(self._cut.data)
+
+    def scalar_mapper(self):
+        """Return the mapper if it has a lookup table."""
+        return self.GetMapper() if self._coloring.has_table else None
+
+    def set_scalar_range(self, clim):
+        """Change the range of the scalars."""
+        self._other_actor.GetMapper().SetScalarRange(*clim)
+        self.GetMapper().GetLookupTable().SetTableRange(*clim)
+        self._changes += 1
+
+    def content_key(self) -> tuple:
+        """Return a value that changes with its appearance."""
+        return self._changes, self.revision, self.GetMTime()
+
+    def bake_into(self, scene):
+        """Export the mesh of the current view, at `max_error`."""
+        scene.part(self, self._coloring.part.with_mesh(self.cut()))
+
+    # -- building in the background --------------------------------------------------------------
+
+    @property
+    def pending(self) -> bool:
+        """Whether another process builds the hierarchy."""
+        return self._job is not None and not self._job.is_over
+
+    @property
+    def is_draft(self) -> bool:
+        """Whether a draft is drawn."""
+        return self._job is not None
+
+    @property
+    def unfinished(self) -> bool:
+        """Whether a hierarchy was built that no frame shows yet."""
+        return self._job is not None and self._job.is_over
+
+    def _take_result(self):
+        """Draw what another process has built."""
+        if self._job is None or not self._job.is_over:
+            return
+        try:
+            hierarchy = self._job.result()
+        except RuntimeError as error:
+            warn(
+                f'{self.name}: the process that builds its hierarchy failed ({error}); '
+                'it is built here instead'
+            )
+            hierarchy = built(self._source.mesh, None)
+        self._job.end()
+        self._job = None
+        self._adopt(hierarchy)
+
+    # -- the life of an effect -------------------------------------------------------------------
+
+    def _put_in(self, renderer):
+        super()._put_in(renderer)
+        if self._job is not None:
+            self._job.start()
+
+    def needed(self, frame) -> bool | str:
+        """Return True if it is visible, and its matrix has an inverse."""
+        if self.visibility and not self.GetMatrix().Determinant():
+            return 'its matrix has no inverse'
+        return super().needed(frame)
+
+    def prepare(self, frame):
+        """Choose the patches of the view, and gather them if they are others."""
+        if self._job is not None and is_deterministic():
+            self.wait()
+        self._take_result()
+        self._tolerance = self._tolerance_of(frame)
+        patches = cut_of(self._hierarchy, self._view(frame), self._tolerance)
+        self._show(self._cut, patches)
+        if frame.own:
+            self._own_view = frame.view
+
+    def _tolerance_of(self, frame) -> float:
+        """Return the error of a frame in pixels."""
+        if frame.quality >= 1 or self.moving == 0:
+            return self.max_error
+        return max(self.max_error, _MOVING_ERROR) / frame.quality
+
+    def _show(self, cut, patches):
+        has_normals = self.prop.GetInterpolation() != _FLAT
+        cut.show(self._hierarchy, patches, self._values, has_normals=has_normals)
+
+    def _matrix(self) -> np.ndarray:
+        """Return the world from the space about the hierarchy's origin."""
+        matrix = np.array(self.matrix)
+        matrix[:3, 3] += matrix[:3, :3] @ self._hierarchy.origin
+        return matrix
+
+    def _view(self, frame) -> ModelView:
+        return ModelView.of(frame, self._matrix())
+
+    def draws(self, frame, *, depth=False) -> list:
+        """Return the actor that draws it in a frame of another view."""
+        if frame.view is self._own_view:
+            return [self]
+        view, is_map = self._view(frame), frame.depth_map
+        max_error = min(self.max_error, _CAST_ERROR) if is_map else self.max_error
+        self._show(self._other_cut, cut_of(self._hierarchy, view, max_error))
+        self._other_actor.SetUserMatrix(self.GetMatrix())
+        return [self._other_actor]
+
+    def deactivate(self):
+        """Draw nothing."""
+        self._adopt(self._hierarchy)

@@ -1,0 +1,115 @@
+"""Meshes and files as triangles, with the arrays of their points."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import pyvista as pv
+
+from pvibr.io.trimesh_meshes import as_dataset, is_trimesh
+from pvibr.large.build import TriangleMesh
+from pvibr.meshes.mesh_files import has_graph, read_mesh
+from pvibr.meshes.surfaces import check_points, polygons_of, surface_of
+
+#: Name of the array that follows cells of a mesh to its triangles.
+_CELL = 'pvibr_mesh_cell'
+_SCENE = 'mesh must be one mesh, got a scene: pass one of its meshes, or merge them first'
+_REMEDY = 'average them with mesh.cell_data_to_point_data()'
+
+
+@dataclass
+class Source:
+    """The triangles of a mesh, and what may colour them."""
+
+    mesh: TriangleMesh
+    #: Arrays of the points of `mesh` by name.
+    arrays: dict[str, np.ndarray] = field(default_factory=dict)
+    #: Name of the point array that is active, or None.
+    active: str | None = None
+    #: Names of arrays of cells.
+    of_cells: tuple[str, ...] = ()
+    #: Number of the points of the user's mesh, and which of these are those of `mesh`; None for
+    #: all.
+    point_count: int = 0
+    points: np.ndarray | None = None
+
+    def values_of(self, scalars) -> tuple[str, np.ndarray]:
+        """Return the name and the values by point of scalars, a name or an array."""
+        if isinstance(scalars, str):
+            if scalars in self.arrays:
+                return scalars, checked_values(scalars, self.arrays[scalars])
+            if scalars in self.of_cells:
+                raise ValueError(f'scalars must be on points, got cell data {scalars!r}; {_REMEDY}')
+            names = ', '.join(map(repr, self.arrays)) or 'none'
+            raise KeyError(f'scalars: the mesh has no point array {scalars!r}; it has: {names}')
+        values = np.asarray(scalars)
+        if len(np.atleast_1d(values)) != self.point_count:
+            raise ValueError(
+                f'scalars must be one value per point ({self.point_count}), got shape '
+                f'{values.shape}; values of cells are not drawn: {_REMEDY}'
+            )
+        values = values if self.points is None else values[self.points]
+        return '', checked_values('scalars', values)
+
+
+def checked_values(name, values) -> np.ndarray:
+    """Return scalars that can be averaged: numbers, or colours of 3 or 4 components."""
+    values = np.asarray(values)
+    is_shape = values.ndim == 1 or (values.ndim == 2 and values.shape[1] in (3, 4))
+    if values.dtype.kind not in 'biuf' or not is_shape:
+        raise ValueError(
+            f'{name} must be numbers, one per point, or colours with rgb=True, got '
+            f'{values.dtype} of shape {values.shape}; give a component or a norm'
+        )
+    return values
+
+
+def source_of(mesh) -> Source:
+    """Return the triangles of a mesh, or of a file of one."""
+    if has_graph(mesh):
+        raise TypeError(_SCENE)
+    if isinstance(mesh, str | Path):
+        mesh = read_mesh(mesh)
+    if is_trimesh(mesh, 'Trimesh'):
+        mesh = as_dataset(mesh, None, None)
+    if isinstance(mesh, pv.MultiBlock):
+        raise TypeError(_SCENE + ', as mesh.combine()')
+    if not isinstance(mesh, pv.DataSet):
+        raise TypeError(
+            f'mesh must be a PyVista dataset, a trimesh mesh or a path, got {type(mesh).__name__}'
+        )
+    check_points(mesh)
+    if isinstance(mesh, pv.PolyData) and mesh.is_all_triangles and not _has_strokes(mesh):
+        faces = mesh.regular_faces
+        return _source(mesh, mesh, faces, np.arange(len(faces)), None)
+    tagged = mesh.copy(deep=False)
+    tagged.cell_data[_CELL] = np.arange(mesh.n_cells)
+    tagged.point_data[_CELL] = np.arange(mesh.n_points)
+    surface = polygons_of(surface_of(tagged)).triangulate()
+    if not surface.n_cells:
+        raise ValueError('mesh must have triangles, got none')
+    points, mesh_cells = (np.asarray(d[_CELL]) for d in (surface.point_data, surface.cell_data))
+    return _source(mesh, surface, surface.regular_faces, mesh_cells, points)
+
+
+def _has_strokes(mesh) -> bool:
+    return bool(mesh.n_verts + mesh.n_lines + mesh.n_strips)
+
+
+def _source(mesh, surface, faces, mesh_cells, points) -> Source:
+    names = [name for name in surface.point_data if name != _CELL]
+    info = mesh.active_scalars_info
+    active = info.name if info.name in names and info.association.name == 'POINT' else None
+    normals = surface.point_data.active_normals
+    triangles = TriangleMesh(
+        np.asarray(surface.points),
+        np.asarray(faces),
+        mesh_cells,
+        None if normals is None else np.asarray(normals),
+    )
+    arrays = {name: np.asarray(surface.point_data[name]) for name in names}
+    arrays = {name: values for name, values in arrays.items() if values.dtype.kind in 'biuf'}
+    of_cells = tuple(mesh.cell_data.keys())
+    return Source(triangles, arrays, active, of_cells, mesh.n_points, points)

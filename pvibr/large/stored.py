@@ -1,0 +1,102 @@
+"""Hierarchies in the cache, and in files of their own."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from pvibr.core.arguments import naming
+from pvibr.core.errors import PvibrError
+from pvibr.core.files import existing, with_suffix
+from pvibr.core.progress import baking
+from pvibr.instances.cache import AtlasCache, key_of, pack, unpack, write_whole
+from pvibr.large.build import build_hierarchy
+from pvibr.large.hierarchy import Hierarchy
+from pvibr.large.sources import Source
+
+SUFFIX = '.pvl'
+#: Raise it whenever another hierarchy is built of the same mesh.
+VERSION = 1
+_KIND = 'large mesh'
+_SCALARS = 'scalars:'
+
+
+def cache_of(cache) -> AtlasCache | None:
+    """Return the cache that an argument asks for: True, False or a folder."""
+    if cache is False:
+        return None
+    with naming('cache', cache):
+        return AtlasCache(None if cache is True else cache)
+
+
+def hierarchy_key(mesh) -> str:
+    """Return the key of the hierarchy of a mesh: a digest of its content."""
+    normals = np.zeros(0) if mesh.normals is None else mesh.normals
+    return key_of(_KIND, VERSION, mesh.points, mesh.faces, mesh.mesh_cells, normals)
+
+
+def built(mesh, cache, progress=None) -> Hierarchy:
+    """Return the hierarchy of a mesh, from the cache if it is there."""
+    with baking(progress, 'Building the hierarchy of a large mesh') as advance:
+        if cache is None:
+            return build_hierarchy(mesh, advance)
+        key = hierarchy_key(mesh)
+        found = cache.load(key, Hierarchy.of_arrays)
+        if found is not None:
+            return found
+        with cache.locked(key):
+            found = cache.load(key, Hierarchy.of_arrays)
+            if found is None:
+                found = build_hierarchy(mesh, advance)
+                cache.put(key, found.to_arrays())
+        return found
+
+
+def save(path, hierarchy, source) -> Path:
+    """Write a hierarchy and the point arrays of its mesh to one file."""
+    path = with_suffix(path, SUFFIX)
+    meta = {
+        'kind': _KIND,
+        'version': VERSION,
+        'active': source.active,
+        'of_cells': list(source.of_cells),
+        'point_count': source.point_count,
+    }
+    arrays = hierarchy.to_arrays()
+    arrays |= {_SCALARS + name: values for name, values in source.arrays.items()}
+    arrays['points'] = arrays['points']
+    if source.points is not None:
+        arrays['source_points'] = source.points
+    write_whole(path, pack(arrays, meta))
+    return path
+
+
+def load(path) -> tuple[Hierarchy, Source]:
+    """Return what `save` wrote, mapped into memory, once its checksum was verified."""
+    path = existing(path, f'{SUFFIX} file')
+    try:
+        entry = unpack(np.memmap(path, np.uint8, 'r'))
+        if entry.meta.get('kind') != _KIND or entry.meta.get('version') != VERSION:
+            raise ValueError('it is not a large mesh of this version of pvibr')
+        hierarchy = Hierarchy.of_arrays(entry)
+        arrays = {
+            name.removeprefix(_SCALARS): values
+            for name, values in entry.items()
+            if name.startswith(_SCALARS)
+        }
+        source = Source(
+            None,
+            arrays,
+            entry.meta['active'],
+            tuple(entry.meta['of_cells']),
+            int(entry.meta['point_count']),
+            entry.get('source_points'),
+        )
+        lengths = {len(values) for values in arrays.values()}
+        if lengths - {len(hierarchy.vertex_of_point)}:
+            raise ValueError('its arrays do not belong together')
+    except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
+        reason = str(error) if isinstance(error, ValueError) else f'its content is wrong ({error!r})'
+        raise PvibrError(f'cannot open {str(path)!r}: {reason}; build it again') from error
+    return hierarchy, source
