@@ -147,6 +147,12 @@ EVERY = {
         IMAGES,
         {'shown': 2, 'meshes': {}},
     ),
+    'LargeMesh': Case(
+        lambda pl: pl.ibr.add_large_mesh(
+            pv.merge([BALL.translate(at) for at in PLACES]), max_error=0.5, name='it', **LOOK
+        ),
+        balls,
+    ),
     'PhotoMesh': Case(
         under_photos,
         lambda pl: meshes(

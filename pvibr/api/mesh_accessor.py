@@ -60,6 +60,44 @@ class IBRAccessor:
 
         return billboard_cloud(self._mesh, **kwargs)
 
+    def large(self, path, *, progress=None):
+        """Build the hierarchy of a large mesh, and write it to a file with its point arrays.
+
+        Parameters
+        ----------
+        path : str or Path
+            The file, ``.pvl``; :class:`pvibr.LargeMesh` draws it.
+        progress : bool, optional
+            Show a progress bar; by default in terminals and notebooks.
+
+        Returns
+        -------
+        pathlib.Path
+            The file, which is replaced once the new one is complete.
+
+        Raises
+        ------
+        OSError
+            If the file cannot be written; the old one is unchanged.
+        ValueError
+            If the path does not end in ``.pvl``, or the mesh has no triangles.
+
+        Examples
+        --------
+        >>> import tempfile
+        >>> import pyvista as pv
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     path = pv.Sphere().ibr.large(f'{folder}/ball.pvl')
+        ...     pl = pv.Plotter(off_screen=True)
+        ...     ball = pl.ibr.add_large_mesh(path)
+        ...     pl.close()
+        >>> path.name
+        'ball.pvl'
+        """
+        from pvibr.large.stored import write_large
+
+        return write_large(self._mesh, path, progress)
+
     def glyph(
         self,
         orient=True,

@@ -89,7 +89,7 @@ class IBRComponent(metaclass=Complete):
         self._clock = Clock(plotter, self._show_time)
         self._adaptive_quality = AdaptiveQuality(
             plotter,
-            lambda: self.interactive_frame_ms,
+            self._frame_ms,
             playing=lambda: self._clock.ticking,
             effects=self._all_effects,
         )
@@ -104,6 +104,11 @@ class IBRComponent(metaclass=Complete):
         self._last_report = Report([])
         self._costs: dict[Pipeline, setting_costs.Costs] = {}
         self._hooks, self._picture_hooks = Hooks(plotter), Hooks(plotter)
+
+    def _frame_ms(self) -> float:
+        """Return the frame time to meet while the view moves: the least that is asked for."""
+        asked_times = [effect.frame_ms for effect in self._all_effects()]
+        return min(filter(None, [self.interactive_frame_ms, *asked_times]), default=0.0)
 
     def __setattr__(self, name, value):
         check_attribute(self, name)

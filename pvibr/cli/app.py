@@ -1,4 +1,4 @@
-"""The command line: ``pvibr doctor``, ``demo``, ``view``, ``play``, ``bake``, ``bench``."""
+"""The command line: ``pvibr doctor``, ``demo``, ``view``, ``play``, ``bake`` and others."""
 
 from __future__ import annotations
 
@@ -232,6 +232,19 @@ def bake(
         raise ValueError(f'--out and --sheet are for one mesh, got {len(meshes)}')
     save_atlas(meshes[0], out, sheet, looks)
     return OK
+
+
+@app.command
+def build(mesh: ExistingFile, *, out: Annotated[Path, Parameter(name=['--out', '-o'])]) -> None:
+    """Build the hierarchy of a large mesh into a .pvl file, which add_large_mesh draws.
+
+    The mesh is read whole, as in ``pvibr view``; ten million triangles take a few GB and about a
+    minute. A file of that name is replaced once the new one is complete.
+    """
+    from pvibr.large.stored import write_large
+
+    path = write_large(mesh, out)
+    print(f'wrote {path}: {path.stat().st_size / 1e6:.1f} MB')
 
 
 def _bench_command(name):

@@ -225,6 +225,11 @@ class Effect(metaclass=Complete):
             checked_number('timeout', timeout, 0)
         return True
 
+    @property
+    def frame_ms(self) -> float | None:
+        """Frame time in ms that it asks for while the view moves, None for the plotter's."""
+        return None
+
     def lens_of(self, frame) -> tuple[float, float] | None:
         """Return aperture radius and focus distance if samples take their eyes from a lens."""
         return None

@@ -22,6 +22,8 @@ _SAMPLES = 1024
 _DRAFT_POINTS = 100_000
 #: Cubes along the longest side of the grid by which points of drafts are counted, and of theirs.
 _ROUGH_GRID, _FINEST_GRID = 48, 400
+#: Odd factors by which the bits of coordinates are mixed.
+_HASH = np.array([0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9], np.uint64)
 #: Levels at most; each has about half the triangles of the one before.
 _LEVELS = 40
 
@@ -84,8 +86,7 @@ class _Builder:
             raise ValueError('mesh must have triangles, got none with an area')
         # As they are drawn: what is locked keeps its place to the bit.
         self._points = points.astype(np.float32).astype(np.float64)
-        self._new_points: list[np.ndarray] = [self._points]
-        self._parents: list[np.ndarray] = [np.full(len(points), -1, np.int32)]
+        self._parents = np.full(len(points), -1, np.int32)
         self._level_starts = [0, len(points)]
         self._errors: list[float] = []
         self._boxes: list[np.ndarray] = []
@@ -196,7 +197,7 @@ class _Builder:
         children = np.unique(level.made_by[ids])
         children = children[children >= 0]
         corners = self._points[level.faces[ids].ravel()]
-        boxes = np.array([[corners.min(0), corners.max(0)], *(self._boxes[c] for c in children)])
+        boxes = np.array([_box(corners), *(self._boxes[c] for c in children)])
         self._boxes.append(np.stack([boxes[:, 0].min(0), boxes[:, 1].max(0)]))
         self._errors.append(max([error, *(self._errors[c] for c in children)]))
         self._record(level, ids, number)
@@ -212,32 +213,31 @@ class _Builder:
             self._patch_mesh_cells.append(mesh_cells)
 
     def _add_vertices(self, new_points, merges):
+        """Add the vertices of a new level, and note what was merged into them."""
         added = np.concatenate([np.zeros((0, 3)), *new_points])
-        self._parents.append(np.full(len(added), -1, np.int32))
-        parents = np.concatenate(self._parents)
-        for children, own_parents in merges:
-            parents[children] = own_parents
-        self._parents = [parents]
+        self._parents = np.append(self._parents, np.full(len(added), -1, np.int32))
+        for children, parents in merges:
+            self._parents[children] = parents
         self._points = np.concatenate([self._points, added])
         self._level_starts.append(len(self._points))
 
     def _finished(self) -> Hierarchy:
+        # Those of the full mesh come first, and so do their triangles.
         order = sorted(range(len(self._patches)), key=lambda k: self._patches[k][0] != NO_CELL)
-        points = self._points.astype(np.float32)
-        vertices, triangles, boxes = [], [], []
+        drawn_points = self._points.astype(np.float32)
+        patch_vertices, patch_triangles, boxes = [], [], []
         for k in order:
             own_vertices, faces = np.unique(self._patches[k][2], return_inverse=True)
-            vertices.append(own_vertices.astype(np.int32))
-            triangles.append(faces.reshape(-1, 3).astype(np.uint16))
-            corners = points[own_vertices]
-            boxes.append((corners.min(0), corners.max(0)))
+            patch_vertices.append(own_vertices.astype(np.int32))
+            patch_triangles.append(faces.reshape(-1, 3).astype(np.uint16))
+            boxes.append(_box(drawn_points[own_vertices]))
         areas, normals = self._areas_and_normals()
         cell_count = len(self._errors)
         hierarchy = Hierarchy(
             origin=self._origin,
-            points=points,
+            points=drawn_points,
             normals=np.zeros((0, 3), np.float32),
-            parents=np.concatenate(self._parents),
+            parents=self._parents,
             level_starts=np.array(self._level_starts, np.int64),
             areas=areas,
             vertex_of_point=self._vertex_of_point,
@@ -246,10 +246,10 @@ class _Builder:
             boxes=np.array(self._boxes).reshape(cell_count, 2, 3),
             patch_cells=np.array([self._patches[k][:2] for k in order], np.int32),
             patch_boxes=np.array(boxes, np.float64),
-            vertex_starts=np.cumsum([0, *map(len, vertices)]),
-            triangle_starts=np.cumsum([0, *map(len, triangles)]),
-            vertices=np.concatenate(vertices),
-            triangles=np.concatenate(triangles),
+            vertex_starts=np.cumsum([0, *map(len, patch_vertices)]),
+            triangle_starts=np.cumsum([0, *map(len, patch_triangles)]),
+            vertices=np.concatenate(patch_vertices),
+            triangles=np.concatenate(patch_triangles),
         )
         return with_normals(hierarchy, normals)
 
@@ -266,10 +266,15 @@ class _Builder:
             return areas, self._mesh.normals
         # The mean of the facets' unit normals, as VTK has it.
         crosses /= np.maximum(lengths, 1e-300)[:, None]
-        normals = [np.bincount(self._faces.ravel(), np.repeat(n, 3), count) for n in crosses.T]
-        normals = np.stack(normals, 1)
+        sums = [np.bincount(self._faces.ravel(), np.repeat(n, 3), count) for n in crosses.T]
+        normals = np.stack(sums, 1)
         normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
         return areas, normals[self._vertex_of_point]
+
+
+def _box(points) -> np.ndarray:
+    """Return the lowest and highest coordinates of points, (2, 3)."""
+    return np.array([[axis.min() for axis in points.T], [axis.max() for axis in points.T]])
 
 
 _NOTHING = np.zeros(0, np.int64)
@@ -292,7 +297,9 @@ def merged_points(points) -> tuple[np.ndarray, np.ndarray]:
     """
     drawn = np.ascontiguousarray(points, np.float32) + np.float32(0.0)  # no negative zeros
     keys = drawn.view(np.uint32).astype(np.uint64)
-    hashes = keys @ np.array([0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9], np.uint64)
+    hashes = keys @ np.array(
+        [0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9], np.uint64
+    )
     order = np.argsort(hashes, kind='stable')
     is_first = np.r_[True, hashes[order][1:] != hashes[order][:-1]]
     if is_first.all():

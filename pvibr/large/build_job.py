@@ -8,6 +8,7 @@ import sys
 import tempfile
 import weakref
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -31,14 +32,16 @@ class BuildJob:
     def __init__(self, mesh: TriangleMesh, cache: AtlasCache | None):
         self._cache, self._key = cache, hierarchy_key(mesh)
         self._folder = Path(tempfile.mkdtemp(prefix='pvibr-'))
-        self._process: subprocess.Popen | None = None
+        self._process: Any = None
         self._cleaner = weakref.finalize(self, _clean, [], self._folder)
         for name in _NAMES:
             if getattr(mesh, name) is not None:
                 np.save(self._folder / f'{name}.npy', getattr(mesh, name))
 
     def start(self):
-        """Start the process."""
+        """Start the process, once."""
+        if self._process is not None:
+            return
         cache = None if self._cache is None else str(self._cache.path)
         program = _PROGRAM.format(
             path=sys.path, folder=str(self._folder), cache=cache, key=self._key
@@ -61,8 +64,7 @@ class BuildJob:
 
     def wait(self, timeout=None) -> bool:
         """Wait for the end; return False if the time was too short."""
-        if self._process is None:
-            self.start()
+        self.start()
         try:
             self._process.wait(timeout)
         except subprocess.TimeoutExpired:
@@ -71,9 +73,9 @@ class BuildJob:
 
     def result(self) -> Hierarchy:
         """Return the hierarchy; raise a RuntimeError if there is none."""
-        for cache in (self._cache, AtlasCache(self._folder)):
-            found = cache and cache.load(self._key, Hierarchy.of_arrays)
-            if found:
+        for cache in filter(None, (self._cache, AtlasCache(self._folder))):
+            found = cache.load(self._key, Hierarchy.of_arrays)
+            if found is not None:
                 return found
         last_words = (self._folder / 'stderr').read_bytes()[-_STDERR_BYTES:]
         lines = last_words.decode('utf-8', 'replace').strip().splitlines()
@@ -94,8 +96,8 @@ def _clean(processes, folder):
 def main(folder, cache_path, key):
     """Build the hierarchy of the arrays in a folder: the child's program."""
     folder = Path(folder)
-    arrays = {n: folder / f'{n}.npy' for n in _NAMES}
-    mesh = TriangleMesh(**{n: np.load(p) for n, p in arrays.items() if p.exists()})
+    files = {name: folder / f'{name}.npy' for name in _NAMES}
+    mesh = TriangleMesh(**{name: np.load(file) for name, file in files.items() if file.exists()})
     cache = None if cache_path is None else AtlasCache(cache_path)
     hierarchy = None if cache is None else cache.load(key, Hierarchy.of_arrays)
     if hierarchy is not None:

@@ -11,7 +11,7 @@ from pvibr.meshes.parts import Part, as_parts
 
 #: PyVista's title of scalars without a name.
 _UNNAMED = 'Data'
-_TRIANGLE = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], np.float32)
+_TRIANGLE = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]])
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,7 +10,6 @@ import numpy as np
 
 #: Index of the cell that made the patches of the full mesh, or that replaces the coarsest.
 NO_CELL = -1
-_INDEX = np.iinfo(np.int32).max
 
 
 @dataclass(frozen=True)
@@ -131,11 +130,9 @@ class Hierarchy:
     def _check(self):
         """Raise a ValueError where arrays do not belong together."""
         patch_count, vertex_count = len(self.patch_cells), len(self.points)
-        starts = self.vertex_starts, self.triangle_starts
-        ends = len(self.vertices), len(self.triangles)
         is_whole = (
-            all(len(s) == patch_count + 1 and s[0] == 0 for s in starts)
-            and all(s[-1] == end and (np.diff(s) > 0).all() for s, end in zip(starts, ends, strict=True))
+            _are_starts(self.vertex_starts, patch_count, len(self.vertices))
+            and _are_starts(self.triangle_starts, patch_count, len(self.triangles))
             and _is_below(self.vertices, vertex_count)
             and _is_below(self.vertex_of_point, len(self.areas))
             and _is_below(self.patch_cells, len(self.errors), NO_CELL)
@@ -144,6 +141,7 @@ class Hierarchy:
             and len(self.boxes) == len(self.errors)
             and len(self.patch_boxes) == patch_count
             and self.points.shape == self.normals.shape == (vertex_count, 3)
+            and len(self.mesh_cells) == self.triangle_counts[self.full_patches].sum()
         )
         limits = np.repeat(np.diff(self.vertex_starts), self.triangle_counts)
         if not is_whole or (self.triangles.max(1) >= limits).any():
@@ -153,6 +151,16 @@ class Hierarchy:
 def _summed(places, values, count) -> np.ndarray:
     """Return sums of rows by place."""
     return np.stack([np.bincount(places, column, count) for column in values.T], 1)
+
+
+def _are_starts(starts, count, end) -> bool:
+    """Return True if starts divide a range into a number of parts, none of them empty."""
+    return (
+        len(starts) == count + 1
+        and starts[0] == 0
+        and starts[-1] == end
+        and (np.diff(starts) > 0).all()
+    )
 
 
 def _is_below(indices, count, least=0) -> bool:

@@ -22,7 +22,7 @@ from pvibr.large.cut import ModelView, cut_of
 from pvibr.large.cut_mesh import CutMesh
 from pvibr.large.full_picking import nearest_triangle
 from pvibr.large.sources import source_of
-from pvibr.large.stored import SUFFIX, built, cache_of, load
+from pvibr.large.stored import SUFFIX, built, cache_of, hierarchy_key, load
 from pvibr.meshes.parts import as_parts
 from pvibr.textures.material_textures import copy_property
 from pvibr.things.clipping import ClippingPlanes, set_planes
@@ -42,7 +42,7 @@ REFUSED = (
     *('texture', 'style', 'show_edges', 'edge_color', 'edge_opacity', 'line_width', 'point_size'),
     *('render_points_as_spheres', 'render_lines_as_tubes', 'split_sharp_edges', 'feature_angle'),
     *('categories', 'component', 'preference', 'user_matrix', 'alpha_cutoff', 'force_opaque'),
-    *('use_transparency', 'opacity'),
+    *('use_transparency', 'interpolate_before_map'),
 )
 
 
@@ -153,19 +153,24 @@ class LargeMesh(Thing):
         self._tolerance = max_error
         self._cut, self._other_cut = CutMesh(), CutMesh()
         self._other_actor = pv.Actor()
-        if str(mesh).lower().endswith(SUFFIX) and isinstance(mesh, (str, Path)):
+        if isinstance(mesh, (str, Path)) and Path(mesh).suffix.lower() == SUFFIX:
             hierarchy, self._source = load(mesh)
         else:
-            self._source = source_of(mesh)
-            triangles = self._source.mesh
+            hierarchy, self._source = None, source_of(mesh)
         self._coloring = Coloring.of(self._source, scalars, look)
-        if self._source.mesh is not None:
-            if waits or len(triangles.faces) <= _SMALL or not can_run():
-                hierarchy = built(triangles, cache, progress)
-            else:
-                hierarchy, self._job = build_draft(triangles), BuildJob(triangles, cache)
+        if hierarchy is None:
+            hierarchy = self._first_hierarchy(cache, progress, waits)
         self._prepare_actors()
         self._adopt(hierarchy)
+
+    def _first_hierarchy(self, cache, progress, waits):
+        """Return the hierarchy of the mesh, or a draft while another process builds it."""
+        mesh: Any = self._source.mesh
+        is_known = cache is not None and hierarchy_key(mesh) in cache
+        if waits or is_known or len(mesh.faces) <= _SMALL or not can_run():
+            return built(mesh, cache, progress)
+        self._job = BuildJob(mesh, cache)
+        return build_draft(mesh)
 
     def _prepare_actors(self):
         """Let this actor, and one for other views, draw the meshes of cuts."""
@@ -208,8 +213,7 @@ class LargeMesh(Thing):
     @property
     def n_triangles(self) -> int:
         """Number of triangles of the mesh."""
-        mesh = self._source.mesh
-        return self._hierarchy.n_triangles if mesh is None else len(mesh.faces)
+        return self._source.triangle_count or self._hierarchy.n_triangles
 
     @property
     def refined(self) -> bool:
@@ -393,6 +397,11 @@ class LargeMesh(Thing):
         self._adopt(hierarchy)
 
     # -- the life of an effect -------------------------------------------------------------------
+
+    @property
+    def frame_ms(self) -> float | None:
+        """Frame time that it asks for while the view moves."""
+        return self.moving
 
     def _put_in(self, renderer):
         super()._put_in(renderer)

@@ -57,9 +57,7 @@ def simplify_cell(cell) -> SimplifiedCell | None:
     """Return a cell with about half its triangles, or None where its border leaves too many."""
     low, high = cell.points.min(0), cell.points.max(0)
     size = float((high - low).max()) / _SIZE or 1.0
-    scaled = replace(
-        cell, points=(cell.points - low) / size, samples=(cell.samples - low) / size
-    )
+    scaled = replace(cell, points=(cell.points - low) / size, samples=(cell.samples - low) / size)
     collapsed = _collapsed(scaled, has_skirt=True) if cell.is_border.any() else None
     collapsed = collapsed or _collapsed(scaled, has_skirt=False)
     if collapsed is None:

@@ -23,7 +23,8 @@ _REMEDY = 'average them with mesh.cell_data_to_point_data()'
 class Source:
     """The triangles of a mesh, and what may colour them."""
 
-    mesh: TriangleMesh
+    #: The triangles; None where a file holds their hierarchy.
+    mesh: TriangleMesh | None
     #: Arrays of the points of `mesh` by name.
     arrays: dict[str, np.ndarray] = field(default_factory=dict)
     #: Name of the point array that is active, or None.
@@ -35,13 +36,20 @@ class Source:
     point_count: int = 0
     points: np.ndarray | None = None
 
+    @property
+    def triangle_count(self) -> int:
+        """Number of triangles, 0 where a file holds their hierarchy."""
+        return 0 if self.mesh is None else len(self.mesh.faces)
+
     def values_of(self, scalars) -> tuple[str, np.ndarray]:
         """Return the name and the values by point of scalars, a name or an array."""
         if isinstance(scalars, str):
             if scalars in self.arrays:
                 return scalars, checked_values(scalars, self.arrays[scalars])
             if scalars in self.of_cells:
-                raise ValueError(f'scalars must be on points, got cell data {scalars!r}; {_REMEDY}')
+                raise ValueError(
+                    f'scalars must be on points, got cell data {scalars!r}; {_REMEDY}'
+                )
             names = ', '.join(map(repr, self.arrays)) or 'none'
             raise KeyError(f'scalars: the mesh has no point array {scalars!r}; it has: {names}')
         values = np.asarray(scalars)

@@ -3,23 +3,26 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from pvibr.core.arguments import naming
 from pvibr.core.errors import PvibrError
-from pvibr.core.files import existing, with_suffix
+from pvibr.core.files import existing, in_a_folder, with_suffix
 from pvibr.core.progress import baking
 from pvibr.instances.cache import AtlasCache, key_of, pack, unpack, write_whole
 from pvibr.large.build import build_hierarchy
 from pvibr.large.hierarchy import Hierarchy
-from pvibr.large.sources import Source
+from pvibr.large.sources import Source, source_of
 
 SUFFIX = '.pvl'
 #: Raise it whenever another hierarchy is built of the same mesh.
 VERSION = 1
 _KIND = 'large mesh'
 _SCALARS = 'scalars:'
+# What reading raises where a file holds other than it should, checksum or not.
+_WRONG = (ArithmeticError, AttributeError, LookupError, MemoryError, TypeError, ValueError)
 
 
 def cache_of(cache) -> AtlasCache | None:
@@ -53,9 +56,16 @@ def built(mesh, cache, progress=None) -> Hierarchy:
         return found
 
 
-def save(path, hierarchy, source) -> Path:
+def write_large(mesh, path, progress=None) -> Path:
+    """Build the hierarchy of a mesh or of a file of one, and write it to a file."""
+    path = in_a_folder('path', with_suffix(path, SUFFIX))
+    source = source_of(mesh)
+    save(path, built(source.mesh, None, progress), source)
+    return path
+
+
+def save(path, hierarchy, source):
     """Write a hierarchy and the point arrays of its mesh to one file."""
-    path = with_suffix(path, SUFFIX)
     meta = {
         'kind': _KIND,
         'version': VERSION,
@@ -65,11 +75,9 @@ def save(path, hierarchy, source) -> Path:
     }
     arrays = hierarchy.to_arrays()
     arrays |= {_SCALARS + name: values for name, values in source.arrays.items()}
-    arrays['points'] = arrays['points']
     if source.points is not None:
         arrays['source_points'] = source.points
     write_whole(path, pack(arrays, meta))
-    return path
 
 
 def load(path) -> tuple[Hierarchy, Source]:
@@ -80,23 +88,21 @@ def load(path) -> tuple[Hierarchy, Source]:
         if entry.meta.get('kind') != _KIND or entry.meta.get('version') != VERSION:
             raise ValueError('it is not a large mesh of this version of pvibr')
         hierarchy = Hierarchy.of_arrays(entry)
-        arrays = {
-            name.removeprefix(_SCALARS): values
-            for name, values in entry.items()
-            if name.startswith(_SCALARS)
-        }
-        source = Source(
-            None,
-            arrays,
-            entry.meta['active'],
-            tuple(entry.meta['of_cells']),
-            int(entry.meta['point_count']),
-            entry.get('source_points'),
-        )
-        lengths = {len(values) for values in arrays.values()}
-        if lengths - {len(hierarchy.vertex_of_point)}:
+        source = _stored_source(entry)
+        if {len(values) for values in source.arrays.values()} - {len(hierarchy.vertex_of_point)}:
             raise ValueError('its arrays do not belong together')
-    except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
-        reason = str(error) if isinstance(error, ValueError) else f'its content is wrong ({error!r})'
+    except _WRONG as error:
+        reason = error if isinstance(error, ValueError) else f'its content is wrong ({error!r})'
         raise PvibrError(f'cannot open {str(path)!r}: {reason}; build it again') from error
     return hierarchy, source
+
+
+def _stored_source(entry) -> Source:
+    meta: dict[str, Any] = entry.meta
+    arrays = {
+        name.removeprefix(_SCALARS): values
+        for name, values in entry.items()
+        if name.startswith(_SCALARS)
+    }
+    of_cells, point_count = tuple(meta['of_cells']), int(meta['point_count'])
+    return Source(None, arrays, meta['active'], of_cells, point_count, entry.get('source_points'))
