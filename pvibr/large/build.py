@@ -86,6 +86,7 @@ class _Builder:
             raise ValueError('mesh must have triangles, got none with an area')
         # As they are drawn: what is locked keeps its place to the bit.
         self._points = points.astype(np.float32).astype(np.float64)
+        self._bounds = _box(self._points)
         self._parents = np.full(len(points), -1, np.int32)
         self._level_starts = [0, len(points)]
         self._errors: list[float] = []
@@ -171,6 +172,7 @@ class _Builder:
                 faces.reshape(-1, 3).astype(np.int32),
                 level.is_border[ids],
                 level.samples[samples],
+                self._bounds,
             )
 
     def _samples_of(self, level, cells) -> list[np.ndarray]:
@@ -267,9 +269,8 @@ class _Builder:
         # The mean of the facets' unit normals, as VTK has it.
         crosses /= np.maximum(lengths, 1e-300)[:, None]
         sums = [np.bincount(self._faces.ravel(), np.repeat(n, 3), count) for n in crosses.T]
-        normals = np.stack(sums, 1)
-        normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
-        return areas, normals[self._vertex_of_point]
+        # `with_normals` divides by their lengths.
+        return areas, np.stack(sums, 1)[self._vertex_of_point]
 
 
 def _box(points) -> np.ndarray:

@@ -89,10 +89,10 @@ def _distances(eye, low, high) -> np.ndarray:
     return np.sqrt(np.einsum('ij,ij->i', gaps, gaps))
 
 
-def cut_of(hierarchy, view, max_error) -> np.ndarray:
-    """Return the patches that draw a hierarchy in a view, front to back."""
+def cut_of(hierarchy, view, max_error) -> tuple[np.ndarray, np.ndarray]:
+    """Return the patches of a cut, and those of them that are in view, front to back."""
     patches = patches_within(hierarchy, cell_pixels(hierarchy, view), max_error)
-    return front_to_back(hierarchy, patches_in_view(hierarchy, patches, view), view)
+    return patches, front_to_back(hierarchy, patches_in_view(hierarchy, patches, view), view)
 
 
 def gathered(hierarchy, patches) -> tuple[np.ndarray, np.ndarray]:

@@ -31,8 +31,6 @@ from pvibr.things.thing import Thing
 
 #: Triangles up to which a mesh is built at once, even in a window.
 _SMALL = 100_000
-#: Error of what casts shadows in pixels of the depth map.
-_CAST_ERROR = 0.5
 #: Least error while the view moves at quality 1, pixels: less is for stills.
 _MOVING_ERROR = 1.0
 _FLAT = 0  # VTK_FLAT
@@ -202,11 +200,12 @@ class LargeMesh(Thing):
     def _adopt(self, hierarchy):
         """Draw a hierarchy from now on."""
         self._hierarchy = hierarchy
+        #: Patches of the last cut, those out of view included: they cast its shadows.
+        self._whole = hierarchy.full_patches[:0]
         self._values = self._coloring.values_of(hierarchy)
         self._changes += 1
-        nothing = np.zeros(0, int)
         for cut in (self._cut, self._other_cut):
-            cut.show(hierarchy, nothing, None, has_normals=False)
+            cut.show(hierarchy, self._whole, None, has_normals=False)
 
     # -- what users call ---------------------------------------------------------------------
 
@@ -270,7 +269,7 @@ class LargeMesh(Thing):
         self.wait()
         self._take_result()
         cut, hierarchy = CutMesh(), self._hierarchy
-        patches = cut_of(hierarchy, self._view(self.pipeline.view()), max_error)
+        _, patches = cut_of(hierarchy, self._view(self.pipeline.view()), max_error)
         cut.show(hierarchy, patches, self._values, has_normals=True)
         mesh = pv.wrap(cut.data)
         mesh.regular_faces = mesh.regular_faces[:-2]
@@ -419,11 +418,15 @@ class LargeMesh(Thing):
         if self._job is not None and is_deterministic():
             self.wait()
         self._take_result()
-        self._tolerance = self._tolerance_of(frame)
-        patches = cut_of(self._hierarchy, self._view(frame), self._tolerance)
+        if not frame.own:  # VTK draws a shadow map
+            self._show(self._cut, self._whole)
+            return
+        self._tolerance, self._own_view = self._tolerance_of(frame), frame.view
+        whole, patches = cut_of(self._hierarchy, self._view(frame), self._tolerance)
         self._show(self._cut, patches)
-        if frame.own:
-            self._own_view = frame.view
+        if not np.array_equal(whole, self._whole):
+            self._whole = whole
+            self._changes += 1
 
     def _tolerance_of(self, frame) -> float:
         """Return the error of a frame in pixels."""
@@ -448,9 +451,11 @@ class LargeMesh(Thing):
         """Return the actor that draws it in a frame of another view."""
         if frame.view is self._own_view:
             return [self]
-        view, is_map = self._view(frame), frame.depth_map
-        max_error = min(self.max_error, _CAST_ERROR) if is_map else self.max_error
-        self._show(self._other_cut, cut_of(self._hierarchy, view, max_error))
+        # Shadows fall from what is drawn: between two cuts they would be of one on the other.
+        patches = self._whole
+        if not frame.depth_map:
+            _, patches = cut_of(self._hierarchy, self._view(frame), self.max_error)
+        self._show(self._other_cut, patches)
         self._other_actor.SetUserMatrix(self.GetMatrix())
         return [self._other_actor]
 

@@ -32,6 +32,8 @@ class Cell:
     is_border: np.ndarray
     #: Points of the full mesh, (s, 3).
     samples: np.ndarray
+    #: Bounds (low, high) that no point leaves, those of the full mesh, (2, 3).
+    bounds: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -57,7 +59,8 @@ def simplify_cell(cell) -> SimplifiedCell | None:
     """Return a cell with about half its triangles, or None where its border leaves too many."""
     low, high = cell.points.min(0), cell.points.max(0)
     size = float((high - low).max()) / _SIZE or 1.0
-    scaled = replace(cell, points=(cell.points - low) / size, samples=(cell.samples - low) / size)
+    names = 'points', 'samples', 'bounds'
+    scaled = replace(cell, **{name: (getattr(cell, name) - low) / size for name in names})
     collapsed = _collapsed(scaled, has_skirt=True) if cell.is_border.any() else None
     collapsed = collapsed or _collapsed(scaled, has_skirt=False)
     if collapsed is None:
@@ -66,6 +69,7 @@ def simplify_cell(cell) -> SimplifiedCell | None:
     if not len(faces) or len(faces) > _STUCK * len(cell.faces):
         return None
     child_counts = np.bincount(merged_into[merged_into >= 0], minlength=len(points))
+    points = np.clip(points, *scaled.bounds)
     is_new = (points != scaled.points[continued]).any(1) | (child_counts > 1)
     nearest, distances = nearest_faces(scaled.samples, points, faces)
     error = float(np.percentile(distances, _PERCENTILE)) if len(distances) else 0.0
