@@ -151,7 +151,7 @@ EVERY = {
         lambda pl: pl.ibr.add_large_mesh(
             pv.merge([BALL.translate(at) for at in PLACES]), max_error=0.5, name='it', **LOOK
         ),
-        balls,
+        lambda pl: meshes(pl, pv.merge([BALL.translate(at) for at in PLACES])),
     ),
     'PhotoMesh': Case(
         under_photos,

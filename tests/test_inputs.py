@@ -4,6 +4,8 @@ import doctest
 import functools
 import hashlib
 import inspect
+from pathlib import Path
+from tempfile import mkdtemp
 
 import numpy as np
 import pytest
@@ -207,6 +209,9 @@ CALLS = {
     'add_instances': lambda pl, g: pl.ibr.add_instances(
         g['bare'], g['points'], colors=g['colors'], smooth_shading=True, bake=False
     ),
+    'add_large_mesh': lambda pl, g: pl.ibr.add_large_mesh(
+        g['ball'], scalars='height', smooth_shading=True
+    ),
     'add_photos': lambda pl, g: pl.ibr.add_photos(g['ball'], PHOTO, masks=g['images'][:1]),
     'add_spheres': lambda pl, g: pl.ibr.add_spheres(
         g['cloud'], g['sizes'], scalars=g['values'], visible=g['seen']
@@ -216,6 +221,9 @@ CALLS = {
     'billboard_cloud of blocks': lambda pl, g: g['blocks'].ibr.billboard_cloud(**CLOUD),
     'add_instances of blocks': lambda pl, g: pl.ibr.add_instances(
         g['blocks'], g['points'], bake=False
+    ),
+    'large': lambda pl, g: pl.ibr.add_large_mesh(
+        g['ball'].ibr.large(Path(mkdtemp(), 'ball.pvl'), progress=False)
     ),
     'foliage_levels': lambda pl, g: pvibr.foliage_levels(
         g['bare'], g['labels'], views=4, view_size=32

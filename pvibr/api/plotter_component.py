@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import weakref
+from operator import attrgetter
 from typing import TYPE_CHECKING
 
 import pyvista as pv
@@ -50,6 +51,8 @@ if TYPE_CHECKING:
     from pvibr.points.spheres import Spheres
     from pvibr.substitutes.image_layers import ImageLayers
     from pvibr.substitutes.impostor import Impostor
+
+_FRAME_MS = attrgetter('frame_ms')
 
 
 @pv.register_plotter_component('ibr')
@@ -107,8 +110,8 @@ class IBRComponent(metaclass=Complete):
 
     def _frame_ms(self) -> float:
         """Return the frame time to meet while the view moves: the least that is asked for."""
-        asked_times = [effect.frame_ms for effect in self._all_effects()]
-        return min(filter(None, [self.interactive_frame_ms, *asked_times]), default=0.0)
+        asked_times = map(_FRAME_MS, self._all_effects())
+        return min(filter(None, (self.interactive_frame_ms, *asked_times)), default=0.0)
 
     def __setattr__(self, name, value):
         check_attribute(self, name)

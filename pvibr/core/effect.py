@@ -94,6 +94,8 @@ class Effect(metaclass=Complete):
     _made_of: tuple
     #: Whether `render` reads ``picture.depth``: instances draw that of their surfaces only then.
     reads_depth = True
+    #: Frame time in ms that it asks for while the view moves, None for the plotter's.
+    frame_ms: float | None = None
     #: Class passed by the user, if that created a subclass with additional settings.
     _class: type | None = None
     __signature__: ClassVar[Signature]
@@ -224,11 +226,6 @@ class Effect(metaclass=Complete):
         if timeout is not None:
             checked_number('timeout', timeout, 0)
         return True
-
-    @property
-    def frame_ms(self) -> float | None:
-        """Frame time in ms that it asks for while the view moves, None for the plotter's."""
-        return None
 
     def lens_of(self, frame) -> tuple[float, float] | None:
         """Return aperture radius and focus distance if samples take their eyes from a lens."""

@@ -14,11 +14,10 @@ NO_CELL = -1
 
 @dataclass(frozen=True)
 class Hierarchy:
-    """Patches of triangles, each made by one cell and replaced by another.
+    """Patches of triangles, each made by one cell and replaced by another."""
 
-    A cell replaces all of its patches at once by others with about half the triangles. Patches
-    that share an edge have the same vertices there, by number.
-    """
+    # A cell replaces all of its patches at once by others with about half the triangles. Patches
+    # that share an edge have the same vertices there, by number.
 
     #: Where vertex positions are relative to, model space, (3,) float64.
     origin: np.ndarray
@@ -79,11 +78,7 @@ class Hierarchy:
         return self.origin + boxes[:, 0].min(0), self.origin + boxes[:, 1].max(0)
 
     def averaged(self, values) -> np.ndarray:
-        """Return values of all vertices from those of the mesh's points, float32.
-
-        A vertex has the mean by area of what was merged into it; what is not finite counts for
-        nothing, unless all is.
-        """
+        """Return means by area of the points' values at all vertices, NaN where none is finite."""
         values = np.asarray(values, np.float64).reshape(len(self.vertex_of_point), -1)
         sums, weights = self._of_vertices(values)
         for first, last in zip(self.level_starts[1:-1], self.level_starts[2:], strict=True):

@@ -59,12 +59,12 @@ class LargeMesh(Thing):
     scalars : str or array_like, shape (n,), (n, 3) or (n, 4), optional
         Values of points that `cmap` colours, or colours with ``rgb=True``; by default the active
         point scalars. Patches show their means by area.
-    opacity : float
-        Opacity of the whole, 0 to 1.
     cmap, clim : optional
         As in ``add_mesh``.
     smooth_shading : bool, optional
         Interpolate normals, by default as the theme says.
+    opacity : float
+        Opacity of the whole, 0 to 1.
     name : str, optional
         Name in the plotter and in reports.
     pickable : bool
@@ -131,6 +131,9 @@ class LargeMesh(Thing):
         max_error=1.0,
         moving=None,
         scalars=None,
+        cmap=None,
+        clim=None,
+        smooth_shading=None,
         opacity=1.0,
         name=None,
         pickable=True,
@@ -142,7 +145,8 @@ class LargeMesh(Thing):
     ):
         super().__init__(max_error=max_error, moving=moving)
         self.name, self.pickable = name, pickable
-        look |= {'opacity': checked_number('opacity', opacity, 0, 1), 'theme': theme}
+        look |= {'cmap': cmap, 'clim': clim, 'smooth_shading': smooth_shading, 'theme': theme}
+        look['opacity'] = checked_number('opacity', opacity, 0, 1)
         self._look, cache = look, cache_of(cache)
         waits = checked_flag('wait', wait, optional=True) is not False
         self._job: BuildJob | None = None
@@ -291,23 +295,7 @@ class LargeMesh(Thing):
         return Hit(index, tuple((start + distance * direction).tolist()), distance)
 
     def wait(self, timeout=None) -> bool:
-        """Wait until the hierarchy is built.
-
-        Parameters
-        ----------
-        timeout : float, optional
-            Seconds to wait at most; by default any time.
-
-        Returns
-        -------
-        bool
-            True if it is, False if the time was too short.
-
-        Raises
-        ------
-        ValueError
-            If the timeout is negative or no number.
-        """
+        """Wait until the hierarchy is built."""
         super().wait(timeout)
         return self._job is None or self._job.wait(timeout)
 

@@ -124,11 +124,8 @@ def _survivors(count, collapses) -> np.ndarray:
 
 
 def _with_skirt(cell) -> tuple[np.ndarray, np.ndarray]:
-    """Return a cell with triangles that go down from the mesh's own border.
-
-    They make the border's edges interior, so that it is simplified as well, and their planes hold
-    it in its place.
-    """
+    """Return a cell with triangles that go down from the mesh's own border."""
+    # They make its edges interior, so that it is simplified as well, and their planes hold it.
     points, faces = cell.points, cell.faces
     edges = np.stack([faces, np.roll(faces, -1, axis=1)], 2)[cell.is_border]
     corners = points[faces]
@@ -201,11 +198,8 @@ def nearest_faces(places, points, faces) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _squared_distances(places, corners) -> np.ndarray:
-    """Return squared distances of places (..., 3) from triangles (..., 3, 3).
-
-    The least of those from the three edges, and from the plane where the place is above the
-    triangle.
-    """
+    """Return squared distances of places (..., 3) from triangles (..., 3, 3)."""
+    # Of the plane where the place is above the triangle, else of the nearest edge.
     starts, sides = corners, np.roll(corners, -1, axis=-2) - corners
     to_place = places[..., None, :] - starts
     along = (to_place * sides).sum(-1) / np.maximum((sides * sides).sum(-1), 1e-300)
