@@ -385,11 +385,6 @@ class LargeMesh(Thing):
 
     # -- the life of an effect -------------------------------------------------------------------
 
-    @property
-    def frame_ms(self) -> float | None:
-        """Frame time that it asks for while the view moves."""
-        return self.moving
-
     def _put_in(self, renderer):
         super()._put_in(renderer)
         if self._job is not None:

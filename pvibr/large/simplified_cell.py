@@ -18,8 +18,11 @@ _STUCK = 0.85
 _SKIRT_SHARE = 0.85
 #: Percentile of the distances of samples that is the error of a cell.
 _PERCENTILE = 99.0
-#: Triangles, by their centres, among which the nearest of a sample is looked for.
-_NEIGHBOURS = 6
+#: Distance of the farthest sample relative to the error of a cell, at most.
+_OUTLIER = 2.0
+#: Triangles, by their centres, among which the nearest of a sample is looked for; of one in so
+#: many samples, those farthest off, among more.
+_NEIGHBOURS, _FAR_SHARE, _FAR_NEIGHBOURS = 6, 16, 64
 
 
 @dataclass(frozen=True)
@@ -72,12 +75,19 @@ def simplify_cell(cell) -> SimplifiedCell | None:
     points = np.clip(points, *scaled.bounds)
     is_new = (points != scaled.points[continued]).any(1) | (child_counts > 1)
     nearest, distances = nearest_faces(scaled.samples, points, faces)
-    error = float(np.percentile(distances, _PERCENTILE)) if len(distances) else 0.0
+    error = _error_of(distances)
     is_border = _border_of(cell, faces, continued, is_new)
     points = np.where(is_new[:, None], points * size + low, cell.points[continued])
     return SimplifiedCell(
         points, faces, is_border, continued, is_new, merged_into, nearest, error * size
     )
+
+
+def _error_of(distances) -> float:
+    """Return the error of distances: what nearly all keep, and of which none is a multiple."""
+    if not len(distances):
+        return 0.0
+    return float(max(np.percentile(distances, _PERCENTILE), distances.max() / _OUTLIER))
 
 
 def _collapsed(cell, *, has_skirt):
@@ -189,12 +199,20 @@ def nearest_faces(places, points, faces) -> tuple[np.ndarray, np.ndarray]:
     """Return the face nearest to each place among those around it, and its distance."""
     corners = points[faces]
     tree = scipy.spatial.cKDTree(corners.mean(1), balanced_tree=False, compact_nodes=False)
-    neighbours = np.minimum(tree.query(places, min(_NEIGHBOURS, len(faces)))[1], len(faces) - 1)
-    neighbours = neighbours.reshape(len(places), -1)
-    squared = _squared_distances(places[:, None], corners[neighbours])
-    best = squared.argmin(1)
-    rows = np.arange(len(places))
-    return neighbours[rows, best], np.sqrt(squared[rows, best])
+    nearest, distances = _nearest_of(tree, corners, places, _NEIGHBOURS)
+    # The nearest may be a large face, the centre of which is far.
+    far = np.argsort(distances)[-(len(distances) // _FAR_SHARE) :]
+    nearest[far], distances[far] = _nearest_of(tree, corners, places[far], _FAR_NEIGHBOURS)
+    return nearest, distances
+
+
+def _nearest_of(tree, corners, places, count) -> tuple[np.ndarray, np.ndarray]:
+    """Return the nearest of the faces with the nearest centres, and its distance."""
+    faces = np.minimum(tree.query(places, min(count, len(corners)))[1], len(corners) - 1)
+    faces = faces.reshape(len(places), -1)
+    squared = _squared_distances(places[:, None], corners[faces])
+    best, rows = squared.argmin(1), np.arange(len(places))
+    return faces[rows, best], np.sqrt(squared[rows, best])
 
 
 def _squared_distances(places, corners) -> np.ndarray:

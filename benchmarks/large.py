@@ -1,0 +1,228 @@
+"""Measure one large mesh by patches against the mesh itself, and against a plane."""
+
+from __future__ import annotations
+
+import time
+from functools import cache
+
+import numpy as np
+import pyvista as pv
+
+from benchmarks.common import plots
+from benchmarks.common.harness import Bench, Row
+from benchmarks.common.timing import timed
+from benchmarks.common.whole_frames import real_plotter, turning
+from pvibr.cli.timing import spent
+from pvibr.large.build import build_draft, build_hierarchy
+from pvibr.large.sources import source_of
+from pvibr.maths.flip import flip
+
+_LOOK = {'scalars': 'pattern', 'smooth_shading': True, 'show_scalar_bar': False}
+#: Frames of a flight of which one is drawn in full as well.
+_EVERY = 8
+#: Random points of the mesh whose distance from a cut is measured.
+_PROBES = 20_000
+
+
+def _noise(count, seed, falloff):
+    """Return fractal heights, (count, count), by spectral synthesis."""
+    rng = np.random.default_rng(seed)
+    spectrum = np.fft.rfft2(rng.standard_normal((count, count), np.float32))
+    frequency = np.hypot(np.fft.fftfreq(count)[:, None], np.fft.rfftfreq(count)[None])
+    frequency[0, 0] = np.inf
+    heights = np.fft.irfft2(spectrum * frequency**-falloff, s=(count, count))
+    return heights / heights.std()
+
+
+@cache
+def terrain(triangles) -> pv.PolyData:
+    """Return a fractal terrain on the unit square with a fine pattern."""
+    count = round((triangles / 2) ** 0.5) + 1
+    heights = _noise(count, 11, 1.9)
+    grid = pv.ImageData(dimensions=(count, count, 1), spacing=(1 / (count - 1),) * 3)
+    mesh = grid.extract_surface(algorithm='dataset_surface').triangulate()
+    mesh.points[:, 2] = 0.035 * heights.ravel()
+    mesh.clear_data()
+    mesh['pattern'] = (heights + 0.3 * _noise(count, 12, 1.2)).ravel()
+    return mesh
+
+
+@cache
+def folded(triangles) -> pv.PolyData:
+    """Return an isosurface of a bent gyroid, sheets behind sheets."""
+    count = round((triangles / 31) ** 0.5)
+    axis = np.linspace(-1, 1, count, dtype=np.float32)
+    x, y, z = np.meshgrid(axis, axis, axis, indexing='ij')
+    bend = 0.25 * np.sin(3 * y + 2 * z) + 0.1 * np.sin(11 * z + 5 * x)
+    a, b, c = 9 * (x + bend), 9 * (y + 0.2 * np.sin(4 * x + z)), 9 * (z + bend / 2)
+    field = np.sin(a) * np.cos(b) + np.sin(b) * np.cos(c) + np.sin(c) * np.cos(a)
+    field += 0.06 * np.sin(61 * x) * np.sin(67 * y) * np.sin(59 * z)
+    spacing = (2 / (count - 1),) * 3
+    grid = pv.ImageData(dimensions=(count,) * 3, spacing=spacing, origin=(-1, -1, -1))
+    grid['field'] = field.ravel(order='F')
+    mesh = grid.contour([0.0], scalars='field', method='flying_edges', compute_scalars=False)
+    mesh.clear_data()
+    mesh['pattern'] = mesh.points[:, 2] + 0.3 * np.sin(20 * mesh.points[:, 0])
+    return mesh
+
+
+MESHES = {'terrain': terrain, 'folded': folded}
+
+
+def flight(name, frames) -> list:
+    """Return cameras that fly over the terrain, or around the folded surface."""
+    u = np.linspace(0, 1, frames)[:, None]
+    if name == 'terrain':
+        w = u**1.5
+        eyes = (1 - w) * (0.3, 0.1, 0.16) + w * (0.5, -1.3, 1.25)
+        focus = (1 - w) * (0.45, 0.6, 0) + w * (0.5, 0.5, 0)
+    else:
+        angle, radius = 1.4 * np.pi * u, 2 + 3 * u
+        eyes = np.hstack([radius * np.cos(angle), radius * np.sin(angle), 0.8 + 0.8 * u])
+        focus = 0.2 * np.hstack([np.sin(angle), np.cos(2 * angle), 0 * u])
+    return [(tuple(e), tuple(f), (0, 0, 1)) for e, f in zip(eyes, focus, strict=True)]
+
+
+def _builds(settings, results):
+    """Yield the time of the hierarchy, and of the picture before it is there."""
+    for name, make in MESHES.items():
+        mesh = source_of(make(settings.triangles)).mesh
+        start = time.process_time()
+        _, wall = timed(lambda mesh=mesh: build_hierarchy(mesh))
+        millions = len(mesh.faces) / 1e6
+        processor = time.process_time() - start
+        yield Row(f'{name}: hierarchy, per million triangles', wall / millions, 's', 12)
+        yield Row(f'{name}: the same, processor time', processor / millions, 's')
+        _, first = timed(lambda mesh=mesh: build_draft(mesh))
+        yield Row(f'{name}: draft of {millions:.1f} million', first, 's', 1.5)
+
+
+def _flights(settings, results):
+    """Yield frames of flights by patches, of the whole mesh, and of a plane, by turns."""
+    for samples in (0, 8):
+        for name, make in MESHES.items():
+            found = _flight(settings, name, make(settings.triangles), samples)
+            results.points.setdefault(name, {})[samples] = found
+            patches, plane, whole = (np.array(found[k]) for k in ('patches', 'plane', 'whole'))
+            title = f'{name}, {samples} samples'
+            yield Row(f'{title}: a frame, median', 1e3 * np.median(patches[:, 1]), 'ms')
+            yield Row(f'{title}: a frame, worst', 1e3 * patches[:, 1].max(), 'ms')
+            ratios = np.median(patches, axis=0) / np.median(plane, axis=0)
+            bar = 1.6 if samples else None
+            yield Row(f'{title}: over a plane that fills the screen, CPU', ratios[0], 'x', bar)
+            faster = np.median(whole, axis=0) / np.median(patches, axis=0)
+            yield Row(f'{title}: faster than the whole mesh, CPU', faster[0], 'x')
+            yield Row(f'{title}: triangles, median', np.median(found['triangles']))
+
+
+def _flight(settings, name, mesh, samples) -> dict:
+    plotters = {key: _plotter(settings, samples) for key in ('patches', 'plane', 'whole')}
+    large = plotters['patches'].ibr.add_large_mesh(mesh, **_LOOK)
+    plotters['whole'].add_mesh(mesh, **_LOOK)
+    plane = pv.Plane(i_size=50, j_size=50, i_resolution=4, j_resolution=2)
+    plane['pattern'] = plane.points[:, 0]
+    plotters['plane'].add_mesh(plane, **_LOOK)
+    plotters['plane'].camera_position = 'xy'
+    plotters['plane'].camera.zoom(20)
+    found: dict = {key: [] for key in (*plotters, 'triangles')}
+    for plotter in plotters.values():
+        plotter.show(auto_close=False)
+    for k, camera in enumerate(flight(name, settings.frames)):
+        for key, plotter in plotters.items():
+            if key != 'plane':
+                plotter.camera_position = camera
+            if key == 'whole' and k % _EVERY:
+                continue
+            found[key].append(spent(plotter.render_window))
+        found['triangles'].append(large.report()['triangles'])
+    for plotter in plotters.values():
+        plotter.close()
+    return {
+        key: values[2:] if key != 'whole' else values[1:] or values
+        for key, values in found.items()
+    }
+
+
+def _plotter(settings, samples):
+    plotter = pv.Plotter(off_screen=True, window_size=settings.size)
+    if samples:
+        plotter.enable_anti_aliasing('msaa', multi_samples=samples)
+    else:
+        plotter.disable_anti_aliasing()
+    return plotter
+
+
+def _errors(settings, results):
+    """Yield how far the drawn surface is from the mesh, and FLIP of the pictures."""
+    for name, make in MESHES.items():
+        mesh = make(settings.triangles)
+        large, whole, fine = (_plotter(settings, 0) for _ in range(3))
+        fine.enable_anti_aliasing('ssaa')
+        thing = large.ibr.add_large_mesh(mesh, **_LOOK)
+        for plotter in (whole, fine):
+            plotter.add_mesh(mesh, **_LOOK)
+        cameras = flight(name, settings.views)
+        over, ratios = [], []
+        for camera in cameras:
+            pictures = []
+            for plotter in (large, whole, fine):
+                plotter.camera_position = camera
+                plotter.show(auto_close=False)
+                pictures.append(plotter.screenshot() / np.float32(255))
+            ratios.append(
+                flip(pictures[2], pictures[0]).mean() / flip(pictures[2], pictures[1]).mean()
+            )
+            over.append((_pixels_off(mesh, thing, large) > thing.max_error).mean())
+        yield Row(f'{name}: points over the tolerance', 100 * np.max(over), '%', 0.05)
+        yield Row(f'{name}: FLIP over that of the whole mesh, median', np.median(ratios), 'x')
+        for plotter in (large, whole, fine):
+            plotter.close()
+
+
+def _pixels_off(mesh, thing, plotter) -> np.ndarray:
+    """Return how many pixels random points of the mesh in view are off what is drawn."""
+    rng = np.random.default_rng(5)
+    faces = np.asarray(mesh.regular_faces)[rng.integers(0, mesh.n_cells, _PROBES)]
+    weights = rng.dirichlet((1, 1, 1), _PROBES)
+    points = (np.asarray(mesh.points, float)[faces] * weights[..., None]).sum(1)
+    frame = plotter.ibr.pipeline.view()
+    clip = np.c_[points, np.ones(len(points))] @ (frame.clip_from_view @ frame.view_from_world).T
+    points = points[(np.abs(clip[:, :2]) < 0.98 * clip[:, 3:]).all(1)]
+    nearest = thing.cut().find_closest_cell(points, return_closest_point=True)[1]
+    distances = np.linalg.norm(points - frame.eye, axis=1)
+    return np.linalg.norm(nearest - points, axis=1) * frame.pixel_scale / distances
+
+
+def plot(points, figure):
+    """Draw the time of frames against their triangles."""
+    both = plots.subplots(figure, 1, len(points))
+    for axes, (name, by_samples) in zip(np.atleast_1d(both), points.items(), strict=True):
+        for samples, found in by_samples.items():
+            times = 1e3 * np.array(found['patches'])[:, 0]
+            axes.plot(found['triangles'], times, '.', label=f'{samples} samples')
+            plane = 1e3 * np.median(np.array(found['plane'])[:, 0])
+            axes.axhline(plane, ls=':', color='0.5')
+        axes.set(title=name, xlabel='triangles', ylim=(0, None))
+        axes.set_ylabel('CPU ms a frame; dotted: a plane')
+
+
+def _over_terrain(settings, size, on):
+    """Return a terrain as patches or as it is."""
+    pl = real_plotter(size)
+    add = pl.ibr.add_large_mesh if on else pl.add_mesh
+    add(terrain(settings.triangles), **_LOOK)
+    pl.camera_position = flight('terrain', 2)[1]
+    return pl, turning(pl)
+
+
+BENCH = Bench(
+    parts={'build': _builds, 'flight': _flights, 'error': _errors},
+    plot=plot,
+    outside={'large mesh': _over_terrain},
+    settings={
+        'size': ((1280, 720), (160, 90)),
+        'triangles': (4_000_000, 40_000),
+        'frames': (60, 6),
+        'views': (8, 2),
+    },
+)
