@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from functools import cache
+from typing import Any
 
 import numpy as np
 import pyvista as pv
@@ -86,7 +87,7 @@ def flight(name, frames) -> list:
 def _builds(settings, results):
     """Yield the time of the hierarchy, and of the picture before it is there."""
     for name, make in MESHES.items():
-        mesh = source_of(make(settings.triangles)).mesh
+        mesh: Any = source_of(make(settings.triangles)).mesh
         start = time.process_time()
         _, wall = timed(lambda mesh=mesh: build_hierarchy(mesh))
         millions = len(mesh.faces) / 1e6

@@ -30,6 +30,7 @@ ADDERS = {
     'add_cylinders': pvibr.Cylinders,
     'add_ellipsoids': pvibr.Ellipsoids,
     'add_billboards': pvibr.Billboards,
+    'add_large_mesh': pvibr.LargeMesh,
     'add_impostor': pvibr.Impostor,
     'add_image_layers': pvibr.ImageLayers,
 }

@@ -33,6 +33,7 @@ THINGS = {
     'Spheres': lambda ibr, **how: ibr.add_spheres(PLACES, **how),
     'Cylinders': lambda ibr, **how: ibr.add_cylinders(PLACES[:1], PLACES[1:], 0.3, **how),
     'Ellipsoids': lambda ibr, **how: ibr.add_ellipsoids(PLACES, (0.5, 0.3, 0.4), **how),
+    'LargeMesh': lambda ibr, **how: ibr.add_large_mesh(pv.Sphere(), **how),
     'Impostor': lambda ibr, **how: ibr.add_impostor(ibr.ball, **how),
     'ImageLayers': lambda ibr, **how: ibr.add_image_layers([ibr.ball], **how),
 }
