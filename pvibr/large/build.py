@@ -16,8 +16,9 @@ from pvibr.large.cells import kd_cells
 from pvibr.large.hierarchy import NO_CELL, Hierarchy
 from pvibr.large.simplified_cell import Cell, edges_once, has_three_corners, simplify_cell
 
-#: Samples of the full mesh by which the error of a cell is measured.
-_SAMPLES = 1024
+#: Random samples of the full mesh by which the error of a cell is measured, and how many of those
+#: farthest off are measured again.
+_SAMPLES, _FARTHEST = 960, 64
 #: Points of a draft, about.
 _DRAFT_POINTS = 100_000
 #: Cubes along the longest side of the grid by which points of drafts are counted, and of theirs.
@@ -51,8 +52,9 @@ class _Level:
     #: Cell that made each triangle.
     made_by: np.ndarray
     samples: np.ndarray
-    #: Triangle nearest to each sample.
+    #: Triangle nearest to each sample, and its distance.
     sample_faces: np.ndarray
+    sample_distances: np.ndarray
 
 
 def build_hierarchy(
@@ -77,7 +79,7 @@ class _Builder:
         self._mesh, self._progress = mesh, progress
         self._rng = np.random.default_rng(0)
         points = np.asarray(mesh.points)
-        self._origin = (points.min(0).astype(float) + points.max(0)) / 2
+        self._origin = _box(points).astype(float).mean(0)
         points, self._vertex_of_point = merge(points - self._origin)
         faces = self._vertex_of_point[mesh.faces]
         is_area = has_three_corners(faces)
@@ -106,6 +108,7 @@ class _Builder:
             np.full(len(faces), NO_CELL, np.int32),
             self._points[used],
             owners[used],
+            np.zeros(len(used)),
         )
         self._mesh_cell_of_face = self._mesh_cells
         for _ in range(level_count):
@@ -153,6 +156,7 @@ class _Builder:
                     np.full(len(simplified.faces), len(self._errors) - 1, np.int32),
                     level.samples[samples],
                     (simplified.nearest + offset).astype(np.int32),
+                    simplified.distances,
                 )
                 has_changed = True
             vertices[k] = _NOTHING
@@ -172,6 +176,7 @@ class _Builder:
                 faces.reshape(-1, 3).astype(np.int32),
                 level.is_border[ids],
                 level.samples[samples],
+                min(len(samples), _SAMPLES),
                 self._bounds,
             )
 
@@ -183,10 +188,17 @@ class _Builder:
         cell_of_sample = cell_of_face[level.sample_faces]
         order = np.argsort(cell_of_sample, kind='stable')
         ends = np.searchsorted(cell_of_sample[order], np.arange(1, len(cells)))
-        return [
-            ids if len(ids) <= _SAMPLES else self._rng.choice(ids, _SAMPLES, replace=False)
-            for ids in np.split(order, ends)
-        ]
+        return [self._some(level, ids) for ids in np.split(order, ends)]
+
+    def _some(self, level, ids) -> np.ndarray:
+        """Return random samples of some, then those farthest off: small pieces have few."""
+        if len(ids) <= _SAMPLES + _FARTHEST:
+            return ids
+        distances = level.sample_distances[ids]
+        order = np.argpartition(distances, -_FARTHEST)
+        others = ids[order[:-_FARTHEST]]
+        farthest = ids[order[-_FARTHEST:]]
+        return np.append(self._rng.choice(others, _SAMPLES, replace=False), farthest)
 
     def _advance(self, left, fraction):
         """Tell the fraction done: each level takes half as long as the one before."""
@@ -317,8 +329,8 @@ def merged_points(points) -> tuple[np.ndarray, np.ndarray]:
 
 def clustered_points(points) -> tuple[np.ndarray, np.ndarray]:
     """Return one point of each cube of a grid that has any, and the place of each among them."""
-    low = points.min(0)
-    extent = float((points.max(0) - low).max()) or 1.0
+    low, high = _box(points)
+    extent = float((high - low).max()) or 1.0
     side = extent / _ROUGH_GRID
     occupied = _cubes(points[:: max(len(points) // _DRAFT_POINTS, 1)], low, side)[1]
     # The number of cubes that a surface meets grows with the square of the grid.
@@ -330,7 +342,7 @@ def clustered_points(points) -> tuple[np.ndarray, np.ndarray]:
 def _cubes(points, low, side) -> tuple[np.ndarray, np.ndarray]:
     """Return the cube of each point, numbered, and a point of each cube."""
     cubes = ((points - low) / side).astype(np.int64)
-    shape = cubes.max(0) + 1
+    shape = _box(cubes)[1] + 1
     keys = (cubes[:, 0] * shape[1] + cubes[:, 1]) * shape[2] + cubes[:, 2]
     point_of_key = np.full(int(shape.prod()), -1, np.int32)
     point_of_key[keys] = np.arange(len(keys), dtype=np.int32)
@@ -356,6 +368,7 @@ def _kept(level, ids, samples, sample_faces) -> _Level:
         level.made_by[ids],
         level.samples[samples],
         sample_faces.astype(np.int32),
+        level.sample_distances[samples],
     )
 
 

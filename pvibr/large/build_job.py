@@ -15,7 +15,6 @@ import numpy as np
 from pvibr.instances.cache import AtlasCache
 from pvibr.large.build import TriangleMesh, build_hierarchy
 from pvibr.large.hierarchy import Hierarchy
-from pvibr.large.stored import hierarchy_key
 
 _NAMES = 'points', 'faces', 'mesh_cells', 'normals'
 _STDERR_BYTES = 2000
@@ -29,8 +28,8 @@ _PROGRAM = (
 class BuildJob:
     """A process that builds the hierarchy of a mesh, into the cache or a folder of its own."""
 
-    def __init__(self, mesh: TriangleMesh, cache: AtlasCache | None):
-        self._cache, self._key = cache, hierarchy_key(mesh)
+    def __init__(self, mesh: TriangleMesh, key: str, cache: AtlasCache | None):
+        self._cache, self._key = cache, key
         self._folder = Path(tempfile.mkdtemp(prefix='pvibr-'))
         self._process: Any = None
         self._cleaner = weakref.finalize(self, _clean, [], self._folder)

@@ -168,10 +168,12 @@ class LargeMesh(Thing):
     def _first_hierarchy(self, cache, progress, waits):
         """Return the hierarchy of the mesh, or a draft while another process builds it."""
         mesh: Any = self._source.mesh
-        is_known = cache is not None and hierarchy_key(mesh) in cache
-        if waits or is_known or len(mesh.faces) <= _SMALL or not can_run():
+        if waits or len(mesh.faces) <= _SMALL or not can_run():
             return built(mesh, cache, progress)
-        self._job = BuildJob(mesh, cache)
+        key = hierarchy_key(mesh)
+        if cache is not None and key in cache:
+            return built(mesh, cache, progress)
+        self._job = BuildJob(mesh, key, cache)
         return build_draft(mesh)
 
     def _prepare_actors(self):

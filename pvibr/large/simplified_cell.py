@@ -17,9 +17,9 @@ _STUCK = 0.85
 #: Share of a skirt's triangles that remains where the border is halved.
 _SKIRT_SHARE = 0.85
 #: Percentile of the distances of samples that is the error of a cell.
-_PERCENTILE = 99.0
+_PERCENTILE = 99.5
 #: Distance of the farthest sample relative to the error of a cell, at most.
-_OUTLIER = 2.0
+_OUTLIER = 3.0
 #: Triangles, by their centres, among which the nearest of a sample is looked for; of one in so
 #: many samples, those farthest off, among more.
 _NEIGHBOURS, _FAR_SHARE, _FAR_NEIGHBOURS = 6, 16, 64
@@ -35,6 +35,8 @@ class Cell:
     is_border: np.ndarray
     #: Points of the full mesh, (s, 3).
     samples: np.ndarray
+    #: Number of the first of these that are random; the others were farthest off before.
+    random_count: int
     #: Bounds (low, high) that no point leaves, those of the full mesh, (2, 3).
     bounds: np.ndarray
 
@@ -54,6 +56,8 @@ class SimplifiedCell:
     merged_into: np.ndarray
     #: Face nearest to each sample.
     nearest: np.ndarray
+    #: Distance of each sample.
+    distances: np.ndarray
     #: Distance that nearly all samples keep.
     error: float
 
@@ -75,19 +79,21 @@ def simplify_cell(cell) -> SimplifiedCell | None:
     points = np.clip(points, *scaled.bounds)
     is_new = (points != scaled.points[continued]).any(1) | (child_counts > 1)
     nearest, distances = nearest_faces(scaled.samples, points, faces)
-    error = _error_of(distances)
+    error = _error_of(distances, cell.random_count)
     is_border = _border_of(cell, faces, continued, is_new)
     points = np.where(is_new[:, None], points * size + low, cell.points[continued])
+    distances *= size
     return SimplifiedCell(
-        points, faces, is_border, continued, is_new, merged_into, nearest, error * size
+        points, faces, is_border, continued, is_new, merged_into, nearest, distances, error * size
     )
 
 
-def _error_of(distances) -> float:
+def _error_of(distances, random_count) -> float:
     """Return the error of distances: what nearly all keep, and of which none is a multiple."""
-    if not len(distances):
+    if not random_count:
         return 0.0
-    return float(max(np.percentile(distances, _PERCENTILE), distances.max() / _OUTLIER))
+    most = np.percentile(distances[:random_count], _PERCENTILE)
+    return float(max(most, distances.max() / _OUTLIER))
 
 
 def _collapsed(cell, *, has_skirt):

@@ -329,6 +329,58 @@ def test_shadows_are_given_and_received():
     np.testing.assert_array_equal(shot(pl), picture)
 
 
+SPOT = {'position': (2, 1, 1.5), 'focal_point': (0.5, 0.5, 0), 'cone_angle': 30}
+
+
+@pytest.mark.parametrize(
+    'add',
+    [
+        lambda pl: pl.enable_shadows(),
+        lambda pl: pl.ibr.add(pvibr.Shadows(method='pcf')),
+        lambda pl: pl.ibr.add(pvibr.Outline()),
+        lambda pl: pl.ibr.add(pvibr.AmbientOcclusion()),
+        lambda pl: pl.ibr.add(pvibr.DepthOfField()),
+    ],
+    ids=['shadows of VTK', 'shadows', 'outlines', 'occlusion', 'lens'],
+)
+def test_effects_see_it_as_the_mesh(add):
+    shots, mesh = [], terrain()
+    for large in (True, False):
+        pl = plotter(SIZE)
+        pl.remove_all_lights()
+        pl.add_light(pv.Light(light_type='scene light', positional=True, **SPOT))
+        options = {'max_error': 0.0} if large else {}
+        adding = pl.ibr.add_large_mesh if large else pl.add_mesh
+        adding(mesh, color='white', smooth_shading=True, **options, **LOOK)
+        pl.add_mesh(pv.Sphere(radius=0.08, center=(0.5, 0.4, 0.25)), color='red')
+        add(pl)
+        place(pl, **OVER)
+        pl.show(auto_close=False)
+        shots.append(shot(pl))
+        assert {row.state for row in pl.ibr.report().rows} <= {'ran'}
+    assert (off(*shots) > 12).mean() < 0.02
+
+
+@pytest.mark.parametrize('name', ['depth', 'normal'])
+def test_buffers_are_those_of_the_mesh(name):
+    found = []
+    for large in (True, False):
+        options = {'max_error': 0.0} if large else {}
+        pl, _ = drawn(large=large, color='white', smooth_shading=True, **options)
+        found.append(np.asarray(pl.ibr.buffer(name), float))
+    is_here = np.isfinite(found[0]) & np.isfinite(found[1])
+    np.testing.assert_array_equal(np.isfinite(found[0]), np.isfinite(found[1]))
+    difference = np.abs(np.where(is_here, found[0], 0) - np.where(is_here, found[1], 0))
+    assert difference.mean() < 1e-3
+
+
+def test_exported_as_the_mesh_of_the_view(tmp_path):
+    pl, thing = drawn(max_error=2.0, scalars='height')
+    pl.export_gltf(str(tmp_path / 'it.gltf'))
+    found = pv.read(tmp_path / 'it.gltf').combine()
+    assert found.n_cells == thing.report()['triangles']
+
+
 def _specks(picture):
     """Return the number of dark pixels in bright surroundings."""
     light = picture.mean(-1)
@@ -345,13 +397,13 @@ def test_draft_first_then_the_mesh(monkeypatch, tmp_path):
     pl.show(auto_close=False)
     assert thing.is_draft
     draft = pl.ibr.report()
-    picture = shot(pl) if thing.pending else None  # the screenshot waits
+    picture = shot(pl)  # waits
     assert 'draft' in str(draft)
     assert not thing.is_draft
+    assert not thing.unfinished
     assert thing.refined
-    other, built = drawn(max_error=0.5)
-    other.set_background('white')
-    assert picture is None or (off(picture, shot(pl)) == 0).all()
+    _, built = drawn(max_error=0.5)
+    assert (off(picture, shot(pl)) == 0).all()
     assert thing.report()['triangles'] == built.report()['triangles']
     again = pl.ibr.add_large_mesh(terrain(), wait=False, cache=tmp_path, **LOOK)
     assert not again.is_draft, 'it was in the cache'
