@@ -36,7 +36,7 @@ class Coloring:
     @classmethod
     def of(cls, source, scalars, look) -> Coloring:
         """Return the colouring of a mesh by scalars, a name, an array or None."""
-        if scalars is None and look.get('color') is None and source.active in source.arrays:
+        if scalars is None and look.get('color') is None:
             scalars = source.active
         if scalars is None:
             if look.get('rgb'):

@@ -307,7 +307,7 @@ class LargeMesh(Thing):
         return {
             'bytes': 0 if self.pipeline is None else sum(cut.nbytes for cut in cuts),
             'triangles': self._cut.n_triangles,
-            'of': self.n_triangles,
+            'triangles of the mesh': self.n_triangles,
             'patches': len(self._cut.patches),
             'error': 'draft' if self.is_draft else round(self._tolerance, 3),
         }

@@ -27,7 +27,7 @@ class Source:
     mesh: TriangleMesh | None
     #: Arrays of the points of `mesh` by name.
     arrays: dict[str, np.ndarray] = field(default_factory=dict)
-    #: Name of the point array that is active, or None.
+    #: Name of the array that is active, or None.
     active: str | None = None
     #: Names of arrays of cells.
     of_cells: tuple[str, ...] = ()
@@ -109,7 +109,8 @@ def _has_strokes(mesh) -> bool:
 def _source(mesh, surface, faces, mesh_cells, points) -> Source:
     names = [name for name in surface.point_data if name != _CELL]
     info = mesh.active_scalars_info
-    active = info.name if info.name in names and info.association.name == 'POINT' else None
+    is_shown = info.name is not None and info.association.name in ('POINT', 'CELL')
+    active = info.name if is_shown else None
     normals = surface.point_data.active_normals
     triangles = TriangleMesh(
         np.asarray(surface.points),
@@ -118,6 +119,5 @@ def _source(mesh, surface, faces, mesh_cells, points) -> Source:
         None if normals is None else np.asarray(normals),
     )
     arrays = {name: np.asarray(surface.point_data[name]) for name in names}
-    arrays = {name: values for name, values in arrays.items() if values.dtype.kind in 'biuf'}
     of_cells = tuple(mesh.cell_data.keys())
     return Source(triangles, arrays, active, of_cells, mesh.n_points, points)

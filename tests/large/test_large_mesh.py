@@ -422,6 +422,8 @@ def test_failed_process_is_told_and_replaced(monkeypatch):
 
 REFUSED = {
     'cell scalars': (ValueError, 'cell_data_to_point_data', {'scalars': 'cells'}),
+    'active cell scalars': (ValueError, 'cell_data_to_point_data', {'active': 'cells'}),
+    'words': (ValueError, 'must be numbers', {'scalars': 'words'}),
     'no array': (KeyError, 'has no point array', {'scalars': 'nothing'}),
     'vectors': (ValueError, 'requires? rgb=True', {'scalars': 'vectors'}),
     'rgb of numbers': (ValueError, 'colours of shape', {'scalars': 'height', 'rgb': True}),
@@ -440,7 +442,9 @@ def test_what_it_does_not_draw_is_refused(case):
     mesh = terrain().copy()
     mesh.cell_data['cells'] = np.zeros(mesh.n_cells)
     mesh['vectors'] = np.zeros((mesh.n_points, 3))
-    mesh.set_active_scalars('height')
+    mesh['words'] = ['a'] * mesh.n_points
+    kwargs = dict(kwargs)
+    mesh.set_active_scalars(kwargs.pop('active', 'height'))
     pl = plotter(SIZE)
     with pytest.raises(kind, match=text):
         pl.ibr.add_large_mesh(mesh, **kwargs)
