@@ -31,7 +31,7 @@ from pvibr.core.errors import ClosedError
 from pvibr.core.hooks import Hooks
 from pvibr.core.observers import weakly
 from pvibr.core.params import Param
-from pvibr.core.plotters import is_closed, renderers_of
+from pvibr.core.plotters import heavy_actors, is_closed, renderers_of
 from pvibr.core.report import Report
 from pvibr.core.spelling import Complete, check_attribute
 from pvibr.core.state_files import named
@@ -412,6 +412,7 @@ class IBRComponent(metaclass=Complete):
             return self._last_report
         report, costs = self.pipeline.report(), self._costs.get(self.pipeline)
         report.costs = '' if costs is None else str(costs)
+        report.large_meshes = heavy_actors(self.pipeline.renderer)
         return report
 
     # -- the end ---------------------------------------------------------------------------------

@@ -206,6 +206,29 @@ def trame_viewer(plotter):
     return viewer if hasattr(viewer, 'SERVER_RENDERING') else None
 
 
+#: Cells from which a mesh is heavy.
+_HEAVY = 1_000_000
+
+
+def heavy_actors(renderer) -> dict[str, int]:
+    """Return the cells of visible actors of users that are single heavy meshes, by name."""
+    found = {}
+    for name, actor in getattr(renderer, 'actors', {}).items():
+        if hasattr(actor, 'pipeline'):  # a thing
+            continue
+        mapper = getattr(actor, 'GetMapper', _no_mapper)()
+        data = mapper.GetInput() if mapper is not None and mapper.IsA('vtkMapper') else None
+        if data is not None and data.IsA('vtkDataSet') and actor.GetVisibility():
+            cells = data.GetNumberOfPolys() if data.IsA('vtkPolyData') else data.GetNumberOfCells()
+            if cells > _HEAVY:
+                found[name] = cells
+    return found
+
+
+def _no_mapper():
+    return None
+
+
 @contextmanager
 def in_subplot(plotter, renderer):
     """Make a renderer's subplot the active one within the block."""

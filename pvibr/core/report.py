@@ -40,6 +40,8 @@ class Report:
     counts: Counts = field(default_factory=Counts)
     #: What settings, effects and things cost when that was last measured.
     costs: str = ''
+    #: Cells of meshes that `add_large_mesh` would draw by fewer triangles, by name.
+    large_meshes: dict[str, int] = field(default_factory=dict)
 
     def as_dict(self) -> dict:
         """Return the report as JSON values."""
@@ -55,6 +57,10 @@ class Report:
         text_lines.append(f'last frame: {self.counts}')
         if self.quality:
             text_lines.append(f'quality: {self.quality}')
+        text_lines += [
+            f'{name}: {cells:,} cells; add_large_mesh draws what the view needs of them'
+            for name, cells in self.large_meshes.items()
+        ]
         text_lines.append(self.costs or 'costs of settings: pl.ibr.costs() measures them')
         return '\n'.join(text_lines)
 

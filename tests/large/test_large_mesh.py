@@ -464,3 +464,14 @@ def test_what_it_does_not_draw_is_refused(case):
 def test_what_is_no_mesh_is_refused(mesh, text):
     with pytest.raises((TypeError, ValueError), match=text):
         plotter(SIZE).ibr.add_large_mesh(mesh)
+
+
+def test_report_names_meshes_that_could_be_one(monkeypatch):
+    monkeypatch.setattr('pvibr.core.plotters._HEAVY', 50_000)
+    pl, _ = drawn(large=False, name='ground')
+    pl.add_points(np.zeros((3, 3)))
+    assert pl.ibr.report().large_meshes == {'ground': terrain().n_cells}
+    assert 'ground: 64,082 cells; add_large_mesh' in str(pl.ibr.report())
+    pl.ibr.add_large_mesh(terrain(), name='ground', max_error=0.0, **LOOK)
+    pl.render()
+    assert pl.ibr.report().large_meshes == {}
