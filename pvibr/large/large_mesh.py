@@ -206,12 +206,16 @@ class LargeMesh(Thing):
     def _adopt(self, hierarchy):
         """Draw a hierarchy from now on."""
         self._hierarchy = hierarchy
-        #: Patches of the last cut, those out of view included: they cast its shadows.
-        self._whole = hierarchy.full_patches[:0]
         self._values = self._coloring.values_of(hierarchy)
         self._changes += 1
+        self._empty()
+
+    def _empty(self):
+        """Draw no patches."""
+        #: Patches of the last cut, those out of view included: they cast its shadows.
+        self._whole = self._hierarchy.full_patches[:0]
         for cut in (self._cut, self._other_cut):
-            cut.show(hierarchy, self._whole, None, has_normals=False)
+            cut.show(self._hierarchy, self._whole, None, has_normals=False)
 
     # -- what users call ---------------------------------------------------------------------
 
@@ -350,7 +354,10 @@ class LargeMesh(Thing):
 
     def bake_into(self, scene):
         """Export the mesh of the current view, at `max_error`."""
-        scene.part(self, self._coloring.part.with_mesh(self.cut()))
+        part = self._coloring.part.with_mesh(self.cut())
+        part.actor.SetProperty(self.prop)
+        part.actor.GetMapper().SetScalarRange(self.GetMapper().GetScalarRange())
+        scene.part(self, part)
 
     # -- building in the background --------------------------------------------------------------
 
@@ -446,4 +453,4 @@ class LargeMesh(Thing):
 
     def deactivate(self):
         """Draw nothing."""
-        self._adopt(self._hierarchy)
+        self._empty()
