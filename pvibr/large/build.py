@@ -22,7 +22,7 @@ _SAMPLES, _FARTHEST = 960, 64
 #: Points of a draft, about.
 _DRAFT_POINTS = 100_000
 #: Cubes along the longest side of the grid by which points of drafts are counted, and of theirs.
-_ROUGH_GRID, _FINEST_GRID = 48, 400
+_ROUGH_GRID, _FINEST_GRID = 48, 300
 #: Odd factors by which the bits of coordinates are mixed.
 _HASH = np.array([0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9], np.uint64)
 #: Levels at most; each has about half the triangles of the one before.
