@@ -52,7 +52,7 @@ if TYPE_CHECKING:
     from pvibr.substitutes.image_layers import ImageLayers
     from pvibr.substitutes.impostor import Impostor
 
-_MOVING = attrgetter('moving')
+_FRAME_MS = attrgetter('frame_ms')
 
 
 @pv.register_plotter_component('ibr')
@@ -110,7 +110,7 @@ class IBRComponent(metaclass=Complete):
 
     def _frame_ms(self) -> float:
         """Return the frame time to meet while the view moves: the least that is asked for."""
-        asked_times = map(_MOVING, self._all_effects())
+        asked_times = map(_FRAME_MS, self._all_effects())
         return min(filter(None, (self.interactive_frame_ms, *asked_times)), default=0.0)
 
     def __setattr__(self, name, value):

@@ -95,7 +95,7 @@ class Effect(metaclass=Complete):
     #: Whether `render` reads ``picture.depth``: instances draw that of their surfaces only then.
     reads_depth = True
     #: Frame time in ms that it asks for while the view moves, None for the plotter's.
-    moving: Any = None
+    frame_ms: Any = None
     #: Class passed by the user, if that created a subclass with additional settings.
     _class: type | None = None
     __signature__: ClassVar[Signature]

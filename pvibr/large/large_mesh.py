@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
@@ -122,6 +123,8 @@ class LargeMesh(Thing):
         unit='ms',
         kind=float,
     )
+
+    frame_ms: Any = property(attrgetter('moving'))
 
     @takes(look=as_parts, without=REFUSED)
     def __init__(
