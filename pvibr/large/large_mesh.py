@@ -63,7 +63,8 @@ class LargeMesh(Thing):
     cmap, clim : optional
         As in ``add_mesh``.
     smooth_shading : bool, optional
-        Interpolate normals, by default as the theme says.
+        Interpolate normals, by default as the theme says. Flat shading shows the facets of the
+        triangles that are drawn, a few pixels wide: smooth looks more like a fine mesh.
     opacity : float
         Opacity of the whole, 0 to 1.
     name : str, optional
