@@ -1,4 +1,4 @@
-"""Measure frames of the demo's forest while it is dragged, and the full picture after it."""
+"""Measure frames of the demo's forest, and of a dense block, while they are dragged."""
 
 from __future__ import annotations
 
@@ -7,9 +7,11 @@ from functools import cache, partial
 
 import numpy as np
 
+import pvibr
 from benchmarks.common import plots
 from benchmarks.common.harness import Bench, Row
 from benchmarks.common.timing import seconds
+from benchmarks.instances import dense
 from pvibr.maths.flip import flip
 from pvibr.scenes.landscape import landscape
 from pvibr.scenes.stage import scenery
@@ -40,6 +42,22 @@ def _drags(settings, results):
     results.points['drags'] = found
     for limit in settings.limits:
         yield from _rows(limit, [drags[limit] for drags in found.values()])
+
+
+def _dense_drags(settings, results):
+    """Yield how many frames of a dense block with shadows and occlusion are in time."""
+    limit = max(settings.limits)
+    with dense.block(settings.dense, dense.PITCH, settings.size) as (plotter, _):
+        plotter.ibr.add(pvibr.Shadows())
+        plotter.ibr.add(pvibr.AmbientOcclusion())
+        plotter.enable_trackball_style()
+        plotter.ibr.interactive_frame_ms = limit
+        ms = _Mouse(plotter).drag(plotter.camera_position, settings.frames)['ms']
+    title = f'{settings.dense**3} polyhedra, shadows and occlusion, {_name(limit)}'
+    yield Row(f'{title}: first frame', ms[0], 'ms', 2 * limit)
+    yield Row(f'{title}: a frame, median', np.median(ms), 'ms', limit)
+    in_time = np.mean(np.array(ms) <= 2 * limit)
+    yield Row(f'{title}: frames within twice the limit', in_time, '', 0.95, True)
 
 
 def _dragged(scene, size):
@@ -146,12 +164,13 @@ def _drag(settings, size, on):
 
 
 BENCH = Bench(
-    parts={'drags': _drags},
+    parts={'drags': _drags, 'dense block': _dense_drags},
     plot=plot,
     outside={'a drag at 100 ms a frame': _drag},
     settings={
         'size': ((1024, 768), (320, 180)),
         'trees': (10_000, 200),
+        'dense': (21, 8),
         'places': (5, 2),
         'frames': (30, 6),
         'limits': ((0.0, 100.0), (0.0, 100.0)),

@@ -24,7 +24,7 @@ _LOOSE = 20.0  # the same, where hardly any is hidden
 def measure(settings, results):
     """Yield rows of the dense block, and what looking in vain costs in a loose one."""
     side = settings.dense
-    with _block(side, PITCH, settings.size) as (plotter, things):
+    with block(side, PITCH, settings.size) as (plotter, things):
         for samples in MULTI_SAMPLES:
             plotter.render_window.SetMultiSamples(samples)
             yield from _frames(plotter, settings, f'dense block, {samples} samples', 0.8)
@@ -32,7 +32,7 @@ def measure(settings, results):
             missing, share = _missing(plotter, things, settings), _found(plotter, things)
         yield Row('dense block: pixels missing', missing, 'px', 0)
         yield Row('dense block: share of what is hidden that is not drawn', share, '', 0.7, True)
-    with _block(side, _LOOSE, settings.size) as (plotter, _):
+    with block(side, _LOOSE, settings.size) as (plotter, _):
         plotter.render_window.SetMultiSamples(MULTI_SAMPLES[0])
         yield from _frames(plotter, settings, 'loose block', 1.02)
 
@@ -95,7 +95,7 @@ def _drawing_all(is_on):
 
 
 @contextmanager
-def _block(side, pitch, size):
+def block(side, pitch, size):
     """Yield a plotter of side**3 polyhedra as instances, as PyVista draws it."""
     rng = np.random.default_rng(side)
     poses = np.tile(np.eye(4), (side**3, 1, 1))
