@@ -212,8 +212,9 @@ _HEAVY = 1_000_000
 
 def heavy_actors(renderer) -> dict[str, int]:
     """Return the cells of visible actors of users that are single heavy meshes, by name."""
-    found = {}
-    for name, actor in getattr(renderer, 'actors', {}).items():
+    found: dict[str, int] = {}
+    actors = getattr(renderer, 'actors', None)
+    for name, actor in actors.items() if isinstance(actors, dict) else ():
         if hasattr(actor, 'pipeline'):  # a thing
             continue
         mapper = getattr(actor, 'GetMapper', _no_mapper)()

@@ -54,6 +54,8 @@ class HiddenBlocks:
 
     def cull(self, frame, groups, choices) -> list[dict]:
         """Return what groups draw as cards, and leave them as meshes, what is not hidden."""
+        if not _may_hide(frame):
+            return choices
         farthest_depths = self._farthest_depths(frame, list(zip(groups, choices, strict=True)))
         if farthest_depths is None:
             return choices
@@ -79,7 +81,7 @@ class HiddenBlocks:
             if name != SPLAT.name and not group.atlas.animated
         ]
         in_view = sum(len(blocks) * blocks.unit for _, blocks in cards)
-        if in_view < _LEAST or not _may_hide(frame) or self._pause.waits():
+        if in_view < _LEAST or self._pause.waits():
             return None
         likely = _likely_seen(frame, cards)
         if likely is None:
@@ -98,9 +100,10 @@ def _may_hide(frame) -> bool:
     """Return whether what is hidden from the frame's eye may be left out."""
     # A render pass may draw at another resolution, stereo moves the eye, and a GPU draws all in
     # less time than it takes to answer.
+    if frame.casting or not (frame.own and driver_of(frame.window).is_software):
+        return False
     is_central = frame.parallel or not frame.clip_from_view[:2, 3].any()
-    is_plain = frame.own and not frame.casting and frame.renderer.GetPass() is None
-    return is_plain and is_central and driver_of(frame.window).is_software
+    return is_central and frame.renderer.GetPass() is None
 
 
 def _likely_seen(frame, cards) -> list[np.ndarray] | None:

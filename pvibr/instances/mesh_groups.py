@@ -194,7 +194,8 @@ class MeshGroups:
         group_limits = choice.limits_in(frame, [group.model for group in self._groups])
         pairs = list(zip(self._groups, group_limits, strict=True))
         choices = [group.select(frame, limits, depth=depth) for group, limits in pairs]
-        choices = self._refined(frame, choices)
+        if self[0].unit > 1:
+            choices = self._refined(frame, choices)
         self._show_cards(self._hidden_blocks.cull(frame, self._groups, choices))
         has_new_actors = False
         for group, limits in pairs:

@@ -71,6 +71,11 @@ def lines(actor):
     actor.prop.style = 'wireframe'
 
 
+def tubes(actor):
+    lines(actor)
+    actor.prop.render_lines_as_tubes = True
+
+
 def translucent(actor):
     actor.prop.opacity = 0.5
 
@@ -89,7 +94,8 @@ def empty(actor):
     ('change', 'any_image', 'relit'),
     [
         (paint, '', ''),
-        (lines, '', 'points or lines'),
+        (lines, '', ''),
+        (tubes, '', 'tubes or spheres'),
         (translucent, 'translucent', 'translucent'),
         (empty, 'empty', 'empty'),
         (broken, 'bounds that are not finite', 'bounds that are not finite'),
