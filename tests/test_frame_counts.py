@@ -122,7 +122,7 @@ def python_calls(draw) -> int:
 
 @pytest.mark.parametrize(
     ('name', 'moving', 'still'),
-    [('instances', 900, 440), ('sets', 3_200, 1_560), ('crowd', 1_920, 720)],
+    [('instances', 900, 440), ('sets', 3_200, 1_560), ('crowd', 1_940, 740)],
 )
 def test_python_calls(name, moving, still, monkeypatch):
     monkeypatch.setenv('PVIBR_DRIVER', 'hardware')

@@ -12,7 +12,6 @@ from pvibr.things.soft_draws import CORE, SOLID, SoftDraws
 #: View directions are divided into a square of patches; errors are measured in each.
 PATCH_SIDE = 4
 PATCHES = PATCH_SIDE**2
-_RANGES = 'ibr_ranges', 'ibr_turn_ranges'
 
 
 class CardLayer(SoftDraws):
@@ -107,7 +106,8 @@ class CardLayer(SoftDraws):
 
 def range_uniforms(ranges) -> dict:
     """Return the uniforms of the ranges of sizes from above and from the side."""
-    return {name: _columns(r) for name, r in zip(_RANGES, ranges, strict=True)}
+    above, side = ranges
+    return {'ibr_ranges': _columns(above), 'ibr_turn_ranges': _columns(side)}
 
 
 def _columns(ranges):

@@ -308,8 +308,9 @@ class InstanceGroup:
         return self._counted({name: blocks for name, blocks in shown.items() if len(blocks)})
 
     def _counted(self, choices):
-        counts = {n: min(len(blocks) * blocks.unit, len(self)) for n, blocks in choices.items()}
-        self.counts |= self._no_cards | counts
+        self.counts |= self._no_cards
+        for name, blocks in choices.items():
+            self.counts[name] = min(len(blocks.table) * blocks.unit, len(self))
         return choices
 
     def patches(self, frame, limits, slots, centers, sizes):

@@ -39,6 +39,7 @@ class HiddenBlocks:
         self._binder, self._prepass = binder, DepthPrepass()
         self._draws: dict = {}
         self._pause = Backoff(_PAUSE, _PAUSE)
+        self._is_software: bool | None = None
 
     @property
     def nbytes(self) -> int:
@@ -50,11 +51,11 @@ class HiddenBlocks:
         self._prepass.release()
         for draws in self._draws.values():
             draws.release(window)
-        self._draws, self._pause = {}, Backoff(_PAUSE, _PAUSE)
+        self._draws, self._pause, self._is_software = {}, Backoff(_PAUSE, _PAUSE), None
 
     def cull(self, frame, groups, choices) -> list[dict]:
         """Return what groups draw as cards, and leave them as meshes, what is not hidden."""
-        if not _may_hide(frame):
+        if frame.casting or not frame.own or not self._may_hide(frame):
             return choices
         farthest_depths = self._farthest_depths(frame, list(zip(groups, choices, strict=True)))
         if farthest_depths is None:
@@ -71,6 +72,16 @@ class HiddenBlocks:
         if shown > (1 - _GAIN) * in_view:
             self._pause.failed()
         return shown_choices
+
+    def _may_hide(self, frame) -> bool:
+        """Return whether what is hidden from the frame's eye may be left out."""
+        # A render pass may draw at another resolution, stereo moves the eye, and a GPU draws all
+        # in less time than it takes to answer.
+        if self._is_software is None:
+            self._is_software = driver_of(frame.window).is_software
+        if not self._is_software or frame.renderer.GetPass() is not None:
+            return False
+        return frame.parallel or not frame.clip_from_view[:2, 3].any()
 
     def _farthest_depths(self, frame, pairs) -> np.ndarray | None:
         """Return the farthest depth of opaque cards in each square of pixels, if that may pay."""
@@ -94,16 +105,6 @@ class HiddenBlocks:
             nearest_first = blocks.where(np.flatnonzero(is_likely)[::-1])
             actors += self._draws[layer].show(nearest_first)
         return self._prepass.farthest_depths(frame, actors, self._binder)
-
-
-def _may_hide(frame) -> bool:
-    """Return whether what is hidden from the frame's eye may be left out."""
-    # A render pass may draw at another resolution, stereo moves the eye, and a GPU draws all in
-    # less time than it takes to answer.
-    if frame.casting or not (frame.own and driver_of(frame.window).is_software):
-        return False
-    is_central = frame.parallel or not frame.clip_from_view[:2, 3].any()
-    return is_central and frame.renderer.GetPass() is None
 
 
 def _likely_seen(frame, cards) -> list[np.ndarray] | None:
