@@ -29,41 +29,56 @@ class BuildJob:
     """A process that builds the hierarchy of a mesh, into the cache or a folder of its own."""
 
     def __init__(self, mesh: TriangleMesh, key: str, cache: AtlasCache | None):
-        self._cache, self._key = cache, key
-        self._folder = Path(tempfile.mkdtemp(prefix='pvibr-'))
+        self._mesh, self._key, self._cache = mesh, key, cache
+        self._folder = Path()
         self._process: Any = None
-        self._cleaner = weakref.finalize(self, _clean, [], self._folder)
-        for name in _NAMES:
-            if getattr(mesh, name) is not None:
-                np.save(self._folder / f'{name}.npy', getattr(mesh, name))
+        #: Why there is no process.
+        self._failure = ''
+        self._cleaner: Any = None
 
     def start(self):
         """Start the process, once."""
-        if self._process is not None:
+        if self._process is not None or self._failure:
             return
+        try:
+            self._folder = Path(tempfile.mkdtemp(prefix='pvibr-'))
+            self._cleaner = weakref.finalize(self, _clean, [], self._folder)
+            for name in _NAMES:
+                if getattr(self._mesh, name) is not None:
+                    np.save(self._folder / f'{name}.npy', getattr(self._mesh, name))
+            self._process = self._started()
+        except OSError as error:
+            self._failure = str(error)
+            return
+        self._cleaner.detach()
+        self._cleaner = weakref.finalize(self, _clean, [self._process], self._folder)
+
+    def _started(self) -> subprocess.Popen:
         cache = None if self._cache is None else str(self._cache.path)
         program = _PROGRAM.format(
             path=sys.path, folder=str(self._folder), cache=cache, key=self._key
         )
         with (self._folder / 'stderr').open('wb') as stderr:
-            self._process = subprocess.Popen(
+            return subprocess.Popen(
                 [sys.executable, '-c', program],
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.DEVNULL,
                 stderr=stderr,
                 creationflags=getattr(subprocess, 'CREATE_NO_WINDOW', 0),
             )
-        self._cleaner.detach()
-        self._cleaner = weakref.finalize(self, _clean, [self._process], self._folder)
 
     @property
     def is_over(self) -> bool:
-        """Whether the process has ended."""
-        return self._process is not None and self._process.poll() is not None
+        """Whether the process has ended, or could not be started."""
+        if self._process is None:
+            return bool(self._failure)
+        return self._process.poll() is not None
 
     def wait(self, timeout=None) -> bool:
         """Wait for the end; return False if the time was too short."""
         self.start()
+        if self._failure:
+            return True
         try:
             self._process.wait(timeout)
         except subprocess.TimeoutExpired:
@@ -72,6 +87,8 @@ class BuildJob:
 
     def result(self) -> Hierarchy:
         """Return the hierarchy; raise a RuntimeError if there is none."""
+        if self._failure:
+            raise RuntimeError(self._failure)
         for cache in filter(None, (self._cache, AtlasCache(self._folder))):
             found = cache.load(self._key, Hierarchy.of_arrays)
             if found is not None:
@@ -81,8 +98,10 @@ class BuildJob:
         raise RuntimeError(lines[-1] if lines else 'the process ended without a result')
 
     def end(self):
-        """End the process, and remove its files."""
-        self._cleaner()
+        """End the process, and remove its files; it may be started again."""
+        if self._cleaner is not None:
+            self._cleaner()
+        self._process = None
 
 
 def _clean(processes, folder):

@@ -403,6 +403,11 @@ class LargeMesh(Thing):
         if self._job is not None:
             self._job.start()
 
+    def _take_out(self, renderer):
+        super()._take_out(renderer)
+        if self._job is not None and not self._job.is_over:
+            self._job.end()
+
     def needed(self, frame) -> bool | str:
         """Return True if it is visible, and its matrix has an inverse."""
         if self.visibility and not self.GetMatrix().Determinant():

@@ -420,6 +420,42 @@ def test_failed_process_is_told_and_replaced(monkeypatch):
     assert not thing.is_draft
 
 
+@pytest.mark.parametrize(
+    'leave', [lambda pl, thing: pl.ibr.remove(thing), lambda pl, _: pl.close()]
+)
+def test_no_process_stays_behind(monkeypatch, leave):
+    monkeypatch.setattr(module, '_SMALL', 1000)
+    monkeypatch.setattr('pvibr.large.build_job._PROGRAM', 'import time; time.sleep(600)')
+    pl = plotter(SIZE)
+    thing = pl.ibr.add_large_mesh(terrain(), wait=False, cache=False, **LOOK)
+    pl.show(auto_close=False)
+    job = thing._job
+    process, folder = job._process, job._folder
+    assert process.poll() is None
+    leave(pl, thing)
+    assert process.poll() is not None
+    assert not folder.exists()
+    monkeypatch.undo()
+    place(again := plotter(SIZE), **OVER).ibr.add(thing)
+    again.ibr.wait()
+    again.show(auto_close=False)
+    assert thing.refined, 'it starts again where it is added again'
+
+
+@pytest.mark.parametrize('cause', ['numpy.save', 'subprocess.Popen', 'tempfile.mkdtemp'])
+def test_without_a_process_it_is_built_here(monkeypatch, cause):
+    def full(*args, **kwargs):
+        raise OSError(28, 'No space left on device')
+
+    monkeypatch.setattr(module, '_SMALL', 1000)
+    monkeypatch.setattr(cause, full)
+    pl = plotter(SIZE)
+    thing = pl.ibr.add_large_mesh(terrain(), wait=False, cache=False, **LOOK)
+    with pytest.warns(PvibrWarning, match='No space left'):
+        pl.show(auto_close=False)
+    assert thing.refined
+
+
 REFUSED = {
     'cell scalars': (ValueError, 'cell_data_to_point_data', {'scalars': 'cells'}),
     'active cell scalars': (ValueError, 'cell_data_to_point_data', {'active': 'cells'}),
