@@ -1,0 +1,77 @@
+"""In windows another process builds large meshes, while a draft is drawn."""
+
+import pytest
+
+from pvibr.core.errors import PvibrWarning
+from pvibr.large import large_mesh as module
+from tests.large.surfaces import folded, terrain
+from tests.large.test_large_mesh import LOOK, OVER, SIZE, drawn
+from tests.pictures import off, place, plotter, shot
+
+
+def test_draft_first_then_the_mesh(monkeypatch, tmp_path):
+    monkeypatch.setattr(module, '_SMALL', 1000)
+    monkeypatch.setattr('pvibr.large.build._DRAFT_POINTS', 4000)
+    pl = plotter(SIZE)
+    thing = pl.ibr.add_large_mesh(terrain(), wait=False, cache=tmp_path, max_error=0.5, **LOOK)
+    place(pl, **OVER)
+    pl.show(auto_close=False)
+    assert thing.is_draft
+    draft = pl.ibr.report()
+    picture = shot(pl)  # waits
+    assert 'draft' in str(draft)
+    assert not thing.is_draft
+    assert not thing.unfinished
+    assert thing.refined
+    _, built = drawn(max_error=0.5)
+    assert (off(picture, shot(pl)) == 0).all()
+    assert thing.report()['triangles'] == built.report()['triangles']
+    again = pl.ibr.add_large_mesh(terrain(), wait=False, cache=tmp_path, **LOOK)
+    assert not again.is_draft, 'it was in the cache'
+
+
+def test_failed_process_is_told_and_replaced(monkeypatch):
+    monkeypatch.setattr(module, '_SMALL', 1000)
+    monkeypatch.setattr('pvibr.large.build_job._PROGRAM', 'raise SystemExit("no memory")')
+    pl = plotter(SIZE)
+    thing = pl.ibr.add_large_mesh(folded(40), wait=False, cache=False, color='white')
+    thing._job.wait()
+    with pytest.warns(PvibrWarning, match='no memory'):
+        pl.show(auto_close=False)
+    assert not thing.is_draft
+
+
+@pytest.mark.parametrize(
+    'leave', [lambda pl, thing: pl.ibr.remove(thing), lambda pl, _: pl.close()]
+)
+def test_no_process_stays_behind(monkeypatch, leave):
+    monkeypatch.setattr(module, '_SMALL', 1000)
+    monkeypatch.setattr('pvibr.large.build_job._PROGRAM', 'import time; time.sleep(600)')
+    pl = plotter(SIZE)
+    thing = pl.ibr.add_large_mesh(terrain(), wait=False, cache=False, **LOOK)
+    pl.show(auto_close=False)
+    job = thing._job
+    process, folder = job._process, job._folder
+    assert process.poll() is None
+    leave(pl, thing)
+    assert process.poll() is not None
+    assert not folder.exists()
+    monkeypatch.undo()
+    place(again := plotter(SIZE), **OVER).ibr.add(thing)
+    again.ibr.wait()
+    again.show(auto_close=False)
+    assert thing.refined, 'it starts again where it is added again'
+
+
+@pytest.mark.parametrize('cause', ['numpy.save', 'subprocess.Popen', 'tempfile.mkdtemp'])
+def test_without_a_process_it_is_built_here(monkeypatch, cause):
+    def full(*args, **kwargs):
+        raise OSError(28, 'No space left on device')
+
+    monkeypatch.setattr(module, '_SMALL', 1000)
+    monkeypatch.setattr(cause, full)
+    pl = plotter(SIZE)
+    thing = pl.ibr.add_large_mesh(terrain(), wait=False, cache=False, **LOOK)
+    with pytest.warns(PvibrWarning, match='No space left'):
+        pl.show(auto_close=False)
+    assert thing.refined
