@@ -8,7 +8,6 @@ import sys
 import tempfile
 import weakref
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -29,29 +28,30 @@ class BuildJob:
     """A process that builds the hierarchy of a mesh, into the cache or a folder of its own."""
 
     def __init__(self, mesh: TriangleMesh, key: str, cache: AtlasCache | None):
-        self._mesh, self._key, self._cache = mesh, key, cache
-        self._folder = Path()
-        self._process: Any = None
+        self._key, self._cache = key, cache
         #: Why there is no process.
         self._failure = ''
-        self._cleaner: Any = None
+        #: The process, once it was started; shared with the cleaner.
+        self._processes: list[subprocess.Popen] = []
+        self._folder = Path()
+        try:
+            self._folder = Path(tempfile.mkdtemp(prefix='pvibr-'))
+            self._cleaner = weakref.finalize(self, _clean, self._processes, self._folder)
+            # The mesh as it is now, of which the key is.
+            for name in _NAMES:
+                if getattr(mesh, name) is not None:
+                    np.save(self._folder / f'{name}.npy', getattr(mesh, name))
+        except OSError as error:
+            self._failure = str(error)
 
     def start(self):
         """Start the process, once."""
-        if self._process is not None or self._failure:
+        if self._processes or self._failure:
             return
         try:
-            self._folder = Path(tempfile.mkdtemp(prefix='pvibr-'))
-            self._cleaner = weakref.finalize(self, _clean, [], self._folder)
-            for name in _NAMES:
-                if getattr(self._mesh, name) is not None:
-                    np.save(self._folder / f'{name}.npy', getattr(self._mesh, name))
-            self._process = self._started()
+            self._processes.append(self._started())
         except OSError as error:
             self._failure = str(error)
-            return
-        self._cleaner.detach()
-        self._cleaner = weakref.finalize(self, _clean, [self._process], self._folder)
 
     def _started(self) -> subprocess.Popen:
         cache = None if self._cache is None else str(self._cache.path)
@@ -70,17 +70,16 @@ class BuildJob:
     @property
     def is_over(self) -> bool:
         """Whether the process has ended, or could not be started."""
-        if self._process is None:
-            return bool(self._failure)
-        return self._process.poll() is not None
+        if self._failure:
+            return True
+        return any(process.poll() is not None for process in self._processes)
 
     def wait(self, timeout=None) -> bool:
         """Wait for the end; return False if the time was too short."""
         self.start()
-        if self._failure:
-            return True
         try:
-            self._process.wait(timeout)
+            for process in self._processes:
+                process.wait(timeout)
         except subprocess.TimeoutExpired:
             return False
         return True
@@ -97,17 +96,20 @@ class BuildJob:
         lines = last_words.decode('utf-8', 'replace').strip().splitlines()
         raise RuntimeError(lines[-1] if lines else 'the process ended without a result')
 
-    def end(self):
-        """End the process, and remove its files; it may be started again."""
-        if self._cleaner is not None:
-            self._cleaner()
-        self._process = None
+    def stop(self):
+        """End the process; it may be started again."""
+        _end(self._processes)
+
+
+def _end(processes):
+    while processes:
+        process = processes.pop()
+        process.kill()
+        process.wait()
 
 
 def _clean(processes, folder):
-    for process in processes:
-        process.kill()
-        process.wait()
+    _end(processes)
     shutil.rmtree(folder, ignore_errors=True)
 
 

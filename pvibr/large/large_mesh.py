@@ -392,8 +392,7 @@ class LargeMesh(Thing):
                 'it is built here instead'
             )
             hierarchy = built(self._source.mesh, None)
-        self._job.end()
-        self._job = None
+        self._job = None  # which removes its files
         self._adopt(hierarchy)
 
     # -- the life of an effect -------------------------------------------------------------------
@@ -406,7 +405,7 @@ class LargeMesh(Thing):
     def _take_out(self, renderer):
         super()._take_out(renderer)
         if self._job is not None and not self._job.is_over:
-            self._job.end()
+            self._job.stop()
 
     def needed(self, frame) -> bool | str:
         """Return True if it is visible, and its matrix has an inverse."""

@@ -44,23 +44,28 @@ def test_failed_process_is_told_and_replaced(monkeypatch):
 @pytest.mark.parametrize(
     'leave', [lambda pl, thing: pl.ibr.remove(thing), lambda pl, _: pl.close()]
 )
-def test_no_process_stays_behind(monkeypatch, leave):
+def test_no_process_stays_behind(monkeypatch, tmp_path, leave):
     monkeypatch.setattr(module, '_SMALL', 1000)
     monkeypatch.setattr('pvibr.large.build_job._PROGRAM', 'import time; time.sleep(600)')
     pl = plotter(SIZE)
-    thing = pl.ibr.add_large_mesh(terrain(), wait=False, cache=False, **LOOK)
+    mesh = terrain().copy()
+    thing = pl.ibr.add_large_mesh(mesh, wait=False, cache=tmp_path, **LOOK)
     pl.show(auto_close=False)
-    job = thing._job
-    process, folder = job._process, job._folder
+    job, folder = thing._job, thing._job._folder
+    (process,) = job._processes
     assert process.poll() is None
     leave(pl, thing)
     assert process.poll() is not None
-    assert not folder.exists()
     monkeypatch.undo()
+    mesh.points[:] = 0.0  # the key is of what was added
     place(again := plotter(SIZE), **OVER).ibr.add(thing)
     again.ibr.wait()
     again.show(auto_close=False)
     assert thing.refined, 'it starts again where it is added again'
+    assert thing.bounds[1] > 0.9
+    del job
+    assert not folder.exists()
+    assert not plotter(SIZE).ibr.add_large_mesh(terrain(), wait=False, cache=tmp_path).is_draft
 
 
 @pytest.mark.parametrize('cause', ['numpy.save', 'subprocess.Popen', 'tempfile.mkdtemp'])
