@@ -10,6 +10,25 @@ import numpy as np
 
 #: Index of the cell that made the patches of the full mesh, or that replaces the coarsest.
 NO_CELL = -1
+#: Kind of the numbers of each array, and the shape of its rows.
+_LAYOUT: dict[str, tuple[str, tuple[int, ...]]] = {
+    'origin': ('f', ()),
+    'points': ('f', (3,)),
+    'normals': ('f', (3,)),
+    'parents': ('i', ()),
+    'level_starts': ('i', ()),
+    'areas': ('f', ()),
+    'vertex_of_point': ('i', ()),
+    'mesh_cells': ('i', ()),
+    'errors': ('f', ()),
+    'boxes': ('f', (2, 3)),
+    'patch_cells': ('i', (2,)),
+    'patch_boxes': ('f', (2, 3)),
+    'vertex_starts': ('i', ()),
+    'triangle_starts': ('i', ()),
+    'vertices': ('i', ()),
+    'triangles': ('u', (3,)),
+}
 
 
 @dataclass(frozen=True)
@@ -125,22 +144,31 @@ class Hierarchy:
     def _check(self):
         """Raise a ValueError where arrays do not belong together."""
         patch_count, vertex_count = len(self.patch_cells), len(self.points)
+        layout = {n: (a.dtype.kind, a.shape[1:]) for n, a in self.to_arrays().items()}
         is_whole = (
-            _are_starts(self.vertex_starts, patch_count, len(self.vertices))
+            layout == _LAYOUT
+            and len(self.origin) == 3
+            and _are_starts(self.vertex_starts, patch_count, len(self.vertices))
             and _are_starts(self.triangle_starts, patch_count, len(self.triangles))
             and _is_below(self.vertices, vertex_count)
             and _is_below(self.vertex_of_point, len(self.areas))
             and _is_below(self.patch_cells, len(self.errors), NO_CELL)
             and _is_below(self.parents, vertex_count, -1)
+            and self.level_starts[:2].tolist() == [0, len(self.areas)]
             and self.level_starts[-1] == vertex_count
+            and (np.diff(self.level_starts) >= 0).all()
+            and len(self.parents) == len(self.normals) == vertex_count
             and len(self.boxes) == len(self.errors)
             and len(self.patch_boxes) == patch_count
-            and self.points.shape == self.normals.shape == (vertex_count, 3)
             and len(self.mesh_cells) == self.triangle_counts[self.full_patches].sum()
         )
-        limits = np.repeat(np.diff(self.vertex_starts), self.triangle_counts)
-        if not is_whole or (self.triangles.max(1) >= limits).any():
+        if not (is_whole and self._are_corners_whole()):
             raise ValueError('its arrays do not belong together')
+
+    def _are_corners_whole(self) -> bool:
+        """Return True if triangles are of the vertices of their patches."""
+        limits = np.repeat(np.diff(self.vertex_starts), self.triangle_counts)
+        return bool((self.triangles.max(1) < limits).all())
 
 
 def _summed(places, values, count) -> np.ndarray:

@@ -89,12 +89,25 @@ def load(path) -> tuple[Hierarchy, Source]:
             raise ValueError('it is not a large mesh of this version of pvibr')
         hierarchy = Hierarchy.of_arrays(entry)
         source = _stored_source(entry)
-        if {len(values) for values in source.arrays.values()} - {len(hierarchy.vertex_of_point)}:
-            raise ValueError('its arrays do not belong together')
+        _check(source, len(hierarchy.vertex_of_point))
     except _WRONG as error:
         reason = error if isinstance(error, ValueError) else f'its content is wrong ({error!r})'
         raise PvibrError(f'cannot open {str(path)!r}: {reason}; build it again') from error
     return hierarchy, source
+
+
+def _check(source, count):
+    """Raise a ValueError unless the arrays of a source are of so many points."""
+    points = np.arange(count) if source.points is None else source.points
+    by_point = [*source.arrays.values(), points]
+    is_whole = (
+        all(len(values) == count for values in by_point)
+        and points.dtype.kind == 'i'
+        and 0 <= points.min() <= points.max() < source.point_count
+        and source.active in (None, *source.arrays, *source.of_cells)
+    )
+    if not is_whole:
+        raise ValueError('its arrays do not belong together')
 
 
 def _stored_source(entry) -> Source:

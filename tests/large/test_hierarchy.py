@@ -1,5 +1,7 @@
 """A hierarchy is the same mesh at every cut: whole, within its error, with what it was given."""
 
+from dataclasses import fields
+
 import numpy as np
 import pytest
 import pyvista as pv
@@ -237,3 +239,17 @@ def test_arrays_that_do_not_belong_together_are_found(name):
         broken[-1] = np.iinfo(broken.dtype).max
     with pytest.raises(ValueError, match='belong together'):
         Hierarchy.of_arrays(arrays | {name: broken})
+
+
+@pytest.mark.parametrize('name', [field.name for field in fields(Hierarchy)])
+def test_arrays_of_another_kind_are_found(name):
+    arrays = hierarchy_of(folded).to_arrays()
+    array = arrays[name]
+    others = (
+        array[None],
+        np.full(len(array), 'x'),
+        array.astype(np.int64 if array.dtype.kind != 'i' else np.float64),
+    )
+    for other in others:
+        with pytest.raises(ValueError, match='belong together'):
+            Hierarchy.of_arrays(arrays | {name: other})

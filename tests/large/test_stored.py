@@ -91,6 +91,14 @@ def test_forged_file_is_found(file, tmp_path, name):
     refused('content is wrong', stored.load, tmp_path / 'less.pvl', kind=PvibrError)
 
 
+@pytest.mark.parametrize('name', ['active', 'point_count'])
+def test_forged_description_is_found(file, tmp_path, name):
+    entry = unpack(np.fromfile(file, np.uint8))
+    forged = entry.meta | {name: 3}
+    stored.write_whole(tmp_path / 'forged.pvl', pack(dict(entry), forged))
+    refused('belong together', stored.load, tmp_path / 'forged.pvl', kind=PvibrError)
+
+
 def test_file_that_cannot_be_written_leaves_the_old_one(file, tmp_path, monkeypatch):
     refused('end in .pvl', terrain().ibr.large, tmp_path / 'a.ply', kind=ValueError)
     refused('no folder', terrain().ibr.large, tmp_path / 'b' / 'a.pvl', kind=FileNotFoundError)
