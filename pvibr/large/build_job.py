@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 import subprocess
 import sys
 import tempfile
+import threading
 import weakref
 from pathlib import Path
 
@@ -61,7 +63,7 @@ class BuildJob:
         with (self._folder / 'stderr').open('wb') as stderr:
             return subprocess.Popen(
                 [sys.executable, '-c', program],
-                stdin=subprocess.DEVNULL,
+                stdin=subprocess.PIPE,
                 stdout=subprocess.DEVNULL,
                 stderr=stderr,
                 creationflags=getattr(subprocess, 'CREATE_NO_WINDOW', 0),
@@ -103,9 +105,8 @@ class BuildJob:
 
 def _end(processes):
     while processes:
-        process = processes.pop()
-        process.kill()
-        process.wait()
+        with processes.pop() as process:
+            process.kill()
 
 
 def _clean(processes, folder):
@@ -116,6 +117,7 @@ def _clean(processes, folder):
 def main(folder, cache_path, key):
     """Build the hierarchy of the arrays in a folder: the child's program."""
     folder = Path(folder)
+    threading.Thread(target=_end_with_parent, args=[folder], daemon=True).start()
     files = {name: folder / f'{name}.npy' for name in _NAMES}
     mesh = TriangleMesh(**{name: np.load(file) for name, file in files.items() if file.exists()})
     cache = None if cache_path is None else AtlasCache(cache_path)
@@ -126,3 +128,10 @@ def main(folder, cache_path, key):
     if cache is None or not cache.put(key, arrays):
         # Too large for the cache: for this run alone.
         AtlasCache(folder, sys.maxsize).put(key, arrays)
+
+
+def _end_with_parent(folder):
+    """End this process when its parent was killed, which closes the pipe to it."""
+    os.read(0, 1)
+    shutil.rmtree(folder, ignore_errors=True)
+    os._exit(1)

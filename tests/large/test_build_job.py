@@ -4,6 +4,8 @@ import pytest
 
 from pvibr.core.errors import PvibrWarning
 from pvibr.large import large_mesh as module
+from pvibr.large.build_job import BuildJob
+from pvibr.large.sources import source_of
 from tests.large.surfaces import folded, terrain
 from tests.large.test_large_mesh import LOOK, OVER, SIZE, drawn
 from tests.pictures import off, place, plotter, shot
@@ -80,3 +82,13 @@ def test_without_a_process_it_is_built_here(monkeypatch, cause):
     with pytest.warns(PvibrWarning, match='No space left'):
         pl.show(auto_close=False)
     assert thing.refined
+
+
+def test_process_ends_with_its_parent():
+    source = source_of(terrain())
+    job = BuildJob(source.mesh, 'key', None)
+    job.start()
+    (process,) = job._processes
+    process.stdin.close()  # as where the parent was killed
+    assert process.wait() == 1
+    assert not job._folder.exists()
