@@ -34,7 +34,7 @@ class SheetImages:
 
     def uniforms(self) -> dict:
         """Return the uniforms of the texture."""
-        return {'ibr_smallest': float(len(self._sheet.levels) - 1 - self._skipped)}
+        return {'ibr_smallest': float(max(len(self._sheet.levels) - 1 - self._skipped, 0))}
 
     def whole(self) -> tuple[np.ndarray, np.ndarray]:
         """Return all images as one, row 0 at the top, and their rectangles, y up."""

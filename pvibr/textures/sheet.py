@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from pvibr.core.arguments import naming
+from pvibr.core.errors import warn
 from pvibr.gl import MipTexture, texture_limit
 from pvibr.maths.filled_texels import dilated
 from pvibr.textures.projected import as_rgba, is_live
@@ -68,19 +69,27 @@ class Sheet:
 
     def upload(self, window) -> tuple[MipTexture, int]:
         """Upload the levels that the driver supports; return the texture and its first level."""
-        limit = texture_limit(window)
-        fitting = [k for k, level in enumerate(self.levels) if max(level.shape[:2]) <= limit]
-        if not fitting:
-            height, width = self.levels[-1].shape[:2]
-            raise ValueError(
-                f'images must fit into the {limit} x {limit} texels of the driver, got '
-                f'{width} x {height}'
+        limit, levels = texture_limit(window), list(self.levels)
+        while max(levels[-1].shape[:2]) > limit:
+            levels.append(_halved(levels[-1]))
+        first_level = [max(level.shape[:2]) <= limit for level in levels].index(True)
+        if first_level >= len(self.levels):
+            (height, width), (high, wide) = levels[0].shape[:2], levels[first_level].shape[:2]
+            warn(
+                f'images are blurred: textures of the driver have at most {limit} x {limit} '
+                f'texels, {width} x {height} are reduced to {wide} x {high}'
             )
-        first_level = fitting[0]
-        texture = MipTexture(window).upload(self.levels[first_level])
-        for k, level in enumerate(self.levels[first_level + 1 :], 1):
+        texture = MipTexture(window).upload(levels[first_level])
+        for k, level in enumerate(levels[first_level + 1 :], 1):
             texture.put_level(k, level)
         return texture, first_level
+
+
+def _halved(level) -> np.ndarray:
+    """Return an image of half the size, which mixes neighbours."""
+    level = np.pad(level, [*((0, n % 2) for n in level.shape[:2]), (0, 0)], 'edge')
+    height, width = level.shape[:2]
+    return np.rint(level.reshape(height // 2, 2, width // 2, 2, -1).mean((1, 3))).astype(np.uint8)
 
 
 def _step(sizes) -> int:

@@ -674,15 +674,23 @@ def test_images_larger_than_the_driver_takes_lose_their_largest_levels(see, monk
     assert thing.report()['texture'] == '64 x 64'
 
 
-def test_images_that_do_not_fit_at_all_are_left_out_with_a_warning(see, monkeypatch):
-    monkeypatch.setattr('pvibr.textures.sheet.texture_limit', lambda _: 8)
-    images = [np.full((5, 7, 4), k, np.uint8) for k in range(30)]
-    pl = plotter((0, -10, 0))
-    pl.add_mesh(pv.Sphere(radius=0.5), color='red', lighting=False)
-    pl.ibr.add_billboards(np.zeros((30, 3)) - [0, 2, 0], images)
-    with pytest.warns(pvibr.PvibrWarning, match='8 x 8 texels of the driver'):
-        picture = grab(pl, see)
-    assert picture[50, 80].tolist() == [255, 0, 0]  # the rest is there
+def test_images_that_do_not_fit_at_all_are_blurred_with_a_warning(see, monkeypatch):
+    images = [np.full((5, 7, 4), (0, 200 + k, 0, 255), np.uint8) for k in range(30)]
+    pictures = []
+    for limit in (16_384, 8):
+        monkeypatch.setattr('pvibr.textures.sheet.texture_limit', lambda _, limit=limit: limit)
+        pl = plotter((0, -10, 0))
+        pl.add_mesh(pv.Sphere(radius=0.5), color='red', lighting=False)
+        pl.ibr.add_billboards(np.zeros((30, 3)) - [0, 2, 0], images, size=2)
+        if limit == 8:
+            with pytest.warns(pvibr.PvibrWarning, match='blurred: .* 8 x 8 texels'):
+                pictures.append(grab(pl, see))
+        else:
+            pictures.append(grab(pl, see))
+    exact, drawn = (p.astype(int) for p in pictures)
+    covered = exact[..., 1] > 150
+    assert covered.mean() > 0.02
+    assert (np.abs(exact - drawn)[covered].max(-1) <= 60).mean() > 0.95
 
 
 def test_none_and_no_size_draw_nothing(see):
