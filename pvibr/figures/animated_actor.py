@@ -12,6 +12,7 @@ from pvibr.core.arguments import checked_numbers
 from pvibr.core.effect import put_into
 from pvibr.core.signatures import takes
 from pvibr.figures.figure_picking import nearest_hit, stand_in
+from pvibr.figures.figure_posing import FigurePosing
 from pvibr.figures.lying import lying_note
 from pvibr.figures.mesh_actors import (
     PosedMeshActor,
@@ -21,7 +22,7 @@ from pvibr.figures.mesh_actors import (
     posed_part,
 )
 from pvibr.figures.player import FigurePlayer
-from pvibr.figures.posing import Posing, draw_together
+from pvibr.figures.posing import draw_together
 from pvibr.maths.transforms import transform_normals, transform_points
 from pvibr.meshes.parts import as_parts
 from pvibr.things.picking import pixel_ray
@@ -79,7 +80,6 @@ class AnimatedActor(FigurePlayer):
     picks = True
     #: Number of poses so far.
     posed = 0
-    _posing: Posing | None = None
     _visible: bool | None = None
     _failure: Exception | None = None
 
@@ -102,6 +102,7 @@ class AnimatedActor(FigurePlayer):
         self.name = name
         self._mesh_actors = as_mesh_actors(figure, mesh_options, theme)
         self._posed = [a for a in self._mesh_actors if isinstance(a, PosedMeshActor)]
+        self._posing = FigurePosing(self._posed)
         self._share_material()
         self.pickable = pickable
         self._stand_ins = [stand_in(self, a.index, a.actor) for a in self._posed]
@@ -364,31 +365,19 @@ class AnimatedActor(FigurePlayer):
         pose_state = self._changes, self.skinning, self.bulge
         if not self._posed or pose_state == self._drawn_state:
             return []
-        if self._posing is None:
-            self._posing = Posing(window, [a.rest_mesh for a in self._posed])
-            for mesh_actor, first_row in zip(self._posed, self._posing.rows, strict=False):
-                mesh_actor.aim(first_row)
-                mesh_actor.draws.posing = self._posing
-        mesh_poses = [[a.mesh_pose(moment)] for a in self._posed]
-        pose_passes = self._posing.passes(mesh_poses, self.skinning, self.bulge)
+        pose_passes = self._posing.passes(window, moment, self.skinning, self.bulge)
         self._drawn_state = pose_state
         self.posed += 1
         return pose_passes
 
     def finish(self, _frame):
         """Release the texture units."""
-        for mesh_actor in self._posed[:1]:
-            mesh_actor.draws.unbind()
-
-    def _release_posing(self):
-        self.finish(None)
-        if self._posing is not None:
-            self._posing.release()
-        self._posing, self._drawn_state = None, ()
+        self._posing.unbind()
 
     def release(self):
         """Release all GPU resources; the context is current."""
-        self._release_posing()
+        self._posing.release()
+        self._drawn_state = ()
         window = None if self.pipeline is None else self.pipeline.window
         if window is not None:
             for mesh_actor in self._mesh_actors:
@@ -396,18 +385,22 @@ class AnimatedActor(FigurePlayer):
 
     def report(self) -> dict:
         """Return bytes on the GPU, vertices, and the number of poses so far."""
-        pose_bytes = 0 if self._posing is None else self._posing.nbytes
         vertex_count = sum(len(a.figure_mesh.points) for a in self._posed)
-        details = {'bytes': pose_bytes, 'vertices': vertex_count, 'poses': self.posed}
+        details: dict = {
+            'bytes': self._posing.nbytes,
+            'vertices': vertex_count,
+            'poses': self.posed,
+        }
+        details |= {'posed by': self._posing.refusal} if self._posing.refusal else {}
         return details | lying_note(self.figure, self.matrix, self.pipeline)
 
     def download_posed(self):
         """Yield index, points and normals (n, 3) of each mesh as the GPU has it, for tests."""
-        if self._posing is None:
+        if self._posing.gpu is None:
             return
         for index, mesh_actor in enumerate(self._posed):
             count = len(mesh_actor.figure_mesh.points)
-            points, normals = (v[:count].astype(float) for v in self._posing.download(index))
+            points, normals = (v[:count].astype(float) for v in self._posing.gpu.download(index))
             # What VTK adds to them, here in float64: the middle of the figure, or its node.
             matrix = np.asarray(mesh_actor.actor.user_matrix)
             world_arrays = transform_points(matrix, points), transform_normals(matrix, normals)

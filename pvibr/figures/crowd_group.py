@@ -11,6 +11,7 @@ from pvibr.figures.mesh_actors import posed_part
 from pvibr.figures.player import Moment
 from pvibr.figures.pose_atlas import bake_pose_atlas
 from pvibr.figures.posed_meshes import PosedPool
+from pvibr.figures.posing import pose_budget
 from pvibr.gl import nbytes_of, release
 from pvibr.instances.group import InstanceGroup
 from pvibr.instances.mesh_models import MeshModels
@@ -56,18 +57,14 @@ class _PosedMeshes(NearMeshes):
 
     def __init__(self, levels, state):
         self._state = state
-        points = np.array([sum(p.mesh.n_points for p in level.parts) for level in levels])
-        shares = points / points.sum()  # each has room for as many poses
         #: Of each level.
-        self.poses = [
-            MemberPoses(level.mesh_actors, state.skinning, share)
-            for level, share in zip(levels, shares, strict=True)
-        ]
+        self.poses = [MemberPoses(level.mesh_actors, state.skinning) for level in levels]
         # Levels whose members share draws, with their slots, shares and ranks from the nearest;
         # and the view that they were chosen for.
         self._shared: list[tuple] = []
         self._eye_from_world = np.eye(4)
         self._crowd_draws: list[CrowdDraws] = []
+        self._window: object = None  # whose driver has been asked for room
         super().__init__(levels)
 
     def _pools(self) -> list:
@@ -85,10 +82,21 @@ class _PosedMeshes(NearMeshes):
         """Use actors of each member where a material needs more than surfaces."""
         may_mirror = self._state.may_mirror()
         own_actors = [
-            not (self.draws and can_share_draws(level, may_mirror)) for level in self.levels
+            not (self.draws and can_share_draws(level, may_mirror)) or pool.poses.by_cpu
+            for level, pool in zip(self.levels, self.pools, strict=True)
         ]
         self._culls = culls_faces(self._state.mesh_actors)
         self._set_own_actors(own_actors, elsewhere=self._culls)
+
+    def select(self, group, frame, limits) -> list:
+        """Draw the members too large for cards; return new actors."""
+        if self._window is not frame.window:
+            self._window = frame.window
+            for pool in self.pools:
+                pool.poses.ask(frame.window)
+            if any(pool.poses.by_cpu for pool in self.pools):
+                self.follow_material()
+        return super().select(group, frame, limits)
 
     def _need_own_actors(self, group, slots, mesh_levels) -> np.ndarray:
         needs_own = super()._need_own_actors(group, slots, mesh_levels)
@@ -115,20 +123,31 @@ class _PosedMeshes(NearMeshes):
         return new_actors
 
     def pose(self, window, group, time):
-        """Pose the members that share draws."""
+        """Pose the members that share draws, and share the memory among all."""
+        self._share_memory()
         eye_from_world, state = self._eye_from_world, self._state
         for level, slots, shares, ranks in self._shared:
             draws = self._crowd_draws[level]
-            clips, seconds = state.seconds(time, group.ids[slots])
-            times = clips, seconds, state.durations(clips), state.moments
-            numbers = draws.poses.pose(window, time, slots, ranks, *times)
+            numbers, _ = state.pose_members(draws.poses, window, group, time, slots, ranks)
             eye_from_figure = eye_from_world @ group.matrices(slots)
             draws.upload(window, slots, shares, group.radii[slots], numbers, eye_from_figure)
+
+    def _share_memory(self):
+        """Share the memory for poses by what the members that are shown need."""
+        counts = {self.poses[level]: len(slots) for level, slots, *_ in self._shared}
+        counts |= {pool.poses: len(pool.lent) for pool in self.pools if pool.lent}
+        rows = {poses: poses.needed_rows(count) for poses, count in counts.items()}
+        for poses, needed_rows in rows.items():
+            poses.memory_share = needed_rows / max(sum(rows.values()), 1)
+        all_poses = [*self.poses, *(pool.poses for pool in self.pools)]
+        if nbytes_of(*all_poses) > pose_budget():
+            release(*(poses for poses in all_poses if poses not in rows))
 
     @property
     def note(self) -> str:
         """What members share because there are too few poses; empty if each has its own."""
-        notes = zip(self._level_names, self.poses, strict=True)
+        pooled = [pool.poses for pool in self.pools]
+        notes = zip(2 * self._level_names, [*self.poses, *pooled], strict=True)
         return '; '.join(f'{name}: {poses.note}' for name, poses in notes if poses.note)
 
     @property
@@ -197,11 +216,7 @@ class CrowdGroup(InstanceGroup):
         self.near.pose(window, self, time)
         for pool in self.near.pools:
             if pool.lent:
-                lent_slots = list(pool.lent)
-                clip_indices, clip_seconds = self.state.seconds(time, self.ids[lent_slots])
-                clip_times = zip(clip_indices.tolist(), clip_seconds.tolist(), strict=True)
-                key_by_slot = dict(zip(lent_slots, clip_times, strict=True))
-                pool.pose(window, key_by_slot, self.state.moments, self.matrices)
+                pool.pose(window, self, time, self.state)
 
     def parts(self, slot) -> list:
         """Return the posed meshes of a member, as parts in the figure's space."""
@@ -246,6 +261,17 @@ class CrowdState:
     def durations(self, clips) -> np.ndarray:
         """Return the durations of clips, in seconds."""
         return np.array([m.duration for m in self.motions])[clips]
+
+    def pose_members(self, poses, window, group, time, slots, ranks=None) -> tuple:
+        """Pose members, ranked from the nearest or in this order.
+
+        Return the number of the pose of each, and the clip and time that it shows, (n, 2).
+        """
+        clips, seconds = self.seconds(time, group.ids[slots])
+        ranks = np.arange(len(slots)) if ranks is None else ranks
+        times = clips, seconds, self.durations(clips), self.moments
+        numbers = poses.pose(window, time, slots, ranks, *times)
+        return numbers, poses.keys[numbers]
 
     def pose(self, clip, seconds):
         """Return the poses at times of a clip."""

@@ -5,25 +5,34 @@ from __future__ import annotations
 import numpy as np
 
 from pvibr.figures.mesh_actors import PosedMeshActor
-from pvibr.figures.posing import MeshPose, Posing, most_poses
+from pvibr.figures.posing import MeshPose, Posing, most_poses, pose_rows
 from pvibr.gl import nbytes_of, release
 
 _LEAST = 4  # poses for which there is room, if there is
+_SPARE = 2  # poses over those for which there is room, at most
 _SHARED = 0.25  # of all poses, where there are too few: phases that members farther away share
 
 
 class MemberPoses:
     """Poses of a level by number; a member keeps one until others need it."""
 
-    def __init__(self, mesh_actors, skinning, memory_share=1.0):
-        self.mesh_actors, self.skinning, self._memory_share = mesh_actors, skinning, memory_share
+    def __init__(self, mesh_actors, skinning):
+        self.mesh_actors, self.skinning = mesh_actors, skinning
         self._posed = [a for a in mesh_actors if isinstance(a, PosedMeshActor)]
+        #: Share of the memory for poses that it may take.
+        self.memory_share = 1.0
         self.posing: Posing | None = None
+        #: Whether the CPU poses the meshes: textures of the driver are too small for one pose.
+        self.by_cpu = False
+        #: What members share because there are too few poses; empty if each has its own.
+        self.note = ''
+        self._forget()
+
+    def _forget(self):
+        """Have no poses."""
         self._capacity = 0
         #: Number of the pose of each slot, or of each phase that members share, below 0.
         self._number_of: dict[int, int] = {}
-        #: What members share because there are too few poses; empty if each has its own.
-        self.note = ''
         self._free: list[int] = []
         self._grow(0)
 
@@ -34,16 +43,22 @@ class MemberPoses:
         shape = extra, len(self.mesh_actors)
         identities = np.broadcast_to(np.eye(4), (*shape, 4, 4))
         if not old:
-            self._keys, self._used_at = np.zeros((0, 2)), np.zeros(0)
+            #: Clip and time of each pose.
+            self.keys = np.zeros((0, 2))
+            self._used_at = np.zeros(0)
             #: Of each pose and mesh: the matrix, and -1 where joints mirror it, else 1.
             self.figure_from_mesh = np.zeros((0, *shape[1:], 4, 4))
             self.turns = np.zeros((0, *shape[1:]))
             self._mesh_poses: list[list | MeshPose] = [[] for _ in self._posed]
-        self._keys = np.concatenate([self._keys, np.full((extra, 2), np.nan)])
+        self.keys = np.concatenate([self.keys, np.full((extra, 2), np.nan)])
         self._used_at = np.concatenate([self._used_at, np.full(extra, np.nan)])
         self.figure_from_mesh = np.concatenate([self.figure_from_mesh, identities])
         self.turns = np.concatenate([self.turns, np.ones(shape)])
         self._capacity = capacity
+
+    def needed_rows(self, count) -> int:
+        """Return the rows that poses of as many members take."""
+        return count * pose_rows([actor.rest_mesh for actor in self._posed])
 
     @property
     def nbytes(self) -> int:
@@ -57,19 +72,29 @@ class MemberPoses:
         first, end = (self.posing.rows[self._posed.index(mesh_actor) + k] for k in (0, 1))
         return first + numbers * ((end - first) // self.posing.poses)
 
+    def _most(self, window) -> int:
+        rest_meshes = [actor.rest_mesh for actor in self._posed]
+        return most_poses(window, rest_meshes, self.memory_share)
+
+    def ask(self, window):
+        """Ask the driver whether it has room for a pose; without, the CPU poses the meshes."""
+        self.by_cpu = not self._most(window)
+
     def pose(self, window, time, slots, ranks, clips, seconds, durations, moments_of):
         """Pose members, ranked from the nearest; return the numbers of their poses."""
-        rest_meshes = [actor.rest_mesh for actor in self._posed]
-        most = most_poses(window, rest_meshes, self._memory_share)
+        most = len(slots) if self.by_cpu else self._most(window)
+        if self._capacity > _SPARE * max(most, _LEAST):
+            self.release()
         owners, seconds = self._shared(slots, ranks, clips, seconds, durations, most)
         owners, first, inverse = np.unique(owners, return_index=True, return_inverse=True)
         numbers = self._numbers_of(owners, most, time)
         keys = np.stack([clips[first], seconds[first]], 1)
-        (changed,) = np.nonzero((self._keys[numbers] != keys).any(1))
+        (changed,) = np.nonzero((self.keys[numbers] != keys).any(1))
         if len(changed):
             self._pose(numbers[changed], moments_of(keys[changed]))
-            self._keys[numbers[changed]] = keys[changed]
-        if self._posed and (len(changed) or self.posing is None) and len(slots):
+            self.keys[numbers[changed]] = keys[changed]
+        is_drawn = bool(self._posed) and len(slots) > 0 and not self.by_cpu
+        if is_drawn and (len(changed) or self.posing is None):
             self._draw(window, numbers[changed])
         return numbers[inverse]
 
@@ -78,7 +103,7 @@ class MemberPoses:
 
         Where there are fewer poses than members, those farther away share phases of their clips.
         """
-        self.note = ''
+        self.note = 'posed by the CPU: no texture has room for the vertices' * self.by_cpu
         if len(slots) <= most:
             return slots, seconds
         shown_clips = np.unique(clips)
@@ -171,5 +196,6 @@ class MemberPoses:
         self.posing = None
 
     def release(self):
-        """Free the GPU's memory; the context must be alive."""
+        """Free the GPU's memory, and forget all poses; the context must be alive."""
         self._release_posing()
+        self._forget()

@@ -69,9 +69,10 @@ class MeshActor:
 
     @cached_property
     def _mirror_mapper(self):
-        return self._new_mapper(with_flipped_winding(pv.wrap(self.actor.GetMapper().GetInput())))
+        return self.mapper_of(with_flipped_winding(pv.wrap(self.actor.GetMapper().GetInput())))
 
-    def _new_mapper(self, mesh):
+    def mapper_of(self, mesh):
+        """Return a mapper of another mesh that looks like this one."""
         mapper = self.part.polydata_mapper()
         mapper.SetInputDataObject(mesh)
         return mapper
@@ -161,14 +162,15 @@ class PosedMeshActor(MeshActor):
         return rest_mesh
 
     def _actor(self, part):
-        actor = part.new_actor(self._new_mapper(self.mesh))
+        actor = part.new_actor(self.mapper_of(self.mesh))
         actor.PickableOff()  # a stand-in is picked
         actor.UseBoundsOff()
         posed_feature().attach(actor)
         return actor
 
-    def _new_mapper(self, mesh):
-        mapper = super()._new_mapper(mesh)
+    def mapper_of(self, mesh):
+        """Return a mapper of another mesh that looks like this one."""
+        mapper = super().mapper_of(mesh)
         self._watch(mapper)
         return mapper
 
@@ -210,7 +212,7 @@ class PosedMeshActor(MeshActor):
         return self.actor, self._double
 
     def _turn(self):
-        self.mesh.SetPolys(with_flipped_winding(self.mesh).GetPolys())
+        turn(self.mesh)
 
     def mirrors(self, world_from_mesh, moment):
         """Return whether the mesh is mirrored at a moment, with the actor's matrix (..., 4, 4)."""
@@ -228,6 +230,23 @@ class PosedMeshActor(MeshActor):
         if self.figure_mesh.skin is None:
             return MeshPose(None, self.rest_mesh.origin, *shapes)
         return MeshPose(self.figure_mesh.skin.matrices(moment.world), moment.origin, *shapes)
+
+    def pose_here(self, mesh, pose, figure_from_posed, *skinning):
+        """Pose its mesh, or a copy of it, by the CPU, relative to where an actor draws it."""
+        posed_from_figure = inverses(figure_from_posed)
+        points, normals = self.figure.posed(self.index, pose, *skinning)
+        mesh.points[: len(points)] = transform_points(posed_from_figure, points)
+        mesh.GetPoints().Modified()
+        normals = unit_vectors(transform_normals(posed_from_figure, normals))
+        mesh.point_data['Normals'][: len(normals)] = normals
+        mesh.GetPointData().GetArray('Normals').Modified()
+        mesh.Modified()
+
+    def use_gpu(self, is_used):
+        """Draw the vertices that the GPU poses, or those of the mesh."""
+        feature = posed_feature()
+        for actor in self._moving():
+            (feature.attach if is_used else feature.detach)(actor)
 
     def local(self, moment) -> np.ndarray:
         """Return ``figure_from_posed`` at a moment, (..., 4, 4); update the bounding box."""
@@ -317,6 +336,11 @@ def as_mesh_actors(figure, mesh_options, theme):
         else:
             mesh_actors.append(PosedMeshActor(figure, i, part, draws))
     return mesh_actors
+
+
+def turn(mesh):
+    """Wind the faces of a mesh the other way."""
+    mesh.SetPolys(with_flipped_winding(mesh).GetPolys())
 
 
 def _joint_matrix(moment, joint_index):

@@ -2,21 +2,22 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
-
 import numpy as np
+import pyvista as pv
 
-from pvibr.figures.mesh_actors import PosedMeshActor
-from pvibr.figures.posing import MeshPose, Posing, posed_feature
+from pvibr.figures.member_poses import MemberPoses
+from pvibr.figures.mesh_actors import PosedMeshActor, turn
+from pvibr.figures.posing import posed_feature
 from pvibr.gl import set_vertex_uniforms
 from pvibr.instances.mesh_pool import MeshPool, lendable
+from pvibr.maths.transforms import signs_of
 
 
 class _Group(list):
-    """Actors of one member, the number of its pose, and the posing that they read it from."""
+    """Actors of one member, and the pose that they show."""
 
-    number = 0
-    posing: Posing | None = None
+    #: Number, clip and time of the pose, and the posing that it is read from.
+    shown: tuple = ()
     #: The matrices of the actors, and whether their meshes are mirrored.
     matrices: list
     mirrored: list
@@ -29,26 +30,29 @@ class PosedPool(MeshPool):
 
     def __init__(self, level, skinning):
         super().__init__(level)
-        self.mesh_actors, self.skinning = level.mesh_actors, skinning
-        self._posed = [b for b in self.mesh_actors if isinstance(b, PosedMeshActor)]
-        self._posing: Posing | None = None
-        #: Slot and clip time of each pose, by its number.
-        self._shown_keys: dict = {}
-        #: By mesh, its last pose of each number.
-        self._mesh_poses: list[list] = [[] for _ in self._posed]
-        self._made_so_far = 0
+        self.mesh_actors = level.mesh_actors
+        self.poses = MemberPoses(level.mesh_actors, skinning)
+        self._posed = [a for a in self.mesh_actors if isinstance(a, PosedMeshActor)]
+        #: Members, nearest first.
+        self._slots: list = []
+
+    def lend(self, ids, matrix_of) -> list:
+        """Place actors at members, nearest first, and hide all others; return new actors."""
+        self._slots = list(ids)
+        return super().lend(ids, matrix_of)
 
     def _new_actors(self) -> list:
         group = _Group(self._actor(mesh_actor) for mesh_actor in self.mesh_actors)
-        group.number = self._made_so_far
         group.matrices = [actor.GetUserMatrix() for actor in group]
         group.mirrored = [False] * len(group)
-        self._made_so_far += 1
+        for k, mesh_actor in enumerate(self.mesh_actors) if self.poses.by_cpu else ():
+            if isinstance(mesh_actor, PosedMeshActor):
+                group[k].SetMapper(mesh_actor.mapper_of(mesh_actor.mesh.copy()))
         return group
 
     def _actor(self, mesh_actor):
         actor = lendable(mesh_actor.part, mesh_actor.actor.GetMapper())
-        if isinstance(mesh_actor, PosedMeshActor):
+        if isinstance(mesh_actor, PosedMeshActor) and not self.poses.by_cpu:
             posed_feature().attach(actor)
         return actor
 
@@ -58,102 +62,67 @@ class PosedPool(MeshPool):
     @property
     def nbytes(self) -> int:
         """Bytes on the GPU."""
-        return 0 if self._posing is None else self._posing.nbytes
+        return self.poses.nbytes
 
-    def pose(self, window, key_by_slot, moments_of, matrices_of):
+    def pose(self, window, group, time, state):
         """Pose the lent actors whose clip time has changed."""
-        pose_keys = {self.lent[i].number: (i, key) for i, key in key_by_slot.items()}
-        changed = dict(
-            pose_key
-            for number, pose_key in pose_keys.items()
-            if self._shown_keys.get(number) != pose_key
-        )
-        if changed:
-            groups = [self.lent[i] for i in changed]
-            world_from_figure = np.asarray(matrices_of(list(changed)), float)
-            self._draw(window, groups, moments_of(list(changed.values())), world_from_figure)
-        self._shown_keys = pose_keys
+        slots = np.array(self._slots)
+        numbers, keys = state.pose_members(self.poses, window, group, time, slots)
+        posing = self.poses.posing
+        poses = zip(self._slots, numbers.tolist(), keys.tolist(), strict=True)
+        shown = [(self.lent[slot], (number, *key, posing)) for slot, number, key in poses]
+        changed = [k for k, (actors, pose) in enumerate(shown) if actors.shown != pose]
         for mesh_actor in self._posed:
-            mesh_actor.draws.posing = self._posing
+            mesh_actor.draws.posing = posing
+        if not changed:
+            return
+        groups = [shown[k][0] for k in changed]
+        self._move(groups, numbers[changed], group.matrices(slots[changed]))
+        for k in changed if self.poses.by_cpu else ():
+            clip, seconds = keys[k].tolist()
+            self._pose_here(shown[k][0], numbers[k], state.pose(int(clip), seconds))
+        for k in changed:
+            shown[k][0].shown = shown[k][1]
 
     def _place(self, actors, matrix):
         super()._place(actors, matrix)
-        self._shown_keys.pop(actors.number, None)  # the pose moves the meshes, too
+        actors.shown = ()  # the pose moves the meshes, too
 
-    def _draw(self, window, groups, moments, world_from_figure):
-        for indices, moment in moments:
-            shown_groups = [groups[i] for i in indices]
-            for k, mesh_actor in enumerate(self.mesh_actors):
-                matrices = world_from_figure[indices] @ mesh_actor.local(moment)
-                mirrored = np.broadcast_to(mesh_actor.mirrors(matrices, moment), len(indices))
-                _move(shown_groups, k, mesh_actor, matrices, mirrored)
-        if not self._posed:
-            return
-        posing = self._posing_with_room(window)
-        for mesh_actor, mesh_poses in zip(self._posed, self._mesh_poses, strict=True):
-            changed_poses: dict = {}
-            for indices, moment in moments:
-                poses = _single_poses(mesh_actor.mesh_pose(moment))
-                numbers = [groups[i].number for i in indices]
-                changed_poses.update(zip(numbers, poses, strict=True))
-            # Unused poses are drawn too, but never read.
-            any_pose = next(iter(changed_poses.values()))
-            mesh_poses += [any_pose] * (posing.poses - len(mesh_poses))
-            for number, mesh_pose in changed_poses.items():
-                mesh_poses[number] = mesh_pose
-        posing.draw(self._mesh_poses, skinning_mode=self.skinning)
-        for group in self.lent.values():
-            if group.posing is not posing:
-                self._aim(posing, group)
+    def _move(self, groups, numbers, world_from_figure):
+        """Place the actors of groups in poses, wound the other way where these mirror them."""
+        for k, mesh_actor in enumerate(self.mesh_actors):
+            matrices = world_from_figure @ self.poses.figure_from_mesh[numbers, k]
+            mirrored = (self.poses.turns[numbers, k] < 0) != (signs_of(matrices) < 0)
+            first_rows = self.poses.first_rows(mesh_actor, numbers).astype(int).tolist()
+            rows = matrices.reshape(-1, 16).tolist(), mirrored.tolist(), first_rows
+            for group, matrix, is_mirrored, first_row in zip(groups, *rows, strict=True):
+                group.matrices[k].DeepCopy(matrix)
+                is_posed = isinstance(mesh_actor, PosedMeshActor)
+                if is_mirrored != group.mirrored[k]:
+                    group.mirrored[k] = is_mirrored
+                    if is_posed and self.poses.by_cpu:
+                        turn(pv.wrap(group[k].GetMapper().GetInput()))
+                    else:
+                        group[k].SetMapper(mesh_actor.mapper(is_mirrored))
+                if is_posed:
+                    set_vertex_uniforms((group[k],), {'ibr_posed_row': first_row})
 
-    def _posing_with_room(self, window) -> Posing:
-        """Return a posing with a pose for each group of actors."""
-        if self._posing is None or self._posing.poses < self._made_so_far:
-            self._release_posing()
-            rest_meshes = [b.rest_mesh for b in self._posed]
-            pose_capacity = max(4, 1 << (self._made_so_far - 1).bit_length())
-            self._posing = Posing(window, rest_meshes, poses=pose_capacity)
-        return self._posing
-
-    def _aim(self, posing, group):
-        group.posing = posing
-        pairs = zip(self.mesh_actors, group, strict=True)
-        actors = [actor for posed, actor in pairs if isinstance(posed, PosedMeshActor)]
-        for actor, (first_row, end_row) in zip(actors, pairwise(posing.rows), strict=True):
-            n_rows = (end_row - first_row) // posing.poses
-            set_vertex_uniforms((actor,), {'ibr_posed_row': first_row + group.number * n_rows})
+    def _pose_here(self, group, number, pose):
+        """Pose the meshes of a group by the CPU."""
+        for k, mesh_actor in enumerate(self.mesh_actors):
+            if isinstance(mesh_actor, PosedMeshActor):
+                mesh = pv.wrap(group[k].GetMapper().GetInput())
+                placement = self.poses.figure_from_mesh[number, k], self.poses.skinning
+                mesh_actor.pose_here(mesh, pose, *placement)
 
     def finish(self):
         """Release the texture units."""
         for mesh_actor in self._posed[:1]:
             mesh_actor.draws.unbind()
 
-    def _release_posing(self):
-        self.finish()
-        if self._posing is not None:
-            self._posing.release()
-        self._posing = None
-
     def release(self, window):
         """Release all GPU resources; the context must be alive."""
-        self._release_posing()
-        self._shown_keys = {}
+        self.finish()
+        self.poses.release()
         for mesh_actor in self.mesh_actors:
             mesh_actor.release(window)
-
-
-def _move(groups, k, mesh_actor, matrices, mirrored):
-    """Place the k-th actor of each group, wound the other way where it is mirrored."""
-    rows = matrices.reshape(-1, 16).tolist()
-    for group, row, is_mirrored in zip(groups, rows, mirrored.tolist(), strict=True):
-        group.matrices[k].DeepCopy(row)
-        if is_mirrored != group.mirrored[k]:
-            group.mirrored[k] = is_mirrored
-            group[k].SetMapper(mesh_actor.mapper(is_mirrored))
-
-
-def _single_poses(mesh_pose) -> list[MeshPose]:
-    """Return each pose of a mesh in one or many poses."""
-    if mesh_pose.matrices is None or mesh_pose.matrices.ndim == 3:
-        return [mesh_pose]
-    return [MeshPose(matrices, mesh_pose.origin) for matrices in mesh_pose.matrices]

@@ -67,11 +67,27 @@ class MeshPose:
         return replace(self, matrices=None if self.matrices is None else self.matrices[poses])
 
 
+def pose_rows(rest_meshes) -> int:
+    """Return the rows of a pose of meshes, at least one."""
+    return max(sum(-(-len(mesh.points) // WIDTH) for mesh in rest_meshes), 1)
+
+
+def pose_budget() -> float:
+    """Return the bytes that the poses of a crowd may take."""
+    return limit_bytes() * _MEMORY_SHARE
+
+
 def most_poses(window, rest_meshes, share=1.0) -> int:
-    """Return in how many poses the meshes fit one texture and a share of what poses may take."""
-    pose_rows = sum(-(-len(mesh.points) // WIDTH) for mesh in rest_meshes)
-    affordable_rows = share * limit_bytes() * _MEMORY_SHARE // (_VERTEX_BYTES * WIDTH)
-    return max(int(min(texture_limit(window), affordable_rows) // max(pose_rows, 1)), 1)
+    """Return in how many poses the meshes fit one texture and a share of what poses may take.
+
+    0 if textures of the driver have no room for one pose, or for the meshes at rest.
+    """
+    row_count, limit = pose_rows(rest_meshes), texture_limit(window)
+    rest_rows = sum(max(mesh.n_groups, 1) * pose_rows([mesh]) for mesh in rest_meshes)
+    if max(rest_rows, row_count) > limit:
+        return 0
+    affordable_rows = share * pose_budget() // (_VERTEX_BYTES * WIDTH)
+    return max(int(min(limit, affordable_rows) // row_count), 1)
 
 
 class Posing:

@@ -164,9 +164,8 @@ def test_joints_that_collapse_or_mirror_leave_numbers(stretch, how):
         actor.pose = pose
         actor.pipeline.window.Render()
         body = actor._posed[0]
-        found = (
-            actor._posing.download(0)[0][: len(points)] + np.asarray(body.actor.user_matrix)[:3, 3]
-        )
+        posed = actor._posing.gpu.download(0)[0][: len(points)]
+        found = posed + np.asarray(body.actor.user_matrix)[:3, 3]
     assert np.abs(found - points).max() <= 1e-5 * max(moved, 1.0)
 
 

@@ -43,7 +43,7 @@ def test_models_are_posed_as_the_reference_has_them(name, data_dir):
 
 def check(actor, number, points, normals, size):
     body = actor._posed[number]
-    positions, directions = (a[: len(points)] for a in actor._posing.download(number))
+    positions, directions = (a[: len(points)] for a in actor._posing.gpu.download(number))
     matrix = pv.array_from_vtkmatrix(body.actor.GetMatrix())
     placed = positions @ matrix[:3, :3].T + matrix[:3, 3]
     assert np.abs(placed - points).max() <= 1e-5 * size

@@ -61,7 +61,7 @@ def test_one_pass_poses_all_that_moved(monkeypatch):
     monkeypatch.setattr(RowPool, 'drawing', lambda rows: passes.append(rows) or drawing(rows))
     figures = [worm(k=k) for k in (1, 2, 3, 4, 5)] + [worm(n_morphs=2), growing()]
     pl, actors = shown(figures)
-    assert len({actor._posing._sheet for actor in actors}) == 1
+    assert len({actor._posing.gpu._sheet for actor in actors}) == 1
     for angle in (0.1, 0.4):
         for actor in actors[1:-1]:
             actor.pose = bend(actor.figure, angle)
@@ -69,7 +69,7 @@ def test_one_pass_poses_all_that_moved(monkeypatch):
         passes.clear()
         pl.render()
         # Key frames are written elsewhere.
-        assert passes.count(actors[0]._posing._sheet.posed) == 1
+        assert passes.count(actors[0]._posing.gpu._sheet.posed) == 1
     for actor in actors:
         check(actor)
     passes.clear()
@@ -109,7 +109,7 @@ def test_ways_of_skinning_side_by_side():
 
 def test_rows_of_removed_figures_are_used_again():
     pl, actors = shown([worm() for _ in range(6)])
-    sheet = actors[0]._posing._sheet
+    sheet = actors[0]._posing.gpu._sheet
     before = sheet.posed.height
     for i in (1, 4, 2):
         pl.remove_actor(actors[i])
@@ -119,7 +119,7 @@ def test_rows_of_removed_figures_are_used_again():
         pl.render()
     assert sheet.posed.height == before
     for actor in actors:
-        assert actor._posing._sheet is sheet
+        assert actor._posing.gpu._sheet is sheet
         check(actor)
     for actor in actors:
         pl.remove_actor(actor)
@@ -134,7 +134,7 @@ def test_another_sheet_where_one_is_full(monkeypatch):
     for actor in actors:
         actor.pose = bend(actor.figure, 0.3)
     pl.render()
-    sheets = {actor._posing._sheet for actor in actors}
+    sheets = {actor._posing.gpu._sheet for actor in actors}
     assert len(sheets) > 1
     assert all(sheet.posed.height <= 16 for sheet in sheets)
     images = []
@@ -151,7 +151,7 @@ def test_another_sheet_where_one_is_full(monkeypatch):
 def test_windows_have_their_own_sheets():
     figure = worm()
     plots = [shown([figure]) for _ in range(2)]
-    sheets = [actors[0]._posing._sheet for _, actors in plots]
+    sheets = [actors[0]._posing.gpu._sheet for _, actors in plots]
     assert sheets[0] is not sheets[1]
     plots[0][0].close()
     pl, (actor,) = plots[1]
@@ -170,7 +170,7 @@ def test_subplots_share_a_sheet():
         actors[-1].pose = bend(actors[-1].figure, 0.3)
     pl.show(auto_close=False)
     image = pl.screenshot(return_img=True)
-    assert actors[0]._posing._sheet is actors[1]._posing._sheet
+    assert actors[0]._posing.gpu._sheet is actors[1]._posing._sheet
     for actor, half in zip(actors, np.split(image, 2, 1), strict=True):
         check(actor)
         assert (half != half[0, 0]).any()

@@ -16,7 +16,7 @@ from tests.figures.makers import bend, growing, morphs, skeleton, skin, tube, wo
 
 def read_back(actor, body=0):
     """Return posed points and normals of a shown figure, in its space."""
-    positions, normals = actor._posing.download(body)
+    positions, normals = actor._posing.gpu.download(body)
     n = len(actor.figure.meshes[body].points)
     shown = actor._posed[body]
     origin = actor._moment.origin if shown.figure_mesh.skin is not None else shown.rest_mesh.origin
@@ -142,7 +142,7 @@ def test_shapes_stream_through_a_small_store(monkeypatch):
         pl.render()
         expected, _ = figure.posed(0, actor.pose)
         assert np.abs(read_back(actor)[0] - expected).max() < 1e-5
-        store = actor._posing._meshes[0].store
+        store = actor._posing.gpu._meshes[0].store
         assert store.nbytes <= (8 + 2) * store.rows * 1024 * 32
     pl.close()
 
@@ -155,7 +155,7 @@ def test_each_shape_is_uploaded_once():
     for weight in (0.1, 0.2, 0.3):
         actor.weights = [weight, 0, 0, 1]
         pl.render()
-    assert actor._posing._meshes[0].store.loads == 2
+    assert actor._posing.gpu._meshes[0].store.loads == 2
     pl.close()
 
 
