@@ -64,6 +64,7 @@ class _PosedMeshes(NearMeshes):
         self._shared: list[tuple] = []
         self._eye_from_world = np.eye(4)
         self._crowd_draws: list[CrowdDraws] = []
+        self._memory_key: tuple = ()  # members of each level, among whom it was shared
         self._window: object = None  # whose driver has been asked for room
         super().__init__(levels)
 
@@ -134,7 +135,12 @@ class _PosedMeshes(NearMeshes):
 
     def _share_memory(self):
         """Share the memory for poses by what the members that are shown need."""
-        counts = {self.poses[level]: len(slots) for level, slots, *_ in self._shared}
+        shared_counts = [(level, len(slots)) for level, slots, *_ in self._shared]
+        key = shared_counts, [len(pool.lent) for pool in self.pools]
+        if self._memory_key == key:
+            return
+        self._memory_key = key
+        counts = {self.poses[level]: count for level, count in shared_counts}
         counts |= {pool.poses: len(pool.lent) for pool in self.pools if pool.lent}
         rows = {poses: poses.needed_rows(count) for poses, count in counts.items()}
         for poses, needed_rows in rows.items():

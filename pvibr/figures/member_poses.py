@@ -19,6 +19,8 @@ class MemberPoses:
     def __init__(self, mesh_actors, skinning):
         self.mesh_actors, self.skinning = mesh_actors, skinning
         self._posed = [a for a in mesh_actors if isinstance(a, PosedMeshActor)]
+        self._rows = pose_rows([actor.rest_mesh for actor in self._posed])
+        self._ceiling = np.inf  # most poses that the driver has not refused
         #: Share of the memory for poses that it may take.
         self.memory_share = 1.0
         self.posing: Posing | None = None
@@ -58,7 +60,7 @@ class MemberPoses:
 
     def needed_rows(self, count) -> int:
         """Return the rows that poses of as many members take."""
-        return count * pose_rows([actor.rest_mesh for actor in self._posed])
+        return count * self._rows[0]
 
     @property
     def nbytes(self) -> int:
@@ -73,18 +75,34 @@ class MemberPoses:
         return first + numbers * ((end - first) // self.posing.poses)
 
     def _most(self, window) -> int:
-        rest_meshes = [actor.rest_mesh for actor in self._posed]
-        return most_poses(window, rest_meshes, self.memory_share)
+        return most_poses(window, self._rows, self.memory_share)
 
     def ask(self, window):
         """Ask the driver whether it has room for a pose; without, the CPU poses the meshes."""
         self.by_cpu = not self._most(window)
+        if self._posed and not self.by_cpu:
+            try:
+                release(Posing(window, [actor.rest_mesh for actor in self._posed]))
+            except RuntimeError:
+                self.by_cpu = True
 
     def pose(self, window, time, slots, ranks, clips, seconds, durations, moments_of):
         """Pose members, ranked from the nearest; return the numbers of their poses."""
-        most = len(slots) if self.by_cpu else self._most(window)
-        if self._capacity > _SPARE * max(most, _LEAST):
-            self.release()
+        while True:
+            most = len(slots) if self.by_cpu else int(min(self._most(window), self._ceiling))
+            if self._capacity > _SPARE * max(most, _LEAST):
+                self.release()
+            members = slots, ranks, clips, seconds, durations
+            try:
+                return self._posed_within(most, window, time, members, moments_of)
+            except RuntimeError:
+                if self.posing is not None or most < 2:
+                    raise
+                self._ceiling = min(most, self._capacity) // 2
+                self.release()
+
+    def _posed_within(self, most, window, time, members, moments_of):
+        slots, ranks, clips, seconds, durations = members
         owners, seconds = self._shared(slots, ranks, clips, seconds, durations, most)
         owners, first, inverse = np.unique(owners, return_index=True, return_inverse=True)
         numbers = self._numbers_of(owners, most, time)

@@ -86,7 +86,11 @@ class RowPool:
         self._free[range_index] = first_row + row_count, end_row
         if first_row + row_count > self.height:
             grown_height = min(2 * self.height, max_rows or self._limit, self._limit)
-            self._resize(max(first_row + row_count, grown_height))
+            try:
+                self._resize(max(first_row + row_count, grown_height))
+            except BaseException:
+                self.give(first_row, row_count)
+                raise
         return first_row
 
     def give(self, first_row, row_count):

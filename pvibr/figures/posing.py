@@ -67,9 +67,11 @@ class MeshPose:
         return replace(self, matrices=None if self.matrices is None else self.matrices[poses])
 
 
-def pose_rows(rest_meshes) -> int:
-    """Return the rows of a pose of meshes, at least one."""
-    return max(sum(-(-len(mesh.points) // WIDTH) for mesh in rest_meshes), 1)
+def pose_rows(rest_meshes) -> tuple[int, int]:
+    """Return the rows of a pose of meshes, and those of the meshes at rest; at least one."""
+    rows = [-(-len(mesh.points) // WIDTH) for mesh in rest_meshes]
+    rest_rows = [max(mesh.n_groups, 1) * n for mesh, n in zip(rest_meshes, rows, strict=True)]
+    return max(sum(rows), 1), max(sum(rest_rows), 1)
 
 
 def pose_budget() -> float:
@@ -77,17 +79,16 @@ def pose_budget() -> float:
     return limit_bytes() * _MEMORY_SHARE
 
 
-def most_poses(window, rest_meshes, share=1.0) -> int:
-    """Return in how many poses the meshes fit one texture and a share of what poses may take.
+def most_poses(window, row_counts, share=1.0) -> int:
+    """Return how many poses fit one texture and a share of what poses may take.
 
-    0 if textures of the driver have no room for one pose, or for the meshes at rest.
+    The rows are those of `pose_rows`. 0 if textures have no room for one pose, or the rest.
     """
-    row_count, limit = pose_rows(rest_meshes), texture_limit(window)
-    rest_rows = sum(max(mesh.n_groups, 1) * pose_rows([mesh]) for mesh in rest_meshes)
-    if max(rest_rows, row_count) > limit:
+    limit = texture_limit(window)
+    if max(row_counts) > limit:
         return 0
     affordable_rows = share * pose_budget() // (_VERTEX_BYTES * WIDTH)
-    return max(int(min(limit, affordable_rows) // row_count), 1)
+    return max(int(min(limit, affordable_rows) // row_counts[0]), 1)
 
 
 class Posing:

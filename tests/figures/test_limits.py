@@ -3,7 +3,8 @@
 import pytest
 
 import pvibr
-from tests.figures.test_crowd_draws import FIGURES, crowd_of
+from pvibr.gl import Texture
+from tests.figures.test_crowd_draws import COUNT, FIGURES, crowd_of
 from tests.pictures import off, place, plotter, shot
 
 
@@ -96,4 +97,45 @@ def test_members_that_fit_no_texture_are_posed_by_the_cpu(name, together, small,
         assert (off(drawn, expected) > 3).mean() < 2e-3
         assert (off(drawn, drawn[0, 0]) > 9).mean() > 0.02
     assert 'by the CPU' in crowd.report()['poses']
+    pl.close()
+
+
+@pytest.mark.parametrize('together', [True, False])
+@pytest.mark.parametrize('room', [0, 3])
+def test_a_driver_that_refuses_textures_leaves_no_member_out(room, together, monkeypatch):
+    """The memory is full: fewer poses, and the CPU where there is no room for one."""
+    if not together:
+        own_actors(monkeypatch)
+    pl, crowd = crowd_of('skinned', together=together)
+    exact = shot(pl)
+    pl.close()
+    rows = sum(-(-(mesh.mesh.n_points + 2) // 1024) for mesh in crowd.figure.meshes)
+    allocate = Texture.allocate
+
+    def refuse(texture, width, height, form='rgba8'):
+        if form == 'rgba32f' and width == 1024 and height > room * rows:
+            raise RuntimeError('the driver refused')
+        return allocate(texture, width, height, form)
+
+    monkeypatch.setattr(Texture, 'allocate', refuse)
+    pl, crowd = crowd_of('skinned', together=None)
+    drawn = shot(pl)
+    assert ('there is room for' if room else 'by the CPU') in crowd.report()['poses']
+    covered, covered_exactly = (off(p, p[0, 0]) > 9 for p in (drawn, exact))
+    assert 0.7 < covered.sum() / covered_exactly.sum() < 1.4
+    if not room:
+        assert (off(drawn, exact) > 3).mean() < 2e-3
+    pl.close()
+
+
+def test_the_memory_is_for_the_levels_in_view(monkeypatch):
+    """Levels that no member shows take none of it from the others."""
+    pl, crowd = crowd_of('smooth')
+    exact = shot(pl)
+    rows = crowd.groups[0].near.poses[0].needed_rows(COUNT)
+    pl.close()
+    monkeypatch.setattr('pvibr.figures.posing.pose_budget', lambda: 32 * 1024 * (rows + 0.5))
+    pl, crowd = crowd_of('smooth')
+    assert off(shot(pl), exact).max() == 0
+    assert 'poses' not in crowd.report()
     pl.close()

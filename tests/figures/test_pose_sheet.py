@@ -170,7 +170,7 @@ def test_subplots_share_a_sheet():
         actors[-1].pose = bend(actors[-1].figure, 0.3)
     pl.show(auto_close=False)
     image = pl.screenshot(return_img=True)
-    assert actors[0]._posing.gpu._sheet is actors[1]._posing._sheet
+    assert actors[0]._posing.gpu._sheet is actors[1]._posing.gpu._sheet
     for actor, half in zip(actors, np.split(image, 2, 1), strict=True):
         check(actor)
         assert (half != half[0, 0]).any()
