@@ -64,7 +64,7 @@ class _PosedMeshes(NearMeshes):
         self._shared: list[tuple] = []
         self._eye_from_world = np.eye(4)
         self._crowd_draws: list[CrowdDraws] = []
-        self._memory_key: tuple = ()  # members of each level, among whom it was shared
+        self._counts: dict = {}  # of members by their poses, which share the memory
         self._window: object = None  # whose driver has been asked for room
         super().__init__(levels)
 
@@ -135,13 +135,13 @@ class _PosedMeshes(NearMeshes):
 
     def _share_memory(self):
         """Share the memory for poses by what the members that are shown need."""
-        shared_counts = [(level, len(slots)) for level, slots, *_ in self._shared]
-        key = shared_counts, [len(pool.lent) for pool in self.pools]
-        if self._memory_key == key:
+        counts = {self.poses[level]: len(slots) for level, slots, *_ in self._shared}
+        for pool in self.pools:
+            if pool.lent:
+                counts[pool.poses] = len(pool.lent)
+        if self._counts == counts:
             return
-        self._memory_key = key
-        counts = {self.poses[level]: count for level, count in shared_counts}
-        counts |= {pool.poses: len(pool.lent) for pool in self.pools if pool.lent}
+        self._counts = counts
         rows = {poses: poses.needed_rows(count) for poses, count in counts.items()}
         for poses, needed_rows in rows.items():
             poses.memory_share = needed_rows / max(sum(rows.values()), 1)
