@@ -17,6 +17,7 @@ from pvibr.instances.card_layers import PATCH_SIDE, PATCHES, CardLayer
 from pvibr.instances.placement import WIDTH
 from pvibr.maths.blocks import BLOCK
 from pvibr.meshes.turntable import SIDE_ELEVATION
+from pvibr.things.depth_prepass import DEPTH_ONLY
 from pvibr.things.shader_draws import DULL, ROW, pack
 
 _CHUNKS = 8192, 65_536  # cards per draw, in small and in large sets
@@ -89,9 +90,7 @@ class CardShader:
             'VTK::Light::Impl': _SOFT_LIGHT if shiny else DULL[0] + _SOFT_LIGHT + DULL[1],
         }
         if hides:
-            fragment_code |= dict.fromkeys(('VTK::Color::Impl', 'VTK::Normal::Impl'), '\n')
-            # VTK discards alpha 0, which some drivers also read from an unwritten output.
-            fragment_code['VTK::Light::Impl'] = 'gl_FragData[0] = vec4(1.0);\n'
+            fragment_code |= DEPTH_ONLY
         name = f'card_{self.name}_{"hiding" if hides else int(deep)}'
         return Feature(name, vertex_code, fragment_code)
 

@@ -277,7 +277,7 @@ class InstanceGroup:
         visible_blocks, origins, smallest, largest = seen
         depths = origins[:, 2] if frame.parallel else -_lengths(origins.T)
         elevations = self._elevations(frame, visible_blocks, origins)
-        choices = {}
+        radii, choices = self.blocks.bounding_radii[visible_blocks], {}
         for name in limits.drawn_cards:
             layer, spans = self.cards.layers.get(name), limits.spans[name]
             if layer is not None:
@@ -290,7 +290,7 @@ class InstanceGroup:
                         spans=spans,
                         core_size=layer.core_size,
                         centers=origins[in_span],
-                        radii=self.blocks.bounding_radii[visible_blocks[in_span]],
+                        radii=radii[in_span],
                         unit=self.unit,
                         limits=limits,
                     )

@@ -25,6 +25,7 @@ _DRAFT_POINTS = 100_000
 _ROUGH_GRID, _FINEST_GRID = 48, 300
 #: Odd factors by which the bits of coordinates are mixed.
 _HASH = np.array([0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9], np.uint64)
+_NOTHING = np.zeros(0, np.int64)
 #: Levels at most; each has about half the triangles of the one before.
 _LEVELS = 40
 
@@ -290,9 +291,6 @@ def _box(points) -> np.ndarray:
     return np.array([[axis.min() for axis in points.T], [axis.max() for axis in points.T]])
 
 
-_NOTHING = np.zeros(0, np.int64)
-
-
 def with_normals(hierarchy, normals) -> Hierarchy:
     """Return a hierarchy with unit normals of all vertices, from those of the mesh's points."""
     means = hierarchy.averaged(normals)
@@ -310,9 +308,7 @@ def merged_points(points) -> tuple[np.ndarray, np.ndarray]:
     """
     drawn = np.ascontiguousarray(points, np.float32) + np.float32(0.0)  # no negative zeros
     keys = drawn.view(np.uint32).astype(np.uint64)
-    hashes = keys @ np.array(
-        [0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9], np.uint64
-    )
+    hashes = keys @ _HASH
     order = np.argsort(hashes, kind='stable')
     is_first = np.r_[True, hashes[order][1:] != hashes[order][:-1]]
     if is_first.all():

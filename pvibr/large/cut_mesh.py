@@ -17,7 +17,7 @@ class CutMesh:
         self.data.SetPoints(self._points)
         self.patches = np.zeros(0, int)
         self._key: tuple = ()
-        #: Where the triangles of each patch start.
+        #: Triangles of the patches.
         self.n_triangles = 0
 
     @property

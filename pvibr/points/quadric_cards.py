@@ -16,6 +16,7 @@ from pvibr.gl.feature import Feature, sections
 from pvibr.maths.blocks import BLOCK
 from pvibr.maths.views import frustum_planes
 from pvibr.things.clipping import KEPT
+from pvibr.things.depth_prepass import DEPTH_ONLY
 from pvibr.things.draw_order import PARTS
 from pvibr.things.shader_draws import DULL, ShaderDraws
 
@@ -83,9 +84,7 @@ class DrawMode:
             'VTK::Normal::Impl': 'vec3 normalVCVSOutput = ibr_normal;\n',
         }
         if self.hides:
-            fragment |= dict.fromkeys(('VTK::Color::Impl', 'VTK::Normal::Impl'), '\n')
-            # VTK discards alpha 0, which some drivers also read from an unwritten output.
-            fragment['VTK::Light::Impl'] = 'gl_FragData[0] = vec4(1.0);\n'
+            fragment |= DEPTH_ONLY
         if not self.dots:
             discard_code = shared_parts['fragment.cut'] + (
                 shared_parts['fragment.depth'] if self.depth else ''

@@ -11,6 +11,13 @@ from pvibr.gl import enums as gl
 
 #: Pixels along a side of the squares that keep their farthest depth.
 TILE = 8
+#: Fragment shader code of what is drawn for its depth alone. VTK discards alpha 0, which some
+#: drivers also read from an unwritten output.
+DEPTH_ONLY = {
+    'VTK::Color::Impl': '\n',
+    'VTK::Normal::Impl': '\n',
+    'VTK::Light::Impl': 'gl_FragData[0] = vec4(1.0);\n',
+}
 _FARTHEST = f"""uniform sampler2D depth;
 void main()
 {{
