@@ -111,6 +111,12 @@ def _photos(pl):
     pl.ibr.add_photos(mesh, pvibr.Photo('a.jpg', camera, examples.mapfile))
 
 
+def _large_mesh(pl):
+    hill = pv.Sphere(radius=1.5, center=(0, 1, 1), theta_resolution=120, phi_resolution=120)
+    hill['height'] = hill.points[:, 2]
+    pl.ibr.add_large_mesh(hill, cmap='viridis', show_scalar_bar=False, cache=False)
+
+
 THINGS = {
     'Instances': lambda pl: pl.ibr.add_instances(pv.Cone(resolution=24), RINGS, color='green'),
     'Billboards': lambda pl: pl.ibr.add_billboards(RINGS, DISC, size=0.9),
@@ -122,6 +128,7 @@ THINGS = {
     'AnimatedActor': lambda pl: pl.ibr.add_animated(_figure(), clip='rise'),
     'Crowd': lambda pl: pl.ibr.add_animated(_figure(), RINGS, clip='rise', max_error=8),
     'PhotoMesh': _photos,
+    'LargeMesh': _large_mesh,
 }
 EVERYTHING = EFFECTS | THINGS
 
