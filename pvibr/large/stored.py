@@ -18,7 +18,7 @@ from pvibr.large.sources import Source, source_of
 
 SUFFIX = '.pvl'
 #: Raise it whenever another hierarchy is built of the same mesh.
-VERSION = 1
+VERSION = 2
 _KIND = 'large mesh'
 _SCALARS = 'scalars:'
 # What reading raises where a file holds other than it should, checksum or not.
