@@ -2,8 +2,8 @@
 
 Cignoni et al., "Batched Multi Triangulation", IEEE Visualization 2005: at each level all triangles
 are divided into cells anew, and each cell is simplified with its border locked. Cells are handled
-in blocks of neighbours, which are divided anew as well: what a block is made of is read, simplified
-by some process, and written to where blocks of the next level find it.
+in blocks of neighbours, which are divided anew as well: what a block is made of is read, is
+simplified by some process, and is written to where blocks of the next level find it.
 """
 
 from __future__ import annotations
@@ -62,6 +62,8 @@ class TriangleMesh:
     mesh_cells: Any
     #: Normals of the points if the mesh has any, (n, 3).
     normals: Any = None
+    #: Whether points are corners of triangles, of which equal ones are one point of the user's.
+    is_soup: bool = False
 
 
 def build_hierarchy(
@@ -118,12 +120,15 @@ class Builder:
     def _read(self, mesh) -> dict[str, Any]:
         """Read a mesh into the first level."""
         columns, rows = self._columns, self._rows
-        box = box_of_pieces(mesh.points, rows)
-        origin = box.mean(0)
+        origin = box_of_pieces(mesh.points, rows).mean(0)
         merge_points(columns, mesh.points, origin, rows)
         if mesh.normals is not None:
             merge_normals(columns, mesh.normals, rows)
         divide_triangles(columns, mesh, rows, np.random.default_rng(0))
+        if mesh.is_soup:
+            columns.drop('vertex_of_point')
+            for start, stop in spans(columns.length('base.points'), rows):
+                columns.append('vertex_of_point', np.arange(start, stop, dtype=np.int32))
         state = {
             'origin': origin.tolist(),
             'bounds': box_of_pieces(columns['base.points'], rows).tolist(),
@@ -142,8 +147,8 @@ class Builder:
         count = columns.length(f'{level}.faces')
         previous = state.get('triangles')
         is_last = is_one_cell(count) or count == previous or level == self._level_count
-        planes = np.zeros((0, 4)) if is_last else self._next_planes(level)
         segments = columns.all_of(f'{level}.segments')
+        planes = np.zeros((0, 4)) if is_last else self._next_planes(level, segments)
         blocks = np.unique(segments[:, 0])
         self._cells = {name: self._all_of(name, empty) for name, empty in _NO_CELLS.items()}
         loads = [
@@ -174,7 +179,7 @@ class Builder:
         done = 1 - left / total * (1 - fraction / 2)
         self._progress(min(done, 0.999))
 
-    def _next_planes(self, level) -> np.ndarray:
+    def _next_planes(self, level, segments) -> np.ndarray:
         """Return planes that divide the next level, which has half the triangles, into blocks."""
         rng = np.random.default_rng((level, 1 << 31))
         count = self._columns.length(f'{level}.faces')
@@ -182,6 +187,11 @@ class Builder:
         if block_count < 2:
             return kd_planes(np.zeros((0, 3)), 1, rng)
         places = np.linspace(0, count - 1, block_count * _PROBES).astype(int)
+        # In the order of blocks, which pieces do not change.
+        segments = segments[np.argsort(segments[:, 0], kind='stable')]
+        ends = np.cumsum(segments[:, 2])
+        of_segment = np.searchsorted(ends, places, side='right')
+        places += (segments[:, 1] + segments[:, 2] - ends)[of_segment]
         faces = self._columns[f'{level}.faces'].take(places)
         vertices, faces = np.unique(faces, return_inverse=True)
         points = self._vertices_of('points', vertices)
@@ -278,7 +288,7 @@ class Builder:
         rows = np.stack([blocks, first, counts, first_samples, sample_counts], 1)
         columns.append(f'{level}.segments', rows)
 
-    # -- arrays by vertex, from rows in any order --------------------------------------------------
+    # -- arrays by vertex, from rows in any order ------------------------------------------------
 
     def _append_spread(self, kind, vertices, arrays):
         """Add values of vertices, in the order of these, to be summed by `_summed`."""

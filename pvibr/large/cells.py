@@ -1,4 +1,4 @@
-"""Cells of neighbouring triangles, whose borders differ from level to level, and blocks of cells."""
+"""Cells of neighbouring triangles, with other borders at each level, and blocks of cells."""
 
 from __future__ import annotations
 

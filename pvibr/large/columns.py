@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import json
 import zlib
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -119,8 +120,10 @@ class _InFile:
 class Columns:
     """Arrays that grow by rows."""
 
-    def __init__(self, folder: Path | None = None):
+    def __init__(self, folder: Path | None = None, tick: Callable[[], Any] = lambda: None):
         self.folder = folder
+        #: Called before rows are added; it may raise.
+        self._tick = tick
         self._columns: dict[str, Any] = {}
 
     def __contains__(self, name) -> bool:
@@ -137,6 +140,7 @@ class Columns:
 
     def append(self, name, rows):
         """Add rows to a column, of the kind of the first."""
+        self._tick()
         if name not in self._columns:
             self._columns[name] = self._new(name, rows)
         self._columns[name].append(rows)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pyvista as pv
@@ -26,7 +27,7 @@ class Source:
     #: The triangles; None where a file holds their hierarchy.
     mesh: TriangleMesh | None
     #: Arrays of the points of `mesh` by name.
-    arrays: dict[str, np.ndarray] = field(default_factory=dict)
+    arrays: dict[str, Any] = field(default_factory=dict)
     #: Name of the array that is active, or None.
     active: str | None = None
     #: Names of arrays of cells.

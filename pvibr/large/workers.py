@@ -9,6 +9,7 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 
+from pvibr.core.arguments import checked_number
 from pvibr.core.child_processes import ChildProcess, pipes_of_child
 from pvibr.large.block import Block, SimplifiedBlock, simplified_block
 
@@ -82,7 +83,7 @@ def worker_count(workers) -> int:
         with contextlib.suppress(AttributeError):
             return len(os.sched_getaffinity(0))
         return os.cpu_count() or 1
-    return int(workers)
+    return int(checked_number('workers', workers, 1))
 
 
 def main():
