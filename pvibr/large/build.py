@@ -34,6 +34,7 @@ from pvibr.large.distribution import (
     spans,
 )
 from pvibr.large.hierarchy import NO_CELL, Hierarchy
+from pvibr.large.simplified_cell import has_three_corners
 from pvibr.large.workers import Workers
 
 #: Levels at most; each has about half the triangles of the one before.
@@ -83,8 +84,9 @@ def build_draft(mesh: TriangleMesh) -> Hierarchy:
     origin = box_of_pieces(points, len(points)).mean(0)
     points, places = clustered_points(points - origin)
     faces = places[mesh.faces]
-    builder = Builder(Columns(), level_count=0)
-    arrays = builder.build(TriangleMesh(points + origin, faces, mesh.mesh_cells))
+    is_area = has_three_corners(faces)  # of few
+    draft_mesh = TriangleMesh(points + origin, faces[is_area], mesh.mesh_cells[is_area])
+    arrays = Builder(Columns(), level_count=0).build(draft_mesh)
     draft = {name: whole(parts) for name, parts in arrays.items()}
     draft['vertex_of_point'] = draft['vertex_of_point'][places]
     return Hierarchy(**draft)

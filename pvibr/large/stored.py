@@ -15,6 +15,7 @@ from pvibr.large.build import build_hierarchy
 from pvibr.large.checked_file import open_checked
 from pvibr.large.hierarchy import Hierarchy
 from pvibr.large.sources import Source
+from pvibr.large.workers import worker_count
 
 SUFFIX = '.pvl'
 #: Raise it whenever another hierarchy is built of the same mesh.
@@ -43,7 +44,7 @@ def built(mesh, cache, progress=None) -> Hierarchy:
     """Return the hierarchy of a mesh, from the cache if it is there."""
     with baking(progress, 'Building the hierarchy of a large mesh') as advance:
         if cache is None:
-            return build_hierarchy(mesh, advance)
+            return build_hierarchy(mesh, advance, worker_count(None))
         key = hierarchy_key(mesh)
         found = cache.load(key, Hierarchy.of_arrays)
         if found is not None:
@@ -51,7 +52,7 @@ def built(mesh, cache, progress=None) -> Hierarchy:
         with cache.locked(key):
             found = cache.load(key, Hierarchy.of_arrays)
             if found is None:
-                found = build_hierarchy(mesh, advance)
+                found = build_hierarchy(mesh, advance, worker_count(None))
                 cache.put(key, found.to_arrays())
         return found
 

@@ -10,11 +10,13 @@ from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 
 from pvibr.core.arguments import checked_number
-from pvibr.core.child_processes import ChildProcess, pipes_of_child
+from pvibr.core.child_processes import ChildProcess, can_start, pipes_of_child
 from pvibr.large.block import Block, SimplifiedBlock, simplified_block
 
 #: Blocks beyond those being simplified that are held in memory, read or done.
 _WAITING = 1
+#: Blocks from which processes are worth their start.
+_WORTHWHILE = 4
 
 
 class Workers:
@@ -40,7 +42,7 @@ class Workers:
     def simplified(self, loads: Iterable[Callable[[], Block]]) -> Iterator[SimplifiedBlock]:
         """Yield blocks simplified, in order, each read only when its turn comes."""
         loads = list(loads)
-        if min(self._count, len(loads)) < 2:
+        if self._count < 2 or len(loads) < (2 if self._all else _WORTHWHILE):
             yield from (simplified_block(load()) for load in loads)
             return
         futures: deque[Future] = deque()
@@ -79,6 +81,8 @@ class Workers:
 
 def worker_count(workers) -> int:
     """Return the number of processes that an argument asks for, by default one per core."""
+    if not can_start():
+        return 1
     if workers is None:
         with contextlib.suppress(AttributeError):
             return len(os.sched_getaffinity(0))
