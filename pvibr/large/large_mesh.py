@@ -40,8 +40,7 @@ _FLAT = 0  # VTK_FLAT
 REFUSED = (
     *('texture', 'style', 'show_edges', 'edge_color', 'edge_opacity', 'line_width', 'point_size'),
     *('render_points_as_spheres', 'render_lines_as_tubes', 'split_sharp_edges', 'feature_angle'),
-    *('categories', 'component', 'preference', 'user_matrix', 'alpha_cutoff', 'force_opaque'),
-    *('use_transparency', 'interpolate_before_map'),
+    *('alpha_cutoff', 'force_opaque', 'use_transparency'),
 )
 
 
@@ -58,8 +57,9 @@ class LargeMesh(Thing):
     moving : float, optional
         Frame time in ms that is met while the view moves, by a larger error.
     scalars : str or array_like, shape (n,), (n, 3) or (n, 4), optional
-        Values of points that `cmap` colours, or colours with ``rgb=True``; by default the active
-        point scalars. Patches show their means by area.
+        Values of points or cells that `cmap` colours, or colours with ``rgb=True``; by default
+        the active scalars. Simplified patches show means by area, or what most of it has if they
+        are words, truth values or `categories`. Cells of some pixels show their own values.
     cmap, clim : optional
         As in ``add_mesh``.
     smooth_shading : bool, optional
@@ -81,6 +81,8 @@ class LargeMesh(Thing):
         and notebooks.
     theme : pyvista.plotting.themes.Theme, optional
         Defaults of the looks.
+    user_matrix : array_like, shape (4, 4), optional
+        Its transform, as of any actor.
     **look
         As in :meth:`pyvista.Plotter.add_mesh`.
 
@@ -145,9 +147,12 @@ class LargeMesh(Thing):
         progress=None,
         wait=None,
         theme=None,
+        user_matrix=None,
         **look,
     ):
         super().__init__(max_error=max_error, moving=moving)
+        if user_matrix is not None:
+            self.user_matrix = user_matrix
         self.name, self.pickable = name, pickable
         look |= {'cmap': cmap, 'clim': clim, 'smooth_shading': smooth_shading, 'theme': theme}
         look['opacity'] = checked_number('opacity', opacity, 0, 1)
@@ -205,14 +210,19 @@ class LargeMesh(Thing):
             mapper.ShallowCopy(self._coloring.part.actor.mapper)
             mapper.SetInputDataObject(cut.data)
             set_planes(mapper, planes)
-        self._scalar_name = self._coloring.name
+        self._scalar_name, self.has_names = self._coloring.name, self._coloring.has_names
 
     def _adopt(self, hierarchy):
         """Draw a hierarchy from now on."""
-        self._hierarchy = hierarchy
-        self._values = self._coloring.values_of(hierarchy)
-        self._changes += 1
+        self._built = hierarchy
+        self._colour()
         self._empty()
+
+    def _colour(self):
+        """Let what is drawn have the values of the colouring."""
+        self._values = self._coloring.values_of(self._built)
+        self._hierarchy = self._coloring.seen(self._built)
+        self._changes += 1
 
     def _empty(self):
         """Draw no patches."""
@@ -233,28 +243,30 @@ class LargeMesh(Thing):
         """Whether the last frame kept `max_error`."""
         return self._job is None and self._tolerance <= self.max_error
 
-    def set_scalars(self, scalars, *, clim=None):
-        """Colour by other values of points.
+    def set_scalars(self, scalars, *, clim=None, preference='point'):
+        """Colour by other values of points or cells.
 
         Parameters
         ----------
         scalars : str or array_like, shape (n,), (n, 3) or (n, 4)
-            Values of points, or the name of a point array; colours if it has ``rgb=True``.
+            Values of points or cells, or the name of an array; colours if it has ``rgb=True``.
         clim : sequence of 2 float, optional
             Range of the colours; by default that of the values.
+        preference : {'point', 'cell'}
+            What values are of that could be of both.
 
         Raises
         ------
         KeyError
             If there is no such array.
         ValueError
-            If there is not one value per point.
+            If there is not one value per point or cell.
         """
         look = {k: v for k, v in self._look.items() if k not in ('clim', 'color')}
-        self._coloring = Coloring.of(self._source, scalars, look | {'clim': clim})
-        self._values = self._coloring.values_of(self._hierarchy)
+        look |= {'clim': clim, 'preference': preference}
+        self._coloring = Coloring.of(self._source, scalars, look)
         self._dress_mappers()
-        self._changes += 1
+        self._colour()
         self._show_bar()
 
     def cut(self, max_error=None) -> pv.PolyData:

@@ -16,7 +16,6 @@ from pvibr.meshes.surfaces import check_points, polygons_of, surface_of
 #: Name of the array that follows cells of a mesh to its triangles.
 _CELL = 'pvibr_mesh_cell'
 _SCENE = 'mesh must be one mesh, got a scene: pass one of its meshes, or merge them first'
-_REMEDY = 'average them with mesh.cell_data_to_point_data()'
 
 
 @dataclass
@@ -29,8 +28,9 @@ class Source:
     arrays: dict[str, np.ndarray] = field(default_factory=dict)
     #: Name of the array that is active, or None.
     active: str | None = None
-    #: Names of arrays of cells.
-    of_cells: tuple[str, ...] = ()
+    #: Arrays of the cells of the user's mesh by name, and the number of its cells.
+    cell_arrays: dict[str, np.ndarray] = field(default_factory=dict)
+    cell_count: int = 0
     #: Number of the points of the user's mesh, and which of these are those of `mesh`; None for
     #: all.
     point_count: int = 0
@@ -40,38 +40,6 @@ class Source:
     def triangle_count(self) -> int:
         """Number of triangles, 0 where a file holds their hierarchy."""
         return 0 if self.mesh is None else len(self.mesh.faces)
-
-    def values_of(self, scalars) -> tuple[str, np.ndarray]:
-        """Return the name and the values by point of scalars, a name or an array."""
-        if isinstance(scalars, str):
-            if scalars in self.arrays:
-                return scalars, checked_values(scalars, self.arrays[scalars])
-            if scalars in self.of_cells:
-                raise ValueError(
-                    f'scalars must be on points, got cell data {scalars!r}; {_REMEDY}'
-                )
-            names = ', '.join(map(repr, self.arrays)) or 'none'
-            raise KeyError(f'scalars: the mesh has no point array {scalars!r}; it has: {names}')
-        values = np.asarray(scalars)
-        if len(np.atleast_1d(values)) != self.point_count:
-            raise ValueError(
-                f'scalars must be one value per point ({self.point_count}), got shape '
-                f'{values.shape}; values of cells are not drawn: {_REMEDY}'
-            )
-        values = values if self.points is None else values[self.points]
-        return '', checked_values('scalars', values)
-
-
-def checked_values(name, values) -> np.ndarray:
-    """Return scalars that can be averaged: numbers, or colours of 3 or 4 components."""
-    values = np.asarray(values)
-    is_shape = values.ndim == 1 or (values.ndim == 2 and values.shape[1] in (3, 4))
-    if values.dtype.kind not in 'biuf' or not is_shape:
-        raise ValueError(
-            f'{name} must be numbers, one per point, or colours with rgb=True, got '
-            f'{values.dtype} of shape {values.shape}; give a component or a norm'
-        )
-    return values
 
 
 def source_of(mesh) -> Source:
@@ -119,5 +87,6 @@ def _source(mesh, surface, faces, mesh_cells, points) -> Source:
         None if normals is None else np.asarray(normals),
     )
     arrays = {name: np.asarray(surface.point_data[name]) for name in names}
-    of_cells = tuple(mesh.cell_data.keys())
-    return Source(triangles, arrays, active, of_cells, mesh.n_points, points)
+    cell_arrays = {name: np.asarray(mesh.cell_data[name]) for name in mesh.cell_data}
+    counts = mesh.n_cells, mesh.n_points
+    return Source(triangles, arrays, active, cell_arrays, *counts, points)

@@ -91,7 +91,7 @@ def test_forged_file_is_found(file, tmp_path, name):
     refused('content is wrong', stored.load, tmp_path / 'less.pvl', kind=PvibrError)
 
 
-@pytest.mark.parametrize('name', ['active', 'point_count'])
+@pytest.mark.parametrize('name', ['active', 'point_count', 'cell_count'])
 def test_forged_description_is_found(file, tmp_path, name):
     entry = unpack(np.fromfile(file, np.uint8))
     forged = entry.meta | {name: 3}
