@@ -14,7 +14,9 @@ import numpy as np
 
 from pvibr.large.cells import kd_cells
 from pvibr.large.hierarchy import NO_CELL, Hierarchy
+from pvibr.large.merging import merged_points
 from pvibr.large.simplified_cell import Cell, edges_once, has_three_corners, simplify_cell
+from pvibr.large.wedges import Wedges
 
 #: Random samples of the full mesh by which the error of a cell is measured, and how many of those
 #: farthest off are measured again.
@@ -23,8 +25,6 @@ _SAMPLES, _FARTHEST = 960, 64
 _DRAFT_POINTS = 100_000
 #: Cubes along the longest side of the grid by which points of drafts are counted, and of theirs.
 _ROUGH_GRID, _FINEST_GRID = 48, 300
-#: Odd factors by which the bits of coordinates are mixed.
-_HASH = np.array([0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9], np.uint64)
 _NOTHING = np.zeros(0, np.int64)
 #: Levels at most; each has about half the triangles of the one before.
 _LEVELS = 40
@@ -42,6 +42,8 @@ class TriangleMesh:
     mesh_cells: np.ndarray
     #: Normals of the points if the mesh has any, (n, 3).
     normals: np.ndarray | None = None
+    #: Texture coordinates of the points if the mesh has any, (n, 2).
+    texture_coordinates: np.ndarray | None = None
 
 
 @dataclass
@@ -56,6 +58,9 @@ class _Level:
     #: Triangle nearest to each sample, and its distance.
     sample_faces: np.ndarray
     sample_distances: np.ndarray
+    #: Wedge of each corner, (m, 3), and texture coordinates of samples, (s, 5); (.., 0) without.
+    wedges: np.ndarray
+    sample_coordinates: np.ndarray
 
 
 def build_hierarchy(
@@ -85,6 +90,11 @@ class _Builder:
         faces = self._vertex_of_point[mesh.faces]
         is_area = has_three_corners(faces)
         self._faces, self._mesh_cells = faces[is_area], np.asarray(mesh.mesh_cells)[is_area]
+        self._corner_wedges = np.zeros((len(self._faces), 0), np.int32)
+        self._wedges: Wedges | None = None
+        if mesh.texture_coordinates is not None:
+            self._wedges = Wedges(mesh.texture_coordinates, self._vertex_of_point)
+            self._corner_wedges = self._wedges.of_point[mesh.faces[is_area]]
         if not len(self._faces):
             raise ValueError('mesh must have triangles, got none with an area')
         # As they are drawn: what is locked keeps its place to the bit.
@@ -99,18 +109,7 @@ class _Builder:
 
     def build(self, level_count) -> Hierarchy:
         """Simplify level by level until one cell is left, or none gets smaller."""
-        faces = self._faces
-        owners = np.zeros(len(self._points), np.int32)
-        owners[faces.ravel()] = np.repeat(np.arange(len(faces), dtype=np.int32), 3)
-        used = np.unique(faces)
-        level = _Level(
-            faces,
-            edges_once(faces, len(self._points)),
-            np.full(len(faces), NO_CELL, np.int32),
-            self._points[used],
-            owners[used],
-            np.zeros(len(used)),
-        )
+        level = self._full_level()
         self._mesh_cell_of_face = self._mesh_cells
         for _ in range(level_count):
             cells = kd_cells(self._centers(level.faces), self._rng)
@@ -124,6 +123,31 @@ class _Builder:
         self._progress(1.0)
         return self._finished()
 
+    def _full_level(self) -> _Level:
+        """Return the triangles of the full mesh, with a sample at each vertex."""
+        faces, corners = self._faces, self._faces
+        if self._wedges is not None:
+            corners = self._corner_wedges
+        used = np.unique(corners)
+        owners = np.zeros(used[-1] + 1, np.int32)
+        owners[corners.ravel()] = np.repeat(np.arange(len(faces), dtype=np.int32), 3)
+        vertices, coordinates = used, np.zeros((len(used), 0))
+        if self._wedges is not None:
+            # One of each vertex: at a pole there may be hundreds.
+            vertices, first = np.unique(self._wedges.vertices[used], return_index=True)
+            used = used[first]
+            coordinates = self._wedges.samples(used, self._points, faces, corners)
+        return _Level(
+            faces,
+            edges_once(faces, len(self._points)),
+            np.full(len(faces), NO_CELL, np.int32),
+            self._points[vertices],
+            owners[used],
+            np.zeros(len(used)),
+            self._corner_wedges,
+            coordinates,
+        )
+
     def _centers(self, faces) -> np.ndarray:
         points = self._points.astype(np.float32)
         return (points[faces[:, 0]] + points[faces[:, 1]] + points[faces[:, 2]]) / 3
@@ -132,7 +156,8 @@ class _Builder:
         """Return the next level, and whether a cell could be simplified."""
         sample_ids = self._samples_of(level, cells)
         vertices: list[np.ndarray] = []
-        jobs = self._jobs(level, cells, sample_ids, vertices)
+        cell_wedges: list[np.ndarray] = []
+        jobs = self._jobs(level, cells, sample_ids, vertices, cell_wedges)
         parts: list[_Level] = []
         merges: list[tuple[np.ndarray, np.ndarray]] = []
         new_points: list[np.ndarray] = []
@@ -151,6 +176,10 @@ class _Builder:
                 new_points.append(simplified.points[new_vertices])
                 merges.append(_merges(vertices[k], simplified, numbers))
                 self._replace(level, ids, simplified.error)
+                wedges = np.zeros((len(simplified.faces), 0), np.int32)
+                if self._wedges is not None:
+                    texture, is_new = simplified.texture, simplified.is_new
+                    wedges = self._wedges.added(cell_wedges[k], texture, numbers, is_new)
                 part = _Level(
                     numbers[simplified.faces],
                     simplified.is_border,
@@ -158,20 +187,27 @@ class _Builder:
                     level.samples[samples],
                     (simplified.nearest + offset).astype(np.int32),
                     simplified.distances,
+                    wedges,
+                    level.sample_coordinates[samples],
                 )
                 has_changed = True
-            vertices[k] = _NOTHING
+            vertices[k] = cell_wedges[k] = _NOTHING
             parts.append(part)
             offset += len(part.faces)
             self._advance(len(level.faces), (k + 1) / len(cells))
         self._add_vertices(new_points, merges)
         return _joined(parts), has_changed
 
-    def _jobs(self, level, cells, sample_ids, vertices) -> Iterator[Cell]:
-        """Yield the cells to simplify, and note the vertices of each."""
+    def _jobs(self, level, cells, sample_ids, vertices, cell_wedges) -> Iterator[Cell]:
+        """Yield the cells to simplify, and note the vertices and wedges of each."""
         for ids, samples in zip(cells, sample_ids, strict=True):
             own_vertices, faces = np.unique(level.faces[ids], return_inverse=True)
             vertices.append(own_vertices)
+            own_wedges, texture = _NOTHING, None
+            if self._wedges is not None:
+                coordinates = level.sample_coordinates[samples]
+                own_wedges, texture = self._wedges.cell(level.wedges[ids], coordinates)
+            cell_wedges.append(own_wedges)
             yield Cell(
                 self._points[own_vertices],
                 faces.reshape(-1, 3).astype(np.int32),
@@ -179,6 +215,7 @@ class _Builder:
                 level.samples[samples],
                 min(len(samples), _SAMPLES),
                 self._bounds,
+                texture,
             )
 
     def _samples_of(self, level, cells) -> list[np.ndarray]:
@@ -223,7 +260,8 @@ class _Builder:
         makers = level.made_by[ids]
         for part in np.split(ids, np.flatnonzero(makers[1:] != makers[:-1]) + 1):
             made_by = int(level.made_by[part[0]])
-            self._patches.append((made_by, replaced_by, level.faces[part]))
+            corners = level.faces if self._wedges is None else level.wedges
+            self._patches.append((made_by, replaced_by, corners[part]))
             mesh_cells = self._mesh_cell_of_face[part] if made_by == NO_CELL else _NOTHING
             self._patch_mesh_cells.append(mesh_cells)
 
@@ -234,6 +272,8 @@ class _Builder:
         for children, parents in merges:
             self._parents[children] = parents
         self._points = np.concatenate([self._points, added])
+        if self._wedges is not None:
+            self._wedges.end_level()
         self._level_starts.append(len(self._points))
 
     def _finished(self) -> Hierarchy:
@@ -241,8 +281,12 @@ class _Builder:
         order = sorted(range(len(self._patches)), key=lambda k: self._patches[k][0] != NO_CELL)
         drawn_points = self._points.astype(np.float32)
         patch_vertices, patch_triangles, boxes = [], [], []
+        coordinates = [np.zeros((0, 2), np.float32)]
         for k in order:
             own_vertices, faces = np.unique(self._patches[k][2], return_inverse=True)
+            if self._wedges is not None:
+                coordinates.append(self._wedges.coordinates[own_vertices].astype(np.float32))
+                own_vertices = self._wedges.vertices[own_vertices]
             patch_vertices.append(own_vertices.astype(np.int32))
             patch_triangles.append(faces.reshape(-1, 3).astype(np.uint16))
             boxes.append(_box(drawn_points[own_vertices]))
@@ -265,6 +309,7 @@ class _Builder:
             triangle_starts=np.cumsum([0, *map(len, patch_triangles)]),
             vertices=np.concatenate(patch_vertices),
             triangles=np.concatenate(patch_triangles),
+            texture_coordinates=np.concatenate(coordinates),
         )
         return with_normals(hierarchy, normals)
 
@@ -299,28 +344,6 @@ def with_normals(hierarchy, normals) -> Hierarchy:
     means = np.where(is_known[:, None], means / np.where(lengths > 0, lengths, 1), (0, 0, 1))
     arrays = hierarchy.to_arrays() | {'normals': means.astype(np.float32)}
     return Hierarchy(**arrays)
-
-
-def merged_points(points) -> tuple[np.ndarray, np.ndarray]:
-    """Return points without copies, and the place of each among them.
-
-    Points that look the same in single precision are the same.
-    """
-    drawn = np.ascontiguousarray(points, np.float32) + np.float32(0.0)  # no negative zeros
-    keys = drawn.view(np.uint32).astype(np.uint64)
-    hashes = keys @ _HASH
-    order = np.argsort(hashes, kind='stable')
-    is_first = np.r_[True, hashes[order][1:] != hashes[order][:-1]]
-    if is_first.all():
-        return points, np.arange(len(points), dtype=np.int32)
-    first, groups = order[is_first], np.empty(len(points), np.int64)
-    groups[order] = np.cumsum(is_first) - 1
-    if not np.array_equal(drawn, drawn[first[groups]]):  # hashes met
-        _, first, groups = np.unique(drawn, axis=0, return_index=True, return_inverse=True)
-    # In the order of the mesh, which keeps neighbours together.
-    ranks = np.empty(len(first), np.int32)
-    ranks[np.argsort(first)] = np.arange(len(first), dtype=np.int32)
-    return points[np.sort(first)], ranks[groups.ravel()]
 
 
 def clustered_points(points) -> tuple[np.ndarray, np.ndarray]:
@@ -365,6 +388,8 @@ def _kept(level, ids, samples, sample_faces) -> _Level:
         level.samples[samples],
         sample_faces.astype(np.int32),
         level.sample_distances[samples],
+        level.wedges[ids],
+        level.sample_coordinates[samples],
     )
 
 

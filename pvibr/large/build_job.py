@@ -17,7 +17,7 @@ from pvibr.instances.cache import AtlasCache
 from pvibr.large.build import TriangleMesh, build_hierarchy
 from pvibr.large.hierarchy import Hierarchy
 
-_NAMES = 'points', 'faces', 'mesh_cells', 'normals'
+_NAMES = 'points', 'faces', 'mesh_cells', 'normals', 'texture_coordinates'
 _STDERR_BYTES = 2000
 # Ctrl+C is for the parent, which decides.
 _PROGRAM = (

@@ -45,6 +45,12 @@ class Coloring:
         return '' if self.scalars is None else self.scalars.name
 
     @property
+    def has_texture(self) -> bool:
+        """Whether an image is on it, by texture coordinates of its own."""
+        actor = self.part.actor
+        return actor.GetTexture() is not None or bool(actor.GetProperty().GetNumberOfTextures())
+
+    @property
     def has_table(self) -> bool:
         """Whether scalars are looked up in a table of colours."""
         return self.scalars is not None and not self.scalars.are_colors
@@ -65,4 +71,6 @@ class Coloring:
 
 
 def _triangle() -> pv.PolyData:
-    return pv.PolyData.from_regular_faces(_TRIANGLE, np.array([[0, 1, 2]]))
+    triangle = pv.PolyData.from_regular_faces(_TRIANGLE, np.array([[0, 1, 2]]))
+    triangle.active_texture_coordinates = _TRIANGLE[:, :2].copy()
+    return triangle

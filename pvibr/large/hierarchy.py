@@ -28,6 +28,7 @@ _LAYOUT: dict[str, tuple[str, tuple[int, ...]]] = {
     'triangle_starts': ('i', ()),
     'vertices': ('i', ()),
     'triangles': ('u', (3,)),
+    'texture_coordinates': ('f', (2,)),
 }
 
 
@@ -69,6 +70,8 @@ class Hierarchy:
     vertices: np.ndarray
     #: Triangles of the patches, as places among the vertices of their patch, (t, 3) uint16.
     triangles: np.ndarray
+    #: Texture coordinates of the patches' vertices, of which seams have several, or none at all.
+    texture_coordinates: np.ndarray
 
     @property
     def nbytes(self) -> int:
@@ -163,6 +166,7 @@ class Hierarchy:
             and len(self.parents) == len(self.normals) == vertex_count
             and len(self.boxes) == len(self.errors)
             and len(self.patch_boxes) == patch_count
+            and len(self.texture_coordinates) in (0, len(self.vertices))
             and len(self.mesh_cells) == self.triangle_counts[self.full_patches].sum()
         )
         if not (is_whole and self._are_corners_whole()):

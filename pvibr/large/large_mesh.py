@@ -22,9 +22,10 @@ from pvibr.large.colouring import Coloring
 from pvibr.large.cut import ModelView, cut_of
 from pvibr.large.cut_mesh import CutMesh
 from pvibr.large.full_picking import nearest_triangle
-from pvibr.large.sources import source_of
+from pvibr.large.given_mesh import given_mesh
+from pvibr.large.sources import NO_COORDINATES, checked_texture, source_of
 from pvibr.large.stored import SUFFIX, built, cache_of, hierarchy_key, load
-from pvibr.meshes.parts import as_parts
+from pvibr.meshes.parts import as_parts, copy_look
 from pvibr.textures.material_textures import copy_property
 from pvibr.things.clipping import ClippingPlanes, set_planes
 from pvibr.things.picking import Hit, pixel_ray
@@ -38,9 +39,9 @@ _FLAT = 0  # VTK_FLAT
 
 #: Arguments of add_mesh that have no effect here, or are not there.
 REFUSED = (
-    *('texture', 'style', 'show_edges', 'edge_color', 'edge_opacity', 'line_width', 'point_size'),
+    *('style', 'show_edges', 'edge_color', 'edge_opacity', 'line_width', 'point_size'),
     *('render_points_as_spheres', 'render_lines_as_tubes', 'split_sharp_edges', 'feature_angle'),
-    *('alpha_cutoff', 'force_opaque', 'use_transparency'),
+    'use_transparency',
 )
 
 
@@ -156,7 +157,7 @@ class LargeMesh(Thing):
         self.name, self.pickable = name, pickable
         look |= {'cmap': cmap, 'clim': clim, 'smooth_shading': smooth_shading, 'theme': theme}
         look['opacity'] = checked_number('opacity', opacity, 0, 1)
-        self._look, cache = look, cache_of(cache)
+        cache = cache_of(cache)
         waits = checked_flag('wait', wait, optional=True) is not False
         self._job: BuildJob | None = None
         self._changes = 0
@@ -167,10 +168,17 @@ class LargeMesh(Thing):
         if isinstance(mesh, (str, Path)) and Path(mesh).suffix.lower() == SUFFIX:
             hierarchy, self._source = load(mesh)
         else:
+            mesh, look = given_mesh(mesh, look | {'scalars': scalars})
+            scalars = look.pop('scalars', None)
             hierarchy, self._source = None, source_of(mesh)
+        self._look = look
         self._coloring = Coloring.of(self._source, scalars, look)
+        has_texture = self._coloring.has_texture
         if hierarchy is None:
+            self._source = checked_texture(self._source, has_texture)
             hierarchy = self._first_hierarchy(cache, progress, waits)
+        elif has_texture and not len(hierarchy.texture_coordinates):
+            raise ValueError(NO_COORDINATES)
         self._prepare_actors()
         self._adopt(hierarchy)
 
@@ -190,7 +198,6 @@ class LargeMesh(Thing):
         self.GetMapper().SetNumberOfSubPieces(1)
         copy_property(self.prop, self._coloring.part.actor.prop)
         self.SetBackfaceProperty(self._coloring.part.actor.GetBackfaceProperty())
-        self.ForceOpaqueOff()
         self.SetPickable(True)
         other = self._other_actor
         other.SetMapper(_vtk.vtkPolyDataMapper())
@@ -205,6 +212,7 @@ class LargeMesh(Thing):
         """Let the mappers have the look of the colouring."""
         pairs = (self, self._cut), (self._other_actor, self._other_cut)
         for actor, cut in pairs:
+            copy_look(actor, self._coloring.part.actor)
             mapper = actor.GetMapper()
             planes = list(mapper.GetClippingPlanes() or ())
             mapper.ShallowCopy(self._coloring.part.actor.mapper)
@@ -262,7 +270,7 @@ class LargeMesh(Thing):
         ValueError
             If there is not one value per point or cell.
         """
-        look = {k: v for k, v in self._look.items() if k not in ('clim', 'color')}
+        look = {k: v for k, v in self._look.items() if k not in ('clim', 'color', 'texture')}
         look |= {'clim': clim, 'preference': preference}
         self._coloring = Coloring.of(self._source, scalars, look)
         self._dress_mappers()
@@ -296,7 +304,8 @@ class LargeMesh(Thing):
         self._take_result()
         cut, hierarchy = CutMesh(), self._hierarchy
         _, patches = cut_of(hierarchy, self._view(self.pipeline.view()), max_error)
-        cut.show(hierarchy, patches, self._values, has_normals=True)
+        looks = {'has_normals': True, 'has_texture': self._coloring.has_texture}
+        cut.show(hierarchy, patches, self._values, **looks)
         mesh = pv.wrap(cut.data)
         mesh.regular_faces = mesh.regular_faces[:-2]
         return mesh.clean(point_merging=False).transform(self.matrix, inplace=False)
@@ -448,7 +457,8 @@ class LargeMesh(Thing):
 
     def _show(self, cut, patches):
         has_normals = self.prop.GetInterpolation() != _FLAT
-        cut.show(self._hierarchy, patches, self._values, has_normals=has_normals)
+        looks = {'has_normals': has_normals, 'has_texture': self._coloring.has_texture}
+        cut.show(self._hierarchy, patches, self._values, **looks)
 
     def _matrix(self) -> np.ndarray:
         """Return the world from the space about the hierarchy's origin."""

@@ -28,11 +28,7 @@ def edge_lengths(hierarchy) -> np.ndarray:
 
 
 def with_visible_cells(hierarchy) -> Hierarchy:
-    """Return a hierarchy that is simplified only where the mesh's triangles are small.
-
-    Errors grow to the size of the triangles, so that these are larger than so many pixels only
-    where they are drawn themselves.
-    """
+    """Return a hierarchy whose errors are as large as the mesh's triangles, which show alone."""
     lengths, errors = edge_lengths(hierarchy), hierarchy.errors.astype(float)
     made_by, replaced_by = hierarchy.patch_cells.T
     # A cell is made before those that replace it: their numbers are larger.

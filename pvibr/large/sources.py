@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from pathlib import Path
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pyvista as pv
 
-from pvibr.io.trimesh_meshes import as_dataset, is_trimesh
 from pvibr.large.build import TriangleMesh
-from pvibr.meshes.mesh_files import has_graph, read_mesh
+from pvibr.large.given_mesh import given_mesh
 from pvibr.meshes.surfaces import check_points, polygons_of, surface_of
 
 #: Name of the array that follows cells of a mesh to its triangles.
 _CELL = 'pvibr_mesh_cell'
-_SCENE = 'mesh must be one mesh, got a scene: pass one of its meshes, or merge them first'
+NO_COORDINATES = (
+    'texture must be with texture coordinates, which the mesh does not have; '
+    'see mesh.texture_map_to_plane()'
+)
 
 
 @dataclass
@@ -42,20 +43,18 @@ class Source:
         return 0 if self.mesh is None else len(self.mesh.faces)
 
 
+def checked_texture(source, has_texture) -> Source:
+    """Return a source with texture coordinates if there is a texture, and without if not."""
+    if not has_texture:
+        return replace(source, mesh=replace(source.mesh, texture_coordinates=None))
+    if source.mesh.texture_coordinates is None:
+        raise ValueError(NO_COORDINATES)
+    return source
+
+
 def source_of(mesh) -> Source:
     """Return the triangles of a mesh, or of a file of one."""
-    if has_graph(mesh):
-        raise TypeError(_SCENE)
-    if isinstance(mesh, str | Path):
-        mesh = read_mesh(mesh)
-    if is_trimesh(mesh, 'Trimesh'):
-        mesh = as_dataset(mesh, None, None)
-    if isinstance(mesh, pv.MultiBlock):
-        raise TypeError(_SCENE + ', as mesh.combine()')
-    if not isinstance(mesh, pv.DataSet):
-        raise TypeError(
-            f'mesh must be a PyVista dataset, a trimesh mesh or a path, got {type(mesh).__name__}'
-        )
+    mesh, _ = given_mesh(mesh, {})
     check_points(mesh)
     if isinstance(mesh, pv.PolyData) and mesh.is_all_triangles and not _has_strokes(mesh):
         faces = mesh.regular_faces
@@ -80,11 +79,13 @@ def _source(mesh, surface, faces, mesh_cells, points) -> Source:
     is_shown = info.name is not None and info.association.name in ('POINT', 'CELL')
     active = info.name if is_shown else None
     normals = surface.point_data.active_normals
+    coordinates = surface.point_data.active_texture_coordinates
     triangles = TriangleMesh(
         np.asarray(surface.points),
         np.asarray(faces),
         mesh_cells,
         None if normals is None else np.asarray(normals),
+        None if coordinates is None else np.asarray(coordinates)[:, :2],
     )
     arrays = {name: np.asarray(surface.point_data[name]) for name in names}
     cell_arrays = {name: np.asarray(mesh.cell_data[name]) for name in mesh.cell_data}

@@ -36,8 +36,9 @@ def cache_of(cache) -> AtlasCache | None:
 
 def hierarchy_key(mesh) -> str:
     """Return the key of the hierarchy of a mesh: a digest of its content."""
-    normals = np.zeros(0) if mesh.normals is None else mesh.normals
-    return key_of(_KIND, VERSION, mesh.points, mesh.faces, mesh.mesh_cells, normals)
+    optional = mesh.normals, mesh.texture_coordinates
+    extras = [np.zeros(0) if array is None else array for array in optional]
+    return key_of(_KIND, VERSION, mesh.points, mesh.faces, mesh.mesh_cells, *extras)
 
 
 def built(mesh, cache, progress=None) -> Hierarchy:

@@ -8,9 +8,10 @@ import pyvista as pv
 import trimesh
 from scipy.spatial import cKDTree
 
-from pvibr.large.build import TriangleMesh, build_hierarchy, merged_points
+from pvibr.large.build import TriangleMesh, build_hierarchy
 from pvibr.large.cut import cell_pixels, gathered, patches_in_view
 from pvibr.large.hierarchy import NO_CELL, Hierarchy
+from pvibr.large.merging import merged_points
 from pvibr.large.simplified_cell import nearest_faces
 from pvibr.large.sources import source_of
 from tests.large.surfaces import folded, hierarchy_of, terrain, view_from, views_of, whole_cut

@@ -390,7 +390,7 @@ REFUSED = {
     'no array': (KeyError, 'has no array', {'scalars': 'nothing'}),
     'component': (ValueError, 'component', {'scalars': 'vectors', 'component': 3}),
     'rgb of numbers': (ValueError, 'colours of shape', {'scalars': 'height', 'rgb': True}),
-    'texture': (TypeError, 'give colours of points', {'texture': 'a.png'}),
+    'texture': (TypeError, 'pyvista.Texture', {'texture': 'a.png'}),
     'edges': (TypeError, 'simplified', {'show_edges': True}),
     'negative': (ValueError, 'max_error', {'max_error': -1}),
     'opacity': (ValueError, 'opacity', {'opacity': 2}),
