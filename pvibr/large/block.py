@@ -11,6 +11,7 @@ import numpy as np
 from pvibr.large.cells import blocks_of, kd_cells
 from pvibr.large.hierarchy import NO_CELL
 from pvibr.large.simplified_cell import Cell, edges_once, simplify_cell
+from pvibr.large.wedges import Wedges
 
 #: Random samples of the full mesh by which the error of a cell is measured, and how many of those
 #: farthest off are measured again.
@@ -20,8 +21,8 @@ _SAMPLES, _FARTHEST = 960, 64
 _LEAST_AREA = 1e-20
 
 #: Arrays of the triangles of a level, and of its samples of the full mesh.
-TRIANGLE_ARRAYS = 'faces', 'is_border', 'made_by', 'mesh_cells'
-SAMPLE_ARRAYS = 'samples', 'sample_faces', 'sample_distances'
+TRIANGLE_ARRAYS = 'faces', 'is_border', 'made_by', 'mesh_cells', 'coordinates'
+SAMPLE_ARRAYS = 'samples', 'sample_faces', 'sample_distances', 'sample_coordinates'
 #: Arrays of vertices.
 VERTEX_ARRAYS = 'points', 'areas', 'normals'
 #: Arrays of the patches of a hierarchy.
@@ -39,6 +40,8 @@ class Block:
     seed: tuple[int, int]
     #: Bounds of the full mesh.
     bounds: np.ndarray
+    #: Length of a unit of texture coordinates, if there are any.
+    texture_unit: float
     #: Arrays of its vertices, triangles and samples by name; those of the full mesh have no areas,
     #: borders and samples yet.
     vertices: dict[str, np.ndarray]
@@ -94,6 +97,7 @@ class _Patches:
     vertices: list[np.ndarray] = field(default_factory=list)
     triangles: list[np.ndarray] = field(default_factory=list)
     mesh_cells: list[np.ndarray] = field(default_factory=list)
+    coordinates: list[np.ndarray] = field(default_factory=list)
 
     def arrays(self) -> dict[str, np.ndarray]:
         """Return the arrays of all patches."""
@@ -105,6 +109,9 @@ class _Patches:
             'vertices': np.concatenate([np.zeros(0, np.int32), *self.vertices]),
             'triangles': np.concatenate([np.zeros((0, 3), np.uint16), *self.triangles]),
             'mesh_cells': np.concatenate([np.zeros(0, np.int64), *self.mesh_cells]),
+            'texture_coordinates': np.concatenate(
+                [np.zeros((0, 2), np.float32), *self.coordinates]
+            ),
         }
 
 
@@ -116,9 +123,13 @@ class _Simplification:
         self._own_vertices: dict[str, np.ndarray] = {}
         self._points = block.vertices['points']
         self._faces = block.triangles['faces']
-        #: Marks and places of vertices in `_compact`.
-        self._is_used = np.zeros(len(self._points), bool)
-        self._places = np.empty(len(self._points), np.int32)
+        self._wedges: Wedges | None = None
+        if 'coordinates' in block.triangles:
+            self._wedges = Wedges(self._faces, block.triangles['coordinates'])
+        #: Marks and places of vertices, or of wedges, in `_compact`.
+        count = len(self._points if self._wedges is None else self._wedges.vertices)
+        self._is_used = np.zeros(max(count, len(self._points)), bool)
+        self._places = np.empty(len(self._is_used), np.int32)
         if block.is_shared is not None:
             self._prepare_full_mesh(block.is_shared)
         self._made_by = block.triangles['made_by']
@@ -155,6 +166,10 @@ class _Simplification:
             'sample_faces': owners,
             'sample_distances': np.zeros(count, np.float32),
         }
+        if self._wedges is not None:
+            unit_length = block.texture_unit
+            _, coordinates = self._wedges.samples(self._points, self._faces, unit_length)
+            block.samples['sample_coordinates'] = coordinates.astype(np.float32)
 
     def result(self) -> SimplifiedBlock:
         """Simplify all cells."""
@@ -167,14 +182,18 @@ class _Simplification:
         else:
             samples_of_cells = self._samples_of(cells)
             jobs = self._jobs(cells, samples_of_cells)
-            for (own_vertices, cell), ids, samples in zip(
-                jobs, cells, samples_of_cells, strict=True
-            ):
+            for job, ids, samples in zip(jobs, cells, samples_of_cells, strict=True):
+                own_vertices, own_wedges, cell = job
                 simplified = simplify_cell(cell)
                 if simplified is None:
                     parts.append(self._kept(ids, samples))
-                else:
-                    parts.append(self._replaced(ids, samples, own_vertices, simplified))
+                    continue
+                part = self._replaced(ids, samples, own_vertices, simplified)
+                if self._wedges is not None:
+                    part[0]['coordinates'] = self._wedges.simplified(
+                        own_wedges, simplified.texture, simplified.is_new
+                    )
+                parts.append(part)
         triangles, samples, segments = self._divided(parts)
         errors = np.array(self._errors, float)
         boxes = np.array(self._boxes, float).reshape(-1, 2, 3)
@@ -195,23 +214,26 @@ class _Simplification:
     def _centers(points, faces) -> np.ndarray:
         return (points[faces[:, 0]] + points[faces[:, 1]] + points[faces[:, 2]]) / np.float32(3)
 
-    def _jobs(self, cells, samples_of_cells) -> Iterator[tuple[np.ndarray, Cell]]:
-        """Yield the vertices of each cell, and the cell to simplify."""
+    def _jobs(self, cells, samples_of_cells) -> Iterator[tuple[np.ndarray, Any, Cell]]:
+        """Yield the vertices and the wedges of each cell, and the cell to simplify."""
         is_border = self._block.triangles['is_border']
         all_samples = self._block.samples['samples']
         for ids, samples in zip(cells, samples_of_cells, strict=True):
             own_vertices, faces = self._compact(self._faces[ids])
-            yield (
-                own_vertices,
-                Cell(
-                    self._points[own_vertices].astype(float),
-                    faces,
-                    is_border[ids],
-                    all_samples[samples].astype(float),
-                    min(len(samples), _SAMPLES),
-                    self._block.bounds,
-                ),
+            own_wedges, texture = None, None
+            if self._wedges is not None:
+                coordinates = self._block.samples['sample_coordinates'][samples].astype(float)
+                own_wedges, texture = self._wedges.cell(ids, coordinates)
+            cell = Cell(
+                self._points[own_vertices].astype(float),
+                faces,
+                is_border[ids],
+                all_samples[samples].astype(float),
+                min(len(samples), _SAMPLES),
+                self._block.bounds,
+                texture,
             )
+            yield own_vertices, own_wedges, cell
 
     def _compact(self, faces) -> tuple[np.ndarray, np.ndarray]:
         """Return the vertices of faces, and the faces as places among these."""
@@ -243,8 +265,8 @@ class _Simplification:
 
     def _kept(self, ids, samples):
         """Return the triangles and samples of a cell that could not be simplified."""
-        triangles = {name: self._block.triangles[name][ids] for name in TRIANGLE_ARRAYS}
-        kept = {name: self._block.samples[name][samples] for name in SAMPLE_ARRAYS}
+        triangles = {name: values[ids] for name, values in self._block.triangles.items()}
+        kept = {name: values[samples] for name, values in self._block.samples.items()}
         kept['sample_faces'] = np.searchsorted(ids, kept['sample_faces'])
         return triangles, kept
 
@@ -267,8 +289,8 @@ class _Simplification:
             'made_by': np.full(count, -1 - len(self._errors), np.int32),
             'mesh_cells': np.full(count, -1, np.int64),
         }
-        return triangles, {
-            'samples': self._block.samples['samples'][samples],
+        own_samples = {name: values[samples] for name, values in self._block.samples.items()}
+        return triangles, own_samples | {
             'sample_faces': simplified.nearest,
             'sample_distances': simplified.distances.astype(np.float32),
         }
@@ -305,7 +327,12 @@ class _Simplification:
         for part in np.split(ids, np.flatnonzero(makers[1:] != makers[:-1]) + 1):
             made_by = int(self._made_by[part[0]])
             patches = self._full if made_by == NO_CELL else self._other
-            own_vertices, faces = self._compact(self._faces[part])
+            if self._wedges is None:
+                own_vertices, faces = self._compact(self._faces[part])
+            else:
+                own_wedges, faces = self._compact(self._wedges.of_corners[part])
+                own_vertices = self._wedges.vertices[own_wedges]
+                patches.coordinates.append(self._wedges.coordinates[own_wedges].astype(np.float32))
             patches.cells.append((made_by, replaced_by))
             patches.boxes.append(box_of(self._points[own_vertices]))
             patches.vertices.append(own_vertices.astype(np.int32))

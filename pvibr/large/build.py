@@ -9,7 +9,7 @@ simplified by some process, and is written to where blocks of the next level fin
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
@@ -63,6 +63,8 @@ class TriangleMesh:
     mesh_cells: Any
     #: Normals of the points if the mesh has any, (n, 3).
     normals: Any = None
+    #: Texture coordinates of the points if the mesh has any, (n, 2).
+    texture_coordinates: Any = None
     #: Whether points are corners of triangles, of which equal ones are one point of the user's.
     is_soup: bool = False
 
@@ -85,10 +87,16 @@ def build_draft(mesh: TriangleMesh) -> Hierarchy:
     points, places = clustered_points(points - origin)
     faces = places[mesh.faces]
     is_area = has_three_corners(faces)  # of few
-    draft_mesh = TriangleMesh(points + origin, faces[is_area], mesh.mesh_cells[is_area])
+    faces, mesh_cells = faces[is_area], mesh.mesh_cells[is_area]
+    draft_mesh = TriangleMesh(points + origin, faces, mesh_cells)
+    if mesh.texture_coordinates is not None:
+        # Each point where its cluster is: they have coordinates of their own.
+        points, faces = draft_mesh.points[places], mesh.faces[is_area]
+        draft_mesh = replace(mesh, points=points, faces=faces, mesh_cells=mesh_cells, normals=None)
     arrays = Builder(Columns(), level_count=0).build(draft_mesh)
     draft = {name: whole(parts) for name, parts in arrays.items()}
-    draft['vertex_of_point'] = draft['vertex_of_point'][places]
+    if mesh.texture_coordinates is None:
+        draft['vertex_of_point'] = draft['vertex_of_point'][places]
     return Hierarchy(**draft)
 
 
@@ -126,7 +134,7 @@ class Builder:
         merge_points(columns, mesh.points, origin, rows)
         if mesh.normals is not None:
             merge_normals(columns, mesh.normals, rows)
-        divide_triangles(columns, mesh, rows, np.random.default_rng(0))
+        texture_unit = divide_triangles(columns, mesh, rows, np.random.default_rng(0))
         if mesh.is_soup:
             columns.drop('vertex_of_point')
             for start, stop in spans(columns.length('base.points'), rows):
@@ -134,6 +142,7 @@ class Builder:
         state = {
             'origin': origin.tolist(),
             'bounds': box_of_pieces(columns['base.points'], rows).tolist(),
+            'texture_unit': texture_unit,
             'level_starts': [0, columns.length('base.points')],
             'level': 0,
             'blocks_done': 0,
@@ -225,6 +234,7 @@ class Builder:
         return Block(
             (level, int(k)),
             self._bounds,
+            self._state['texture_unit'],
             {
                 name: self._vertices_of(name, vertices)
                 for name in VERTEX_ARRAYS
@@ -356,6 +366,9 @@ class Builder:
             'triangle_starts': [starts[:, 1]],
             'vertices': self._parts('full.vertices', 'other.vertices'),
             'triangles': self._parts('full.triangles', 'other.triangles'),
+            'texture_coordinates': self._parts(
+                'full.texture_coordinates', 'other.texture_coordinates'
+            ),
         }
 
     def _parts(self, *names) -> list:

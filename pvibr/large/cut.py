@@ -106,6 +106,12 @@ def gathered(hierarchy, patches) -> tuple[np.ndarray, np.ndarray]:
     return vertices, triangles
 
 
+def gathered_coordinates(hierarchy, patches) -> np.ndarray:
+    """Return the texture coordinates of the vertices of patches, (n, 2)."""
+    starts, ends = hierarchy.vertex_starts[patches], hierarchy.vertex_starts[patches + 1]
+    return _slices(hierarchy.texture_coordinates, starts, ends)
+
+
 def _slices(array, starts, ends) -> np.ndarray:
     parts = [array[a:b] for a, b in zip(starts.tolist(), ends.tolist(), strict=True)]
     return np.concatenate(parts) if parts else array[:0]

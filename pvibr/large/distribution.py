@@ -9,10 +9,10 @@ import numpy as np
 from pvibr.large.block import box_of, unit
 from pvibr.large.cells import BLOCK_TRIANGLES, blocks_of, kd_planes
 from pvibr.large.columns import Columns
+from pvibr.large.merging import as_drawn, row_hashes
 from pvibr.large.simplified_cell import has_three_corners
+from pvibr.large.wedges import areas_of, unit_length
 
-#: Odd factors by which the bits of coordinates are mixed.
-_HASH = np.array([0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9], np.uint64)
 #: Triangles by whose centres blocks are divided, per block.
 _PROBES = 500
 #: Blocks of a vertex that no triangle has yet, and of one that several blocks have.
@@ -63,10 +63,9 @@ def _copies(columns, points, origin, rows):
     bits = max(int(np.ceil(np.log2(max(len(points) / rows, 1)))), 0)
     first_of = columns.scratch('first_of', len(points), np.int32)
     for start, stop in spans(len(points), rows):
-        piece = np.asarray(points[start:stop], float) - origin
-        drawn = np.ascontiguousarray(piece, np.float32) + np.float32(0.0)  # no negative zeros
+        drawn = as_drawn(np.asarray(points[start:stop], float) - origin)
         columns.append('drawn', drawn)
-        hashes = drawn.view(np.uint32).astype(np.uint64) @ _HASH
+        hashes = row_hashes(drawn.view(np.uint32))
         first_of[start:stop] = np.arange(start, stop)
         buckets = hashes >> np.uint64(64 - bits) if bits else np.zeros(len(hashes), np.uint64)
         for bucket in np.unique(buckets):
@@ -111,12 +110,18 @@ def merge_normals(columns: Columns, normals, rows):
     columns.drop('sums')
 
 
-def divide_triangles(columns: Columns, mesh, rows, rng):
-    """Write the triangles of the full mesh by blocks, and which vertices several blocks share."""
+def divide_triangles(columns: Columns, mesh, rows, rng) -> float:
+    """Write the triangles of the full mesh by blocks; return a unit's length in texture space."""
+    # Also which vertices several blocks share. Without texture coordinates it is 0.
+    areas = np.zeros(2)
+    if mesh.texture_coordinates is not None:
+        for start, stop in spans(len(mesh.points), rows):
+            coordinates = np.nan_to_num(mesh.texture_coordinates[start:stop])
+            columns.append('coordinates', as_drawn(coordinates))
     planes = _planes(columns, mesh, rows, rng)
     block_of = columns.scratch('blocks', columns.length('base.points'), np.uint16)
     block_of[:] = _NO_BLOCK
-    for start, faces, is_area in _faces_of(columns, mesh, rows):
+    for start, faces, is_area, of_points in _faces_of(columns, mesh, rows):
         corners = columns['base.points'].take(faces.ravel()).reshape(-1, 3, 3)
         blocks = blocks_of(planes, corners.mean(1))
         order = np.argsort(blocks, kind='stable')
@@ -127,13 +132,19 @@ def divide_triangles(columns: Columns, mesh, rows, rng):
         columns.append('0.faces', faces)
         mesh_cells = np.asarray(mesh.mesh_cells[start : start + rows], np.int64)
         columns.append('0.mesh_cells', mesh_cells[is_area][order])
+        if 'coordinates' in columns:
+            coordinates = columns['coordinates'].take(of_points.ravel()).reshape(-1, 3, 2)
+            areas += areas_of(corners, coordinates)
+            columns.append('0.coordinates', coordinates[order])
         nothing = np.zeros_like(counts)
         columns.append('0.segments', np.stack([own_blocks, first, counts, nothing, nothing], 1))
     if not columns.length('0.faces'):
         raise ValueError('mesh must have triangles, got none with an area')
     for start, stop in spans(len(block_of), rows):
         columns.append('is_shared', block_of[start:stop] == _SHARED)
-    columns.drop('blocks')
+    columns.drop('blocks', 'coordinates')
+    has_texture = '0.coordinates' in columns
+    return unit_length(areas, box_of_pieces(columns['base.points'], rows)) if has_texture else 0.0
 
 
 def _planes(columns, mesh, rows, rng) -> np.ndarray:
@@ -143,7 +154,7 @@ def _planes(columns, mesh, rows, rng) -> np.ndarray:
         return kd_planes(np.zeros((0, 3)), 1, rng)
     stride = max(len(mesh.faces) // (block_count * _PROBES), 1)
     centers = []
-    for start, faces, is_area in _faces_of(columns, mesh, rows):
+    for start, faces, is_area, _ in _faces_of(columns, mesh, rows):
         # The same ones whatever the pieces are.
         is_probe = (start + np.flatnonzero(is_area)) % stride == 0
         corners = columns['base.points'].take(faces[is_probe].ravel())
@@ -152,10 +163,10 @@ def _planes(columns, mesh, rows, rng) -> np.ndarray:
 
 
 def _faces_of(columns, mesh, rows):
-    """Yield the start of each piece, its triangles by vertices, and which have three corners."""
+    """Yield the start of each piece, its triangles by vertices, which they are, and by points."""
     point_count = len(mesh.points)
     for start, stop in spans(len(mesh.faces), rows):
-        faces = np.asarray(mesh.faces[start:stop])
+        faces = of_points = np.asarray(mesh.faces[start:stop])
         if faces.min() < 0 or faces.max() >= point_count:
             raise ValueError(
                 f'its triangles must be of its {point_count} points, got one of point '
@@ -164,7 +175,7 @@ def _faces_of(columns, mesh, rows):
         faces = columns['vertex_of_point'].take(faces.ravel()).reshape(-1, 3)
         is_area = has_three_corners(faces)
         if is_area.any():
-            yield start, faces[is_area], is_area
+            yield start, faces[is_area], is_area, of_points[is_area]
 
 
 def _mark(block_of, faces, blocks):

@@ -30,6 +30,7 @@ _LAYOUT: dict[str, tuple[str, tuple[int, ...]]] = {
     'triangle_starts': ('i', ()),
     'vertices': ('i', ()),
     'triangles': ('u', (3,)),
+    'texture_coordinates': ('f', (2,)),
 }
 
 
@@ -71,6 +72,8 @@ class Hierarchy:
     vertices: np.ndarray
     #: Triangles of the patches, as places among the vertices of their patch, (t, 3) uint16.
     triangles: np.ndarray
+    #: Texture coordinates of the patches' vertices, of which seams have several, or none at all.
+    texture_coordinates: np.ndarray
 
     @property
     def nbytes(self) -> int:
@@ -101,26 +104,29 @@ class Hierarchy:
     def averaged(self, values) -> np.ndarray:
         """Return means by area of the points' values at all vertices, NaN where none is finite."""
         values = np.asarray(values, np.float64).reshape(len(self.vertex_of_point), -1)
-        sums, weights = self._of_vertices(values)
+        return self.means(self.vertex_of_point, values, self.areas[self.vertex_of_point])
+
+    def means(self, vertices, values, weights) -> np.ndarray:
+        """Return means at all vertices of weighted values at some of the full mesh."""
+        count = len(self.areas)
+        weights = np.where(np.isfinite(values), weights[:, None], 0.0).astype(np.float64)
+        sums = np.zeros((len(self.points), values.shape[1]))
+        all_weights = np.zeros_like(sums)
+        sums[:count] = _summed(vertices, np.nan_to_num(values) * weights, count)
+        all_weights[:count] = _summed(vertices, weights, count)
+        for first, last, children in self.merges():
+            places, count = self.parents[children] - first, last - first
+            sums[first:last] = _summed(places, sums[children], count)
+            all_weights[first:last] = _summed(places, all_weights[children], count)
+        with np.errstate(invalid='ignore'):
+            return (sums / np.where(all_weights > 0, all_weights, np.nan)).astype(np.float32)
+
+    def merges(self):
+        """Yield the vertices of each level, first and last, and those merged into them."""
         for first, last in zip(self.level_starts[1:-1], self.level_starts[2:], strict=True):
             children = self._children[slice(*np.searchsorted(self._child_parents, (first, last)))]
             if len(children):
-                places, count = self.parents[children] - first, last - first
-                sums[first:last] = _summed(places, sums[children], count)
-                weights[first:last] = _summed(places, weights[children], count)
-        with np.errstate(invalid='ignore'):
-            return (sums / np.where(weights > 0, weights, np.nan)).astype(np.float32)
-
-    def _of_vertices(self, values):
-        """Return weighted sums of values by vertex, of which those of the full mesh are set."""
-        count = len(self.areas)
-        weights = np.repeat(self.areas[self.vertex_of_point, None], values.shape[1], 1)
-        weights = np.where(np.isfinite(values), weights, 0.0).astype(np.float64)
-        sums = np.zeros((len(self.points), values.shape[1]))
-        all_weights = np.zeros_like(sums)
-        sums[:count] = _summed(self.vertex_of_point, np.nan_to_num(values) * weights, count)
-        all_weights[:count] = _summed(self.vertex_of_point, weights, count)
-        return sums, all_weights
+                yield int(first), int(last), children
 
     @cached_property
     def _children(self) -> np.ndarray:
@@ -168,6 +174,7 @@ class Hierarchy:
         yield 'vertex_of_point', _is_below(self.vertex_of_point, len(self.areas))
         yield 'vertex_starts', _are_starts(self.vertex_starts, patch_count, len(self.vertices))
         yield 'vertices', _is_below(self.vertices, vertex_count)
+        yield 'texture_coordinates', len(self.texture_coordinates) in (0, len(self.vertices))
         yield (
             'triangle_starts',
             _are_starts(self.triangle_starts, patch_count, len(self.triangles)),

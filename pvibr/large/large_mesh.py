@@ -22,9 +22,10 @@ from pvibr.large.colouring import Coloring
 from pvibr.large.cut import ModelView, cut_of
 from pvibr.large.cut_mesh import CutMesh
 from pvibr.large.full_picking import nearest_triangle
-from pvibr.large.sources import source_of
+from pvibr.large.given_mesh import given_mesh
+from pvibr.large.sources import NO_COORDINATES, checked_texture, source_of
 from pvibr.large.stored import SUFFIX, built, cache_of, hierarchy_key, load
-from pvibr.meshes.parts import as_parts
+from pvibr.meshes.parts import as_parts, copy_look
 from pvibr.textures.material_textures import copy_property
 from pvibr.things.clipping import ClippingPlanes, set_planes
 from pvibr.things.picking import Hit, pixel_ray
@@ -38,10 +39,9 @@ _FLAT = 0  # VTK_FLAT
 
 #: Arguments of add_mesh that have no effect here, or are not there.
 REFUSED = (
-    *('texture', 'style', 'show_edges', 'edge_color', 'edge_opacity', 'line_width', 'point_size'),
+    *('style', 'show_edges', 'edge_color', 'edge_opacity', 'line_width', 'point_size'),
     *('render_points_as_spheres', 'render_lines_as_tubes', 'split_sharp_edges', 'feature_angle'),
-    *('categories', 'component', 'preference', 'user_matrix', 'alpha_cutoff', 'force_opaque'),
-    *('use_transparency', 'interpolate_before_map'),
+    'use_transparency',
 )
 
 
@@ -58,8 +58,9 @@ class LargeMesh(Thing):
     moving : float, optional
         Frame time in ms that is met while the view moves, by a larger error.
     scalars : str or array_like, shape (n,), (n, 3) or (n, 4), optional
-        Values of points that `cmap` colours, or colours with ``rgb=True``; by default the active
-        point scalars. Patches show their means by area.
+        Values of points or cells that `cmap` colours, or colours with ``rgb=True``; by default
+        the active scalars. Simplified patches show means by area, or what most of it has if they
+        are words, truth values or `categories`. Cells of some pixels show their own values.
     cmap, clim : optional
         As in ``add_mesh``.
     smooth_shading : bool, optional
@@ -81,6 +82,8 @@ class LargeMesh(Thing):
         and notebooks.
     theme : pyvista.plotting.themes.Theme, optional
         Defaults of the looks.
+    user_matrix : array_like, shape (4, 4), optional
+        Its transform, as of any actor.
     **look
         As in :meth:`pyvista.Plotter.add_mesh`.
 
@@ -145,13 +148,16 @@ class LargeMesh(Thing):
         progress=None,
         wait=None,
         theme=None,
+        user_matrix=None,
         **look,
     ):
         super().__init__(max_error=max_error, moving=moving)
+        if user_matrix is not None:
+            self.user_matrix = user_matrix
         self.name, self.pickable = name, pickable
         look |= {'cmap': cmap, 'clim': clim, 'smooth_shading': smooth_shading, 'theme': theme}
         look['opacity'] = checked_number('opacity', opacity, 0, 1)
-        self._look, cache = look, cache_of(cache)
+        cache = cache_of(cache)
         waits = checked_flag('wait', wait, optional=True) is not False
         self._job: BuildJob | None = None
         self._changes = 0
@@ -162,10 +168,17 @@ class LargeMesh(Thing):
         if isinstance(mesh, (str, Path)) and Path(mesh).suffix.lower() == SUFFIX:
             hierarchy, self._source = load(mesh)
         else:
+            mesh, look = given_mesh(mesh, look | {'scalars': scalars})
+            scalars = look.pop('scalars', None)
             hierarchy, self._source = None, source_of(mesh)
+        self._look = look
         self._coloring = Coloring.of(self._source, scalars, look)
+        has_texture = self._coloring.has_texture
         if hierarchy is None:
+            self._source = checked_texture(self._source, has_texture)
             hierarchy = self._first_hierarchy(cache, progress, waits)
+        elif has_texture and not len(hierarchy.texture_coordinates):
+            raise ValueError(NO_COORDINATES)
         self._prepare_actors()
         self._adopt(hierarchy)
 
@@ -185,7 +198,6 @@ class LargeMesh(Thing):
         self.GetMapper().SetNumberOfSubPieces(1)
         copy_property(self.prop, self._coloring.part.actor.prop)
         self.SetBackfaceProperty(self._coloring.part.actor.GetBackfaceProperty())
-        self.ForceOpaqueOff()
         self.SetPickable(True)
         other = self._other_actor
         other.SetMapper(_vtk.vtkPolyDataMapper())
@@ -200,19 +212,25 @@ class LargeMesh(Thing):
         """Let the mappers have the look of the colouring."""
         pairs = (self, self._cut), (self._other_actor, self._other_cut)
         for actor, cut in pairs:
+            copy_look(actor, self._coloring.part.actor)
             mapper = actor.GetMapper()
             planes = list(mapper.GetClippingPlanes() or ())
             mapper.ShallowCopy(self._coloring.part.actor.mapper)
             mapper.SetInputDataObject(cut.data)
             set_planes(mapper, planes)
-        self._scalar_name = self._coloring.name
+        self._scalar_name, self.has_names = self._coloring.name, self._coloring.has_names
 
     def _adopt(self, hierarchy):
         """Draw a hierarchy from now on."""
-        self._hierarchy = hierarchy
-        self._values = self._coloring.values_of(hierarchy)
-        self._changes += 1
+        self._built = hierarchy
+        self._colour()
         self._empty()
+
+    def _colour(self):
+        """Let what is drawn have the values of the colouring."""
+        self._values = self._coloring.values_of(self._built)
+        self._hierarchy = self._coloring.seen(self._built)
+        self._changes += 1
 
     def _empty(self):
         """Draw no patches."""
@@ -233,28 +251,30 @@ class LargeMesh(Thing):
         """Whether the last frame kept `max_error`."""
         return self._job is None and self._tolerance <= self.max_error
 
-    def set_scalars(self, scalars, *, clim=None):
-        """Colour by other values of points.
+    def set_scalars(self, scalars, *, clim=None, preference='point'):
+        """Colour by other values of points or cells.
 
         Parameters
         ----------
         scalars : str or array_like, shape (n,), (n, 3) or (n, 4)
-            Values of points, or the name of a point array; colours if it has ``rgb=True``.
+            Values of points or cells, or the name of an array; colours if it has ``rgb=True``.
         clim : sequence of 2 float, optional
             Range of the colours; by default that of the values.
+        preference : {'point', 'cell'}
+            What values are of that could be of both.
 
         Raises
         ------
         KeyError
             If there is no such array.
         ValueError
-            If there is not one value per point.
+            If there is not one value per point or cell.
         """
-        look = {k: v for k, v in self._look.items() if k not in ('clim', 'color')}
-        self._coloring = Coloring.of(self._source, scalars, look | {'clim': clim})
-        self._values = self._coloring.values_of(self._hierarchy)
+        look = {k: v for k, v in self._look.items() if k not in ('clim', 'color', 'texture')}
+        look |= {'clim': clim, 'preference': preference}
+        self._coloring = Coloring.of(self._source, scalars, look)
         self._dress_mappers()
-        self._changes += 1
+        self._colour()
         self._show_bar()
 
     def cut(self, max_error=None) -> pv.PolyData:
@@ -284,7 +304,8 @@ class LargeMesh(Thing):
         self._take_result()
         cut, hierarchy = CutMesh(), self._hierarchy
         _, patches = cut_of(hierarchy, self._view(self.pipeline.view()), max_error)
-        cut.show(hierarchy, patches, self._values, has_normals=True)
+        looks = {'has_normals': True, 'has_texture': self._coloring.has_texture}
+        cut.show(hierarchy, patches, self._values, **looks)
         mesh = pv.wrap(cut.data)
         mesh.regular_faces = mesh.regular_faces[:-2]
         return mesh.clean(point_merging=False).transform(self.matrix, inplace=False)
@@ -436,7 +457,8 @@ class LargeMesh(Thing):
 
     def _show(self, cut, patches):
         has_normals = self.prop.GetInterpolation() != _FLAT
-        cut.show(self._hierarchy, patches, self._values, has_normals=has_normals)
+        looks = {'has_normals': has_normals, 'has_texture': self._coloring.has_texture}
+        cut.show(self._hierarchy, patches, self._values, **looks)
 
     def _matrix(self) -> np.ndarray:
         """Return the world from the space about the hierarchy's origin."""

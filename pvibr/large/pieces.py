@@ -121,7 +121,7 @@ def _ply(path) -> Source | None:
         arrays[colors] = _fields(path, vertex, start, point_count, _PLY_ARRAYS[colors])
         rest = [name for name in rest if name not in _PLY_ARRAYS[colors]]
     arrays |= {name: _fields(path, vertex, start, point_count, [name]) for name in rest}
-    return Source(mesh, arrays, colors, (), point_count)
+    return Source(mesh, arrays, colors, {}, face_count, point_count)
 
 
 def _record(properties, order) -> np.dtype | None:
@@ -167,7 +167,7 @@ def _stl(path) -> Source | None:
 
     _check_count(3 * count)
     mesh = TriangleMesh(Rows(3 * count, points), Rows(count, faces), range(count), is_soup=True)
-    return Source(mesh)
+    return Source(mesh, cell_count=count)
 
 
 def _check_count(count):
@@ -222,7 +222,7 @@ def _heights(path) -> Source:
     count = 2 * (width - 1) * (height - 1)
     mesh = TriangleMesh(Rows(width * height, points), Rows(count, faces), range(count))
     heights = Rows(width * height, lambda start, stop: values(start, stop).astype(np.float32))
-    return Source(mesh, {'height': heights}, 'height', (), width * height)
+    return Source(mesh, {'height': heights}, 'height', {}, count, width * height)
 
 
 def _first_height(values, width, height) -> float:

@@ -8,6 +8,14 @@ import fast_simplification
 import numpy as np
 import scipy  # whose modules load when they are first used
 
+from pvibr.large.textured_cell import (
+    CellTexture,
+    SimplifiedTexture,
+    seams,
+    simplified_texture,
+    texture_distances,
+)
+
 #: Size to which a cell is scaled: thresholds of the simplifier are absolute.
 _SIZE = 0.1
 #: How fast the simplifier's threshold grows: slowly, which leaves smaller errors.
@@ -39,6 +47,14 @@ class Cell:
     random_count: int
     #: Bounds (low, high) that no point leaves, those of the full mesh, (2, 3).
     bounds: np.ndarray
+    texture: CellTexture | None = None
+
+    @property
+    def held(self) -> np.ndarray:
+        """Whether edge k of a face is to stay: of the mesh's own border, or a seam, (m, 3)."""
+        if self.texture is None:
+            return self.is_border
+        return self.is_border | seams(self.faces, self.texture.wedges, len(self.points))
 
 
 @dataclass(frozen=True)
@@ -60,6 +76,7 @@ class SimplifiedCell:
     distances: np.ndarray
     #: Distance that nearly all samples keep.
     error: float
+    texture: SimplifiedTexture | None = None
 
 
 def simplify_cell(cell) -> SimplifiedCell | None:
@@ -68,24 +85,30 @@ def simplify_cell(cell) -> SimplifiedCell | None:
     size = float((high - low).max()) / _SIZE or 1.0
     names = 'points', 'samples', 'bounds'
     scaled = replace(cell, **{name: (getattr(cell, name) - low) / size for name in names})
-    collapsed = _collapsed(scaled, has_skirt=True) if cell.is_border.any() else None
-    collapsed = collapsed or _collapsed(scaled, has_skirt=False)
+    if cell.texture is not None:
+        scaled = replace(scaled, texture=cell.texture.scaled(size))
+    held = cell.held
+    collapsed = _collapsed(scaled, held) if held.any() else None
+    collapsed = collapsed or _collapsed(scaled)
     if collapsed is None:
         return None
-    points, faces, continued, merged_into = collapsed
+    points, faces, kept, continued, merged_into = collapsed
     if not len(faces) or len(faces) > _STUCK * len(cell.faces):
         return None
     child_counts = np.bincount(merged_into[merged_into >= 0], minlength=len(points))
     points = np.clip(points, *scaled.bounds)
     is_new = (points != scaled.points[continued]).any(1) | (child_counts > 1)
-    nearest, distances = nearest_faces(scaled.samples, points, faces)
+    texture, squared = None, None
+    if scaled.texture is not None:
+        texture = simplified_texture(scaled.texture, scaled, points, kept, merged_into)
+        squared = texture_distances(scaled, points, faces, texture)
+    nearest, distances = nearest_faces(scaled.samples, points, faces, squared)
     error = _error_of(distances, cell.random_count)
     is_border = _border_of(cell, faces, continued, is_new)
     points = np.where(is_new[:, None], points * size + low, cell.points[continued])
     distances *= size
-    return SimplifiedCell(
-        points, faces, is_border, continued, is_new, merged_into, nearest, distances, error * size
-    )
+    found = nearest, distances, error * size, texture
+    return SimplifiedCell(points, faces, is_border, continued, is_new, merged_into, *found)
 
 
 def _error_of(distances, random_count) -> float:
@@ -96,11 +119,14 @@ def _error_of(distances, random_count) -> float:
     return float(max(most, distances.max() / _OUTLIER))
 
 
-def _collapsed(cell, *, has_skirt):
-    """Return points, faces, the points they continue and where points went, None if unknown."""
+def _collapsed(cell, held=None):
+    """Return points and faces, which faces and points these continue, and where points went.
+
+    Return None if it is unknown. Edges that are held have a skirt.
+    """
     points, faces, skirt_count = cell.points, cell.faces, 0
-    if has_skirt:
-        points, faces = _with_skirt(cell)
+    if held is not None:
+        points, faces = _with_skirt(cell, held)
         skirt_count = len(faces) - len(cell.faces)
     target = max(len(cell.faces) // 2 + int(_SKIRT_SHARE * skirt_count), 2)
     new_points, new_faces, collapses = fast_simplification.simplify(
@@ -114,7 +140,8 @@ def _collapsed(cell, *, has_skirt):
     survivors = _survivors(len(points), collapses)
     # Points without triangles are left out of the result, in which all others keep their order.
     mapped = survivors[faces]
-    continued = np.unique(mapped[has_three_corners(mapped)])
+    kept = np.flatnonzero(has_three_corners(mapped))
+    continued = np.unique(mapped[kept])
     if len(continued) != len(new_points):
         return None
     own_count, own_new = len(cell.points), int(np.searchsorted(continued, len(cell.points)))
@@ -124,7 +151,11 @@ def _collapsed(cell, *, has_skirt):
     rank[continued] = np.arange(len(continued))
     new_faces = np.asarray(new_faces, np.int32)
     new_faces = new_faces[(new_faces < own_new).all(1)]
-    return new_points[:own_new], new_faces, continued[:own_new], rank[survivors[:own_count]]
+    kept = kept[kept < len(cell.faces)]
+    if cell.texture is not None and not np.array_equal(rank[mapped[kept]], new_faces):
+        return None
+    merged_into = rank[survivors[:own_count]]
+    return new_points[:own_new], new_faces, kept, continued[:own_new], merged_into
 
 
 def _survivors(count, collapses) -> np.ndarray:
@@ -139,11 +170,11 @@ def _survivors(count, collapses) -> np.ndarray:
         survivors = further
 
 
-def _with_skirt(cell) -> tuple[np.ndarray, np.ndarray]:
-    """Return a cell with triangles that go down from the mesh's own border."""
-    # They make its edges interior, so that it is simplified as well, and their planes hold it.
+def _with_skirt(cell, held) -> tuple[np.ndarray, np.ndarray]:
+    """Return a cell with triangles that go down from edges that are held."""
+    # They make a border interior, so that it is simplified as well, and their planes hold it.
     points, faces = cell.points, cell.faces
-    edges = np.stack([faces, np.roll(faces, -1, axis=1)], 2)[cell.is_border]
+    edges = np.stack([faces, np.roll(faces, -1, axis=1)], 2)[held]
     corners = points[faces]
     face_normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     normals = np.stack(
@@ -201,24 +232,32 @@ def _border_of(cell, faces, continued, is_new) -> np.ndarray:
     return is_once & ~(np.isin(new_keys, old_keys) & (new_ends >= 0).all(2))
 
 
-def nearest_faces(places, points, faces) -> tuple[np.ndarray, np.ndarray]:
-    """Return the face nearest to each place among those around it, and its distance."""
+def nearest_faces(places, points, faces, squared=None) -> tuple[np.ndarray, np.ndarray]:
+    """Return the face nearest to each place among those around it, and its distance.
+
+    `squared` returns squared distances of some places from faces near them.
+    """
     corners = points[faces]
+    if squared is None:
+
+        def squared(own, near):
+            return _squared_distances(places[own][:, None], corners[near])
+
     tree = scipy.spatial.cKDTree(corners.mean(1), balanced_tree=False, compact_nodes=False)
-    nearest, distances = _nearest_of(tree, corners, places, _NEIGHBOURS)
+    nearest, distances = _nearest_of(tree, places, np.arange(len(places)), _NEIGHBOURS, squared)
     # The nearest may be a large face, the centre of which is far.
     far = np.argsort(distances)[-(len(distances) // _FAR_SHARE) :]
-    nearest[far], distances[far] = _nearest_of(tree, corners, places[far], _FAR_NEIGHBOURS)
+    nearest[far], distances[far] = _nearest_of(tree, places, far, _FAR_NEIGHBOURS, squared)
     return nearest, distances
 
 
-def _nearest_of(tree, corners, places, count) -> tuple[np.ndarray, np.ndarray]:
+def _nearest_of(tree, places, own, count, squared) -> tuple[np.ndarray, np.ndarray]:
     """Return the nearest of the faces with the nearest centres, and its distance."""
-    faces = np.minimum(tree.query(places, min(count, len(corners)))[1], len(corners) - 1)
-    faces = faces.reshape(len(places), -1)
-    squared = _squared_distances(places[:, None], corners[faces])
-    best, rows = squared.argmin(1), np.arange(len(places))
-    return faces[rows, best], np.sqrt(squared[rows, best])
+    faces = np.minimum(tree.query(places[own], min(count, tree.n))[1], tree.n - 1)
+    faces = faces.reshape(len(own), -1)
+    all_squared = squared(own, faces)
+    best, rows = all_squared.argmin(1), np.arange(len(own))
+    return faces[rows, best], np.sqrt(all_squared[rows, best])
 
 
 def _squared_distances(places, corners) -> np.ndarray:

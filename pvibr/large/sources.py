@@ -2,22 +2,22 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from pathlib import Path
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 import pyvista as pv
 
-from pvibr.io.trimesh_meshes import as_dataset, is_trimesh
 from pvibr.large.build import TriangleMesh
-from pvibr.meshes.mesh_files import has_graph, read_mesh
+from pvibr.large.given_mesh import given_mesh
 from pvibr.meshes.surfaces import check_points, polygons_of, surface_of
 
 #: Name of the array that follows cells of a mesh to its triangles.
 _CELL = 'pvibr_mesh_cell'
-_SCENE = 'mesh must be one mesh, got a scene: pass one of its meshes, or merge them first'
-_REMEDY = 'average them with mesh.cell_data_to_point_data()'
+NO_COORDINATES = (
+    'texture must be with texture coordinates, which the mesh does not have; '
+    'see mesh.texture_map_to_plane()'
+)
 
 
 @dataclass
@@ -30,8 +30,9 @@ class Source:
     arrays: dict[str, Any] = field(default_factory=dict)
     #: Name of the array that is active, or None.
     active: str | None = None
-    #: Names of arrays of cells.
-    of_cells: tuple[str, ...] = ()
+    #: Arrays of the cells of the user's mesh by name, and the number of its cells.
+    cell_arrays: dict[str, Any] = field(default_factory=dict)
+    cell_count: int = 0
     #: Number of the points of the user's mesh, and which of these are those of `mesh`; None for
     #: all.
     point_count: int = 0
@@ -42,53 +43,19 @@ class Source:
         """Number of triangles, 0 where a file holds their hierarchy."""
         return 0 if self.mesh is None else len(self.mesh.faces)
 
-    def values_of(self, scalars) -> tuple[str, np.ndarray]:
-        """Return the name and the values by point of scalars, a name or an array."""
-        if isinstance(scalars, str):
-            if scalars in self.arrays:
-                return scalars, checked_values(scalars, self.arrays[scalars])
-            if scalars in self.of_cells:
-                raise ValueError(
-                    f'scalars must be on points, got cell data {scalars!r}; {_REMEDY}'
-                )
-            names = ', '.join(map(repr, self.arrays)) or 'none'
-            raise KeyError(f'scalars: the mesh has no point array {scalars!r}; it has: {names}')
-        values = np.asarray(scalars)
-        if len(np.atleast_1d(values)) != self.point_count:
-            raise ValueError(
-                f'scalars must be one value per point ({self.point_count}), got shape '
-                f'{values.shape}; values of cells are not drawn: {_REMEDY}'
-            )
-        values = values if self.points is None else values[self.points]
-        return '', checked_values('scalars', values)
 
-
-def checked_values(name, values) -> np.ndarray:
-    """Return scalars that can be averaged: numbers, or colours of 3 or 4 components."""
-    values = np.asarray(values)
-    is_shape = values.ndim == 1 or (values.ndim == 2 and values.shape[1] in (3, 4))
-    if values.dtype.kind not in 'biuf' or not is_shape:
-        raise ValueError(
-            f'{name} must be numbers, one per point, or colours with rgb=True, got '
-            f'{values.dtype} of shape {values.shape}; give a component or a norm'
-        )
-    return values
+def checked_texture(source, has_texture) -> Source:
+    """Return a source with texture coordinates if there is a texture, and without if not."""
+    if not has_texture:
+        return replace(source, mesh=replace(source.mesh, texture_coordinates=None))
+    if source.mesh.texture_coordinates is None:
+        raise ValueError(NO_COORDINATES)
+    return source
 
 
 def source_of(mesh) -> Source:
     """Return the triangles of a mesh, or of a file of one."""
-    if has_graph(mesh):
-        raise TypeError(_SCENE)
-    if isinstance(mesh, str | Path):
-        mesh = read_mesh(mesh)
-    if is_trimesh(mesh, 'Trimesh'):
-        mesh = as_dataset(mesh, None, None)
-    if isinstance(mesh, pv.MultiBlock):
-        raise TypeError(_SCENE + ', as mesh.combine()')
-    if not isinstance(mesh, pv.DataSet):
-        raise TypeError(
-            f'mesh must be a PyVista dataset, a trimesh mesh or a path, got {type(mesh).__name__}'
-        )
+    mesh, _ = given_mesh(mesh, {})
     check_points(mesh)
     if isinstance(mesh, pv.PolyData) and mesh.is_all_triangles and not _has_strokes(mesh):
         faces = mesh.regular_faces
@@ -113,12 +80,15 @@ def _source(mesh, surface, faces, mesh_cells, points) -> Source:
     is_shown = info.name is not None and info.association.name in ('POINT', 'CELL')
     active = info.name if is_shown else None
     normals = surface.point_data.active_normals
+    coordinates = surface.point_data.active_texture_coordinates
     triangles = TriangleMesh(
         np.asarray(surface.points),
         np.asarray(faces),
         mesh_cells,
         None if normals is None else np.asarray(normals),
+        None if coordinates is None else np.asarray(coordinates)[:, :2],
     )
     arrays = {name: np.asarray(surface.point_data[name]) for name in names}
-    of_cells = tuple(mesh.cell_data.keys())
-    return Source(triangles, arrays, active, of_cells, mesh.n_points, points)
+    cell_arrays = {name: np.asarray(mesh.cell_data[name]) for name in mesh.cell_data}
+    counts = mesh.n_cells, mesh.n_points
+    return Source(triangles, arrays, active, cell_arrays, *counts, points)

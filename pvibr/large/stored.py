@@ -19,9 +19,10 @@ from pvibr.large.workers import worker_count
 
 SUFFIX = '.pvl'
 #: Raise it whenever another hierarchy is built of the same mesh.
-VERSION = 2
+VERSION = 3
 _KIND = 'large mesh'
-_SCALARS = 'scalars:'
+#: Prefixes of the names of arrays of points and of cells.
+_SCALARS, _OF_CELLS = 'scalars:', 'cells:'
 # What reading raises where a file holds other than it should, checksum or not.
 _WRONG = (ArithmeticError, AttributeError, LookupError, MemoryError, TypeError, ValueError)
 
@@ -36,8 +37,9 @@ def cache_of(cache) -> AtlasCache | None:
 
 def hierarchy_key(mesh) -> str:
     """Return the key of the hierarchy of a mesh: a digest of its content."""
-    normals = np.zeros(0) if mesh.normals is None else mesh.normals
-    return key_of(_KIND, VERSION, mesh.points, mesh.faces, mesh.mesh_cells, normals)
+    optional = mesh.normals, mesh.texture_coordinates
+    extras = [np.zeros(0) if array is None else array for array in optional]
+    return key_of(_KIND, VERSION, mesh.points, mesh.faces, mesh.mesh_cells, *extras)
 
 
 def built(mesh, cache, progress=None) -> Hierarchy:
@@ -60,6 +62,7 @@ def built(mesh, cache, progress=None) -> Hierarchy:
 def arrays_of(source) -> dict[str, Any]:
     """Return the arrays of a source by their names in a file."""
     arrays = {_SCALARS + name: values for name, values in source.arrays.items()}
+    arrays |= {_OF_CELLS + name: values for name, values in source.cell_arrays.items()}
     return arrays if source.points is None else arrays | {'source_points': source.points}
 
 
@@ -69,7 +72,7 @@ def meta_of(source) -> dict[str, Any]:
         'kind': _KIND,
         'version': VERSION,
         'active': source.active,
-        'of_cells': list(source.of_cells),
+        'cell_count': source.cell_count,
         'point_count': source.point_count,
     }
 
@@ -83,22 +86,25 @@ def load(path) -> tuple[Hierarchy, Source]:
             raise ValueError('it is not a large mesh of this version of pvibr')
         hierarchy = Hierarchy.of_arrays(entry)
         source = _stored_source(entry)
-        _check(source, len(hierarchy.vertex_of_point))
+        _check(source, hierarchy)
     except _WRONG as error:
         reason = error if isinstance(error, ValueError) else f'its content is wrong ({error!r})'
         raise PvibrError(f'cannot open {str(path)!r}: {reason}; build it again') from error
     return hierarchy, source
 
 
-def _check(source, count):
-    """Raise a ValueError unless the arrays of a source are of so many points."""
+def _check(source, hierarchy):
+    """Raise a ValueError unless the arrays of a source are of the mesh of a hierarchy."""
+    count, cells = len(hierarchy.vertex_of_point), hierarchy.mesh_cells
     points = np.arange(count) if source.points is None else source.points
     by_point = [*source.arrays.values(), points]
     is_whole = (
         all(len(values) == count for values in by_point)
+        and all(len(values) == source.cell_count for values in source.cell_arrays.values())
+        and 0 <= cells.min() <= cells.max() < source.cell_count
         and points.dtype.kind == 'i'
         and 0 <= points.min() <= points.max() < source.point_count
-        and source.active in (None, *source.arrays, *source.of_cells)
+        and source.active in (None, *source.arrays, *source.cell_arrays)
     )
     if not is_whole:
         raise ValueError('its arrays do not belong together')
@@ -106,10 +112,18 @@ def _check(source, count):
 
 def _stored_source(entry) -> Source:
     meta: dict[str, Any] = entry.meta
-    arrays = {
-        name.removeprefix(_SCALARS): values
-        for name, values in entry.items()
-        if name.startswith(_SCALARS)
-    }
-    of_cells, point_count = tuple(meta['of_cells']), int(meta['point_count'])
-    return Source(None, arrays, meta['active'], of_cells, point_count, entry.get('source_points'))
+    counts = int(meta['cell_count']), int(meta['point_count'])
+    return Source(
+        None,
+        _arrays(entry, _SCALARS),
+        meta['active'],
+        _arrays(entry, _OF_CELLS),
+        *counts,
+        entry.get('source_points'),
+    )
+
+
+def _arrays(entry, prefix) -> dict[str, np.ndarray]:
+    """Return the arrays whose names begin with a prefix, without it."""
+    names = [name for name in entry if name.startswith(prefix)]
+    return {name.removeprefix(prefix): entry[name] for name in names}

@@ -193,7 +193,7 @@ def test_scalars_set_anew():
     other, _ = drawn(large=False, scalars=terrain()['height'] * 2, clim=(-2, 2), cmap='viridis')
     assert (off(shot(pl), shot(other)) > 3).mean() < 2e-3
     refused('one value per point', thing.set_scalars, np.zeros(3), kind=ValueError)
-    refused('has no point array', thing.set_scalars, 'other', kind=KeyError)
+    refused('has no array', thing.set_scalars, 'other', kind=KeyError)
 
 
 def test_scalar_bar_and_its_range():
@@ -387,13 +387,10 @@ def _specks(picture):
 
 
 REFUSED = {
-    'cell scalars': (ValueError, 'cell_data_to_point_data', {'scalars': 'cells'}),
-    'active cell scalars': (ValueError, 'cell_data_to_point_data', {'active': 'cells'}),
-    'words': (ValueError, 'must be numbers', {'scalars': 'words'}),
-    'no array': (KeyError, 'has no point array', {'scalars': 'nothing'}),
-    'vectors': (ValueError, 'requires? rgb=True', {'scalars': 'vectors'}),
+    'no array': (KeyError, 'has no array', {'scalars': 'nothing'}),
+    'component': (ValueError, 'component', {'scalars': 'vectors', 'component': 3}),
     'rgb of numbers': (ValueError, 'colours of shape', {'scalars': 'height', 'rgb': True}),
-    'texture': (TypeError, 'give colours of points', {'texture': 'a.png'}),
+    'texture': (TypeError, 'pyvista.Texture', {'texture': 'a.png'}),
     'edges': (TypeError, 'simplified', {'show_edges': True}),
     'negative': (ValueError, 'max_error', {'max_error': -1}),
     'opacity': (ValueError, 'opacity', {'opacity': 2}),
@@ -406,11 +403,8 @@ REFUSED = {
 def test_what_it_does_not_draw_is_refused(case):
     kind, text, kwargs = REFUSED[case]
     mesh = terrain().copy()
-    mesh.cell_data['cells'] = np.zeros(mesh.n_cells)
     mesh['vectors'] = np.zeros((mesh.n_points, 3))
-    mesh['words'] = ['a'] * mesh.n_points
-    kwargs = dict(kwargs)
-    mesh.set_active_scalars(kwargs.pop('active', 'height'))
+    mesh.set_active_scalars('height')
     pl = plotter(SIZE)
     with pytest.raises(kind, match=text):
         pl.ibr.add_large_mesh(mesh, **kwargs)

@@ -126,7 +126,7 @@ def test_forged_file_is_found(file, tmp_path, name):
     refused('content is wrong', stored.load, path, kind=PvibrError)
 
 
-@pytest.mark.parametrize('name', ['active', 'point_count'])
+@pytest.mark.parametrize('name', ['active', 'point_count', 'cell_count'])
 def test_forged_description_is_found(file, tmp_path, name):
     entry = open_checked(file)
     path = written(tmp_path / 'forged.pvl', dict(entry), entry.meta | {name: 3})
