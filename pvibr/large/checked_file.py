@@ -54,17 +54,28 @@ def _written(file, parts) -> tuple:
 def open_checked(path: Path) -> Entry:
     """Return the arrays of a file, mapped into memory, once each was read and found whole."""
     header = _table_of(path)
-    arrays = {}
     with path.open('rb') as file:
         for name, (dtype, shape, place, checksum) in header['arrays'].items():
-            kind = np.dtype(dtype)
-            size = kind.itemsize * int(np.prod(shape, dtype=np.int64))
-            if kind.hasobject or min(shape) < 0 or _checksum_of(file, place, size) != checksum:
+            size = np.dtype(dtype).itemsize * int(np.prod(shape, dtype=np.int64))
+            if _checksum_of(file, place, size) != checksum:
                 raise ValueError(f'its array {name!r} is damaged: its checksum differs')
-            arrays[name] = np.zeros(shape, kind)
-            if size:
-                arrays[name] = np.memmap(path, kind, 'r', place, tuple(shape))
+    return map_arrays(path)
+
+
+def map_arrays(path: Path) -> Entry:
+    """Return the arrays of a file, mapped into memory."""
+    header = _table_of(path)
+    arrays = {
+        name: _mapped(path, np.dtype(dtype), place, tuple(shape))
+        for name, (dtype, shape, place, _) in header['arrays'].items()
+    }
     return Entry(arrays, header['meta'])
+
+
+def _mapped(path, dtype, place, shape) -> np.ndarray:
+    if not np.prod(shape):  # nothing cannot be mapped
+        return np.zeros(shape, dtype)
+    return np.memmap(path, dtype, 'r', place, shape)
 
 
 def _checksum_of(file, place, size) -> int:

@@ -145,11 +145,16 @@ class Hierarchy:
     @classmethod
     def of_arrays(cls, arrays: Mapping[str, np.ndarray]) -> Hierarchy:
         """Return the hierarchy of arrays that `to_arrays` returned, checked."""
-        hierarchy = cls(**{field.name: arrays[field.name] for field in fields(cls)})
-        hierarchy._check()
+        hierarchy = cls.of_checked(arrays)
+        hierarchy.check()
         return hierarchy
 
-    def _check(self):
+    @classmethod
+    def of_checked(cls, arrays: Mapping[str, np.ndarray]) -> Hierarchy:
+        """Return the hierarchy of arrays that were checked before."""
+        return cls(**{field.name: arrays[field.name] for field in fields(cls)})
+
+    def check(self):
         """Raise a ValueError where arrays do not belong together, which names one that is off."""
         for name, array in self.to_arrays().items():
             if (array.dtype.kind, array.shape[1:]) != _LAYOUT[name]:

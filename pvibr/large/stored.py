@@ -12,7 +12,7 @@ from pvibr.core.files import existing
 from pvibr.core.progress import baking
 from pvibr.instances.cache import AtlasCache, key_of
 from pvibr.large.build import build_hierarchy
-from pvibr.large.checked_file import open_checked
+from pvibr.large.checked_file import map_arrays, open_checked
 from pvibr.large.hierarchy import Hierarchy
 from pvibr.large.sources import Source
 from pvibr.large.workers import worker_count
@@ -84,22 +84,23 @@ def load(path) -> tuple[Hierarchy, Source]:
         entry = open_checked(path)
         if entry.meta.get('kind') != _KIND or entry.meta.get('version') != VERSION:
             raise ValueError('it is not a large mesh of this version of pvibr')
-        hierarchy = Hierarchy.of_arrays(entry)
-        source = _stored_source(entry)
-        _check(source, hierarchy)
+        _check(_stored_source(entry), Hierarchy.of_arrays(entry))
+        # Anew: what was looked at to be checked does not stay in memory.
+        entry = map_arrays(path)
     except _WRONG as error:
         reason = error if isinstance(error, ValueError) else f'its content is wrong ({error!r})'
         raise PvibrError(f'cannot open {str(path)!r}: {reason}; build it again') from error
-    return hierarchy, source
+    return Hierarchy.of_checked(entry), _stored_source(entry)
 
 
 def _check(source, hierarchy):
     """Raise a ValueError unless the arrays of a source are of the mesh of a hierarchy."""
     count, cells = len(hierarchy.vertex_of_point), hierarchy.mesh_cells
-    points = np.arange(count) if source.points is None else source.points
-    by_point = [*source.arrays.values(), points]
+    points = np.array([source.point_count - 1]) if source.points is None else source.points
+    by_point = list(source.arrays.values())
     is_whole = (
         all(len(values) == count for values in by_point)
+        and len(points) == (1 if source.points is None else count)
         and all(len(values) == source.cell_count for values in source.cell_arrays.values())
         and 0 <= cells.min() <= cells.max() < source.cell_count
         and points.dtype.kind == 'i'
