@@ -2,11 +2,18 @@
 
 from __future__ import annotations
 
+import contextlib
+import os
+import subprocess
+import sys
+import tempfile
 import time
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+import psutil  # type: ignore[import-untyped]
 import pyvista as pv
 
 from benchmarks.common import plots
@@ -16,6 +23,8 @@ from benchmarks.common.whole_frames import real_plotter, turning
 from pvibr.cli.timing import spent
 from pvibr.large.build import build_draft, build_hierarchy
 from pvibr.large.sources import source_of
+from pvibr.large.stored import load
+from pvibr.large.workers import worker_count
 from pvibr.maths.flip import flip
 
 _LOOK = {'scalars': 'pattern', 'smooth_shading': True, 'show_scalar_bar': False}
@@ -88,14 +97,52 @@ def _builds(settings, results):
     """Yield the time of the hierarchy, and of the picture before it is there."""
     for name, make in MESHES.items():
         mesh: Any = source_of(make(settings.triangles)).mesh
-        start = time.process_time()
-        _, wall = timed(lambda mesh=mesh: build_hierarchy(mesh))
+        start = _processor_time()
+        _, wall = timed(lambda mesh=mesh: build_hierarchy(mesh, workers=worker_count(None)))
         millions = len(mesh.faces) / 1e6
-        processor = time.process_time() - start
+        processor = _processor_time() - start
         yield Row(f'{name}: hierarchy, per million triangles', wall / millions, 's', 12)
         yield Row(f'{name}: the same, processor time', processor / millions, 's')
         _, first = timed(lambda mesh=mesh: build_draft(mesh))
         yield Row(f'{name}: draft of {millions:.1f} million', first, 's', 1.5)
+
+
+def _processor_time() -> float:
+    """Return the processor time of this process and of its children that have ended."""
+    return sum(os.times()[:4])
+
+
+def _files(settings, results):
+    """Yield what a build out of core takes, and opening its file."""
+    with tempfile.TemporaryDirectory() as folder:
+        path, out = Path(folder) / 'a.ply', Path(folder) / 'a.pvl'
+        mesh = terrain(settings.file_triangles)
+        millions = mesh.n_cells / 1e6
+        mesh.save(path)
+        program = 'import sys; from pvibr.cli.app import main; sys.exit(main(sys.argv[1:]))'
+        command = [sys.executable, '-c', program, 'build', str(path), '-o', str(out)]
+        start = time.perf_counter()
+        with subprocess.Popen(command, stdout=subprocess.DEVNULL) as process:
+            most = _most_memory(process)
+        title = f'{millions:.1f} million triangles of a file'
+        yield Row(f'{title}: memory of a build, all processes', most / 1e9, 'GB', 3)
+        wall = (time.perf_counter() - start) / millions
+        yield Row(f'{title}: time of a build, per million', wall, 's', 12)
+        yield Row(f'{title}: bytes per triangle', out.stat().st_size / mesh.n_cells, 'B')
+        yield Row(f'{title}: opened', timed(lambda: load(out))[1], 's')
+
+
+def _most_memory(process) -> int:
+    """Return the most memory that a process and its children hold until it ends."""
+    most, parent = 0, psutil.Process(process.pid)
+    while process.poll() is None:
+        held = 0
+        with contextlib.suppress(psutil.Error):
+            for each in (parent, *parent.children(recursive=True)):
+                held += each.memory_info().rss
+        most = max(most, held)
+        time.sleep(0.1)
+    return most
 
 
 def _flights(settings, results):
@@ -217,12 +264,13 @@ def _over_terrain(settings, size, on):
 
 
 BENCH = Bench(
-    parts={'build': _builds, 'flight': _flights, 'error': _errors},
+    parts={'build': _builds, 'file': _files, 'flight': _flights, 'error': _errors},
     plot=plot,
     outside={'large mesh': _over_terrain},
     settings={
         'size': ((1280, 720), (160, 90)),
         'triangles': (4_000_000, 40_000),
+        'file_triangles': (20_000_000, 40_000),
         'frames': (60, 6),
         'views': (8, 2),
     },

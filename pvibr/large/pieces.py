@@ -27,6 +27,8 @@ _PLY_LIST = re.compile(r'property list (\S+) (\S+) vertex_ind(?:ices|ex)')
 #: Properties of PLY files that are one array, as VTK names it.
 _PLY_ARRAYS = {'RGBA': ('red', 'green', 'blue', 'alpha'), 'RGB': ('red', 'green', 'blue')}
 _POINT, _NORMAL = ('x', 'y', 'z'), ('nx', 'ny', 'nz')
+#: Names of texture coordinates in PLY files.
+_COORDINATES = ('u', 'v'), ('s', 't'), ('texture_u', 'texture_v')
 _STL_HEAD = 84
 _STL = np.dtype([('normal', '<f4', 3), ('corners', '<f4', (3, 3)), ('attribute', '<u2')])
 #: Points at most: they are numbered by 32 bits.
@@ -108,20 +110,26 @@ def _ply(path) -> Source | None:
     # Of another size, it has faces with more corners, or is cut: to be read, or refused, whole.
     if path.stat().st_size != face_start + face_count * face.itemsize or not face_count:
         return None
-    normals = {*_NORMAL} <= {*names}
+
+    def of_points(fields):
+        return _fields(path, vertex, start, point_count, fields)
+
+    given = {*names}
+    coordinates = next((pair for pair in _COORDINATES if {*pair} <= given), ())
     mesh = TriangleMesh(
-        _fields(path, vertex, start, point_count, _POINT),
+        of_points(_POINT),
         _records(path, face, face_start, face_count, _triangles_of),
         range(face_count),
-        _fields(path, vertex, start, point_count, _NORMAL) if normals else None,
+        of_points(_NORMAL) if {*_NORMAL} <= given else None,
+        of_points(coordinates) if coordinates else None,
     )
-    arrays, rest = {}, [name for name in names if name not in (*_POINT, *_NORMAL)]
-    colors = next((name for name, of in _PLY_ARRAYS.items() if {*of} <= {*rest}), None)
-    if colors:
-        arrays[colors] = _fields(path, vertex, start, point_count, _PLY_ARRAYS[colors])
-        rest = [name for name in rest if name not in _PLY_ARRAYS[colors]]
-    arrays |= {name: _fields(path, vertex, start, point_count, [name]) for name in rest}
-    return Source(mesh, arrays, colors, {}, face_count, point_count)
+    colors = next((name for name, of in _PLY_ARRAYS.items() if {*of} <= given), None)
+    arrays = {colors: of_points(_PLY_ARRAYS[colors])} if colors else {}
+    used = {*_POINT, *_NORMAL, *coordinates, *(_PLY_ARRAYS[colors] if colors else ())}
+    arrays |= {name: of_points([name]) for name in names if name not in used}
+    of_faces = [name for name in face.names or () if name not in ('corner_count', 'corners')]
+    cell_arrays = {n: _fields(path, face, face_start, face_count, [n]) for n in of_faces}
+    return Source(mesh, arrays, colors, cell_arrays, face_count, point_count)
 
 
 def _record(properties, order) -> np.dtype | None:

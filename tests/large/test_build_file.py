@@ -371,3 +371,23 @@ def test_options_are_checked(option, tmp_path):
     kind = TypeError if 'x' in option.values() else ValueError
     refused(name, terrain().ibr.large, tmp_path / 'a.pvl', **option, kind=kind)
     assert cli.main(['build', str(Path(__file__)), '-o', str(tmp_path / 'a.pvl')]) == 2
+
+
+def test_texture_coordinates_and_face_values_of_ply(tmp_path):
+    mesh = terrain().copy()
+    mesh['s'], mesh['t'] = mesh.points[:, 0], mesh.points[:, 1]
+    path = write_ply(tmp_path / 'a.ply', mesh, extra=['s', 't', 'height'])
+    content = path.read_bytes().replace(
+        b'vertex_indices\nend_header', b'vertex_indices\nproperty uchar part\nend_header'
+    )
+    start = len(content) - 13 * mesh.n_cells
+    faces = np.frombuffer(content[start:], np.uint8).reshape(-1, 13)
+    parts = (np.arange(mesh.n_cells) % 7).astype(np.uint8)
+    path.write_bytes(content[:start] + np.c_[faces, parts].tobytes())
+    out = build_file.write_large(path, tmp_path / 'a.pvl')
+    hierarchy, source = stored.load(out)
+    np.testing.assert_array_equal(source.cell_arrays['part'], parts)
+    assert list(source.arrays) == ['height']
+    places = hierarchy.points[hierarchy.vertices, :2] + hierarchy.origin[:2]
+    slides = np.linalg.norm(places - hierarchy.texture_coordinates, axis=1)
+    assert np.median(slides) < 1e-3
