@@ -70,7 +70,7 @@ class IBRAccessor:
         progress : bool, optional
             Show a progress bar; by default in terminals and notebooks.
         workers : int, optional
-            Number of processes; by default one per core.
+            Number of processes; by default one per core, at most 8, as far as `memory` allows.
         memory : float, optional
             Memory of the build beyond the mesh's own, GB, at least 0.5; by default 2. Everything
             else is kept in a folder beside the file until it is complete: a call that was stopped

@@ -253,7 +253,7 @@ def build(
     Parameters
     ----------
     workers
-        Number of processes; by default one per core.
+        Number of processes; by default one per core, at most 8, as far as the memory allows.
     memory
         Memory of all processes, GB, at least 0.5: what does not fit is on the disk, which needs
         about 200 bytes per triangle.

@@ -26,7 +26,7 @@ from pvibr.large.workers import worker_count
 #: Memory of a build by default, GB.
 MEMORY = 2.0
 #: Of it, what Python and its modules take, and what each process takes for a block, bytes.
-_BASE_BYTES, _WORKER_BYTES = 250e6, 250e6
+_BASE_BYTES, _WORKER_BYTES = 250e6, 150e6
 #: Share of the memory from which it is told that a file is read whole.
 _WHOLE_SHARE = 0.25
 _WORK_SUFFIX = '.build'

@@ -103,40 +103,39 @@ class Hierarchy:
 
     def averaged(self, values) -> np.ndarray:
         """Return means by area of the points' values at all vertices, NaN where none is finite."""
-        values = np.asarray(values, np.float64).reshape(len(self.vertex_of_point), -1)
+        values = np.asarray(values).reshape(len(self.vertex_of_point), -1)
         return self.means(self.vertex_of_point, values, self.areas[self.vertex_of_point])
 
     def means(self, vertices, values, weights) -> np.ndarray:
         """Return means at all vertices of weighted values at some of the full mesh."""
-        count = len(self.areas)
-        weights = np.where(np.isfinite(values), weights[:, None], 0.0).astype(np.float64)
-        sums = np.zeros((len(self.points), values.shape[1]))
-        all_weights = np.zeros_like(sums)
-        sums[:count] = _summed(vertices, np.nan_to_num(values) * weights, count)
-        all_weights[:count] = _summed(vertices, weights, count)
-        for first, last, children in self.merges():
-            places, count = self.parents[children] - first, last - first
-            sums[first:last] = _summed(places, sums[children], count)
-            all_weights[first:last] = _summed(places, all_weights[children], count)
-        with np.errstate(invalid='ignore'):
-            return (sums / np.where(all_weights > 0, all_weights, np.nan)).astype(np.float32)
+        return np.stack([self._column_means(vertices, v, weights) for v in values.T], 1)
+
+    def _column_means(self, vertices, values, weights) -> np.ndarray:
+        is_known, count = np.isfinite(values), len(self.areas)
+        weights = np.where(is_known, weights, 0.0).astype(np.float64)
+        sums = np.bincount(vertices, np.where(is_known, values, 0) * weights, count)
+        totals = np.zeros(len(self.points), np.float32)
+        means = np.zeros(len(self.points), np.float32)
+        own_totals = np.bincount(vertices, weights / (weights.max(initial=0.0) or 1.0), count)
+        totals[:count] = own_totals
+        with np.errstate(invalid='ignore', divide='ignore'):
+            means[:count] = sums / np.bincount(vertices, weights, count)
+            for first, last, children in self.merges():
+                places, own_weights = self.parents[children] - first, totals[children]
+                products = np.where(own_weights > 0, means[children] * own_weights, 0)
+                totals[first:last] = np.bincount(places, own_weights, last - first)
+                means[first:last] = np.bincount(places, products, last - first)
+                means[first:last] /= totals[first:last]
+        means[totals == 0] = np.nan
+        return means
 
     def merges(self):
         """Yield the vertices of each level, first and last, and those merged into them."""
         for first, last in zip(self.level_starts[1:-1], self.level_starts[2:], strict=True):
-            children = self._children[slice(*np.searchsorted(self._child_parents, (first, last)))]
+            parents = self.parents[:first]
+            children = np.flatnonzero((parents >= first) & (parents < last))
             if len(children):
                 yield int(first), int(last), children
-
-    @cached_property
-    def _children(self) -> np.ndarray:
-        """Vertices that were merged into others, in the order of these."""
-        order = np.argsort(self.parents, kind='stable')
-        return order[np.searchsorted(self.parents[order], 0) :]
-
-    @cached_property
-    def _child_parents(self) -> np.ndarray:
-        return self.parents[self._children]
 
     def to_arrays(self) -> dict[str, np.ndarray]:
         """Return all arrays by name."""
@@ -192,15 +191,11 @@ class Hierarchy:
         counts, starts = np.diff(self.vertex_starts), self.triangle_starts
         for first in range(0, len(counts), _PIECE_PATCHES):
             last = min(first + _PIECE_PATCHES, len(counts))
-            corners = self.triangles[starts[first] : starts[last]].max(1)
-            if (corners >= np.repeat(counts[first:last], self.triangle_counts[first:last])).any():
+            corners = self.triangles[starts[first] : starts[last]]
+            highest = np.maximum(np.maximum(corners[:, 0], corners[:, 1]), corners[:, 2])
+            if (highest >= np.repeat(counts[first:last], self.triangle_counts[first:last])).any():
                 return False
         return True
-
-
-def _summed(places, values, count) -> np.ndarray:
-    """Return sums of rows by place."""
-    return np.stack([np.bincount(places, column, count) for column in values.T], 1)
 
 
 def _are_starts(starts, count, end) -> bool:

@@ -15,6 +15,8 @@ from pvibr.large.block import Block, SimplifiedBlock, simplified_block
 
 #: Blocks beyond those being simplified that are held in memory, read or done.
 _WAITING = 1
+#: Processes at most, unless asked for: more wait for what this one reads and writes.
+_MOST = 8
 #: Blocks from which processes are worth their start.
 _WORTHWHILE = 4
 
@@ -81,13 +83,13 @@ class Workers:
 
 def worker_count(workers) -> int:
     """Return the number of processes that an argument asks for, by default one per core."""
-    if not can_start():
-        return 1
-    if workers is None:
-        with contextlib.suppress(AttributeError):
-            return len(os.sched_getaffinity(0))
-        return os.cpu_count() or 1
-    return int(checked_number('workers', workers, 1))
+    if workers is not None:
+        workers = int(checked_number('workers', workers, 1))
+    elif hasattr(os, 'sched_getaffinity'):
+        workers = min(len(os.sched_getaffinity(0)), _MOST)
+    else:
+        workers = min(os.cpu_count() or 1, _MOST)
+    return workers if can_start() else 1
 
 
 def main():
