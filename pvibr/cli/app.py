@@ -260,7 +260,11 @@ def build(
     """
     from pvibr.large.build_file import write_large
 
-    path = write_large(mesh, out, workers=workers, memory=memory)
+    try:
+        path = write_large(mesh, out, workers=workers, memory=memory)
+    except KeyboardInterrupt:
+        print('pvibr: stopped; the same command goes on from here', file=sys.stderr)
+        raise
     print(f'wrote {path}: {path.stat().st_size / 1e6:.1f} MB')
 
 

@@ -100,7 +100,8 @@ def _check(source, hierarchy):
     by_point = list(source.arrays.values())
     is_whole = (
         all(len(values) == count for values in by_point)
-        and len(points) == (1 if source.points is None else count)
+        and (len(points) == count or source.points is None)
+        and (source.point_count == count or source.points is not None)
         and all(len(values) == source.cell_count for values in source.cell_arrays.values())
         and 0 <= cells.min() <= cells.max() < source.cell_count
         and points.dtype.kind == 'i'

@@ -335,6 +335,7 @@ def test_killed_build_goes_on(how, tmp_path):
     _, errors = process.communicate()
     assert process.returncode == (130 if how == signal.SIGINT else -9)
     assert b'Traceback' not in errors
+    assert (b'goes on' in errors) == (how == signal.SIGINT)
     assert not out.exists()
     assert not list(tmp_path.glob('.*.pvl')), 'no half file'
     again = started(path, out)

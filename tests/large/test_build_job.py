@@ -85,11 +85,15 @@ def test_without_a_process_it_is_built_here(monkeypatch, cause):
 
 
 def test_process_ends_with_its_parent(monkeypatch):
-    monkeypatch.setattr('pvibr.large.workers._WORTHWHILE', 1)
+    program = (
+        'import time, pvibr.large.build_job as module; '
+        'module.build_hierarchy = lambda *_, **__: time.sleep(600); module.main()'
+    )
+    monkeypatch.setattr('pvibr.core.child_processes._PROGRAM', program)
     job = BuildJob(source_of(terrain()).mesh, 'key', None)
     job.start()
     child = job._work.child
-    job._work._thread.join(1)  # while it builds
+    job._work._thread.join(1)
     child.stdin.close()  # as where the parent was killed
     assert child.wait() == 1
     job.stop()
