@@ -44,6 +44,8 @@ class TriangleMesh:
     normals: np.ndarray | None = None
     #: Texture coordinates of the points if the mesh has any, (n, 2).
     texture_coordinates: np.ndarray | None = None
+    #: Edges of each triangle that are edges of its cell, bits 1, 2 and 4, (m,) uint8; all if None.
+    edge_flags: np.ndarray | None = None
 
 
 @dataclass
@@ -58,6 +60,8 @@ class _Level:
     #: Triangle nearest to each sample, and its distance.
     sample_faces: np.ndarray
     sample_distances: np.ndarray
+    #: Number of each triangle in the full mesh, -1 for simplified ones.
+    numbers: np.ndarray
     #: Wedge of each corner, (m, 3), and texture coordinates of samples, (s, 5); (.., 0) without.
     wedges: np.ndarray
     sample_coordinates: np.ndarray
@@ -89,7 +93,7 @@ class _Builder:
         points, self._vertex_of_point = merge(points - self._origin)
         faces = self._vertex_of_point[mesh.faces]
         is_area = has_three_corners(faces)
-        self._faces, self._mesh_cells = faces[is_area], np.asarray(mesh.mesh_cells)[is_area]
+        self._faces, self._face_numbers = faces[is_area], np.flatnonzero(is_area)
         self._corner_wedges = np.zeros((len(self._faces), 0), np.int32)
         self._wedges: Wedges | None = None
         if mesh.texture_coordinates is not None:
@@ -105,12 +109,11 @@ class _Builder:
         self._errors: list[float] = []
         self._boxes: list[np.ndarray] = []
         self._patches: list[tuple[int, int, np.ndarray]] = []
-        self._patch_mesh_cells: list[np.ndarray] = []
+        self._patch_numbers: list[np.ndarray] = []
 
     def build(self, level_count) -> Hierarchy:
         """Simplify level by level until one cell is left, or none gets smaller."""
         level = self._full_level()
-        self._mesh_cell_of_face = self._mesh_cells
         for _ in range(level_count):
             cells = kd_cells(self._centers(level.faces), self._rng)
             if len(cells) == 1:
@@ -144,6 +147,7 @@ class _Builder:
             self._points[vertices],
             owners[used],
             np.zeros(len(used)),
+            self._face_numbers,
             self._corner_wedges,
             coordinates,
         )
@@ -187,6 +191,7 @@ class _Builder:
                     level.samples[samples],
                     (simplified.nearest + offset).astype(np.int32),
                     simplified.distances,
+                    np.full(len(simplified.faces), -1),
                     wedges,
                     level.sample_coordinates[samples],
                 )
@@ -262,8 +267,7 @@ class _Builder:
             made_by = int(level.made_by[part[0]])
             corners = level.faces if self._wedges is None else level.wedges
             self._patches.append((made_by, replaced_by, corners[part]))
-            mesh_cells = self._mesh_cell_of_face[part] if made_by == NO_CELL else _NOTHING
-            self._patch_mesh_cells.append(mesh_cells)
+            self._patch_numbers.append(level.numbers[part] if made_by == NO_CELL else _NOTHING)
 
     def _add_vertices(self, new_points, merges):
         """Add the vertices of a new level, and note what was merged into them."""
@@ -291,6 +295,8 @@ class _Builder:
             patch_triangles.append(faces.reshape(-1, 3).astype(np.uint16))
             boxes.append(_box(drawn_points[own_vertices]))
         areas, normals = self._areas_and_normals()
+        numbers = np.concatenate([self._patch_numbers[k] for k in order]).astype(np.int64)
+        flags = self._mesh.edge_flags
         cell_count = len(self._errors)
         hierarchy = Hierarchy(
             origin=self._origin,
@@ -300,7 +306,8 @@ class _Builder:
             level_starts=np.array(self._level_starts, np.int64),
             areas=areas,
             vertex_of_point=self._vertex_of_point,
-            mesh_cells=np.concatenate([self._patch_mesh_cells[k] for k in order]).astype(np.int64),
+            mesh_cells=np.asarray(self._mesh.mesh_cells)[numbers].astype(np.int64),
+            edge_flags=np.zeros(0, np.uint8) if flags is None else flags[numbers],
             errors=np.array(self._errors).reshape(cell_count),
             boxes=np.array(self._boxes).reshape(cell_count, 2, 3),
             patch_cells=np.array([self._patches[k][:2] for k in order], np.int32),
@@ -388,6 +395,7 @@ def _kept(level, ids, samples, sample_faces) -> _Level:
         level.samples[samples],
         sample_faces.astype(np.int32),
         level.sample_distances[samples],
+        level.numbers[ids],
         level.wedges[ids],
         level.sample_coordinates[samples],
     )

@@ -9,6 +9,7 @@ import sys
 import tempfile
 import threading
 import weakref
+from dataclasses import fields
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +18,7 @@ from pvibr.instances.cache import AtlasCache
 from pvibr.large.build import TriangleMesh, build_hierarchy
 from pvibr.large.hierarchy import Hierarchy
 
-_NAMES = 'points', 'faces', 'mesh_cells', 'normals', 'texture_coordinates'
+_NAMES = tuple(field.name for field in fields(TriangleMesh))
 _STDERR_BYTES = 2000
 # Ctrl+C is for the parent, which decides.
 _PROGRAM = (

@@ -5,7 +5,8 @@ import pytest
 import pyvista as pv
 
 from pvibr.large import stored
-from pvibr.large.original_cells import VISIBLE_EDGE, edge_lengths, with_visible_cells
+from pvibr.large.build import build_hierarchy
+from pvibr.large.original_cells import VISIBLE_CELL, edge_lengths, with_visible_cells
 from pvibr.large.scalars import scalars_of
 from pvibr.large.sources import source_of
 from pvibr.large.vertex_values import full_triangles, vertex_values
@@ -82,6 +83,21 @@ def test_flat_faces_show_as_well():
     assert (off(picture, truth) > 8).mean() < 0.01
 
 
+def test_triangles_know_their_cells_where_some_could_not_be_simplified():
+    """Loose triangles stay while the ground is simplified."""
+    rng, ground = np.random.default_rng(0), terrain()
+    loose = rng.random((6000, 1, 3)) + 0.02 * rng.random((6000, 3, 3)) + (2, 0, 0)
+    loose = pv.PolyData.from_regular_faces(loose.reshape(-1, 3), np.arange(18000).reshape(-1, 3))
+    mesh = ground.append_polydata(loose)
+    mesh.clear_data()
+    hierarchy = build_hierarchy(source_of(mesh).mesh)
+    made_by = hierarchy.patch_cells[:, 0]
+    assert (made_by >= 0).any()
+    corners = hierarchy.points[full_triangles(hierarchy)] + hierarchy.origin
+    own = mesh.points[mesh.regular_faces[hierarchy.mesh_cells]]
+    np.testing.assert_allclose(corners, own, atol=1e-5)
+
+
 def test_means_are_by_area():
     hierarchy, mesh = hierarchy_of(terrain), with_cells()
     scalars = scalars_of(source_of(mesh), 'wave', {})
@@ -118,11 +134,12 @@ def test_categories_stay_categories():
 
 def test_errors_grow_to_the_size_of_faces():
     hierarchy = hierarchy_of(terrain)
-    seen, lengths = with_visible_cells(hierarchy), edge_lengths(hierarchy)
+    lengths = edge_lengths(hierarchy)
+    seen = with_visible_cells(hierarchy, lengths, VISIBLE_CELL)
     assert (seen.errors >= hierarchy.errors).all()
     for (maker, owner), length in zip(hierarchy.patch_cells, lengths, strict=True):
         if owner >= 0:
-            below = length / VISIBLE_EDGE if maker < 0 else seen.errors[maker]
+            below = length / VISIBLE_CELL if maker < 0 else seen.errors[maker]
             assert seen.errors[owner] >= below
     step = 1 / 179
     assert step < np.median(lengths[hierarchy.full_patches]) < 2.5 * step
