@@ -25,6 +25,7 @@ from pvibr.large.cut_mesh import CutLook, CutMesh
 from pvibr.large.drawn_surface import DrawnSurface
 from pvibr.large.full_picking import nearest_triangle
 from pvibr.large.given_mesh import given_mesh
+from pvibr.large.solid_cut import SolidCut
 from pvibr.large.sources import NO_COORDINATES, checked_texture, source_of
 from pvibr.large.stored import SUFFIX, built, cache_of, hierarchy_key, load
 from pvibr.meshes.parts import as_parts, copy_look
@@ -165,6 +166,7 @@ class LargeMesh(Thing):
         self._tolerance = max_error
         self._cut, self._other_cut = CutMesh(), CutMesh()
         self._other_actor = pv.Actor()
+        self._solid = SolidCut()
         if isinstance(mesh, (str, Path)) and Path(mesh).suffix.lower() == SUFFIX:
             hierarchy, self._source = load(mesh)
         else:
@@ -351,6 +353,15 @@ class LargeMesh(Thing):
         """Set `pickable`, for VTK's pickers as well."""
         super().SetPickable(pickable)
         pv.Actor.SetPickable(self, self.pickable)
+
+    def solids(self) -> list:
+        """Return an actor with the triangles of the last cut, or of the mesh before a frame."""
+        actor, hierarchy = self._solid.actor, self._surface.hierarchy
+        self._solid.show(hierarchy, self._whole if len(self._whole) else hierarchy.full_patches)
+        actor.SetProperty(self.prop)
+        actor.SetUserMatrix(self.GetMatrix())
+        set_planes(actor.GetMapper(), list(self.GetMapper().GetClippingPlanes() or ()))
+        return [actor]
 
     def set_clipping_planes(self, planes):
         """Clip what other views see, too; this actor's mapper clips itself."""
