@@ -17,6 +17,7 @@ from pvibr.core.errors import warn
 from pvibr.core.params import Param, checked_flag
 from pvibr.core.signatures import takes
 from pvibr.instances.bake_queue import can_run
+from pvibr.large.baked_cut import bake_cut
 from pvibr.large.build import build_draft
 from pvibr.large.build_job import BuildJob
 from pvibr.large.colouring import Coloring
@@ -387,10 +388,7 @@ class LargeMesh(Thing):
 
     def bake_into(self, scene):
         """Export the mesh of the current view, at `max_error`."""
-        part = self._coloring.part.with_mesh(self.cut())
-        part.actor.SetProperty(self.prop)
-        part.actor.GetMapper().SetScalarRange(self.GetMapper().GetScalarRange())
-        scene.part(self, part)
+        bake_cut(scene, self, self._coloring.part, self.cut())
 
     # -- building in the background --------------------------------------------------------------
 

@@ -3,12 +3,13 @@
 import numpy as np
 import pytest
 import pyvista as pv
+from scipy.ndimage import binary_dilation
 
 from pvibr.large.original_cells import edge_flags
 from pvibr.large.sources import source_of
 from tests.large.looks import FAR, NEAR, OVER, drawn, pictures
 from tests.large.surfaces import terrain
-from tests.pictures import off, shot
+from tests.pictures import off, place, shot
 
 
 def quads():
@@ -94,3 +95,14 @@ def test_edges_of_volumes():
     look = {'color': 'white', 'show_edges': True, 'lighting': False}
     picture, truth, _ = pictures(grid, view=view, **look)
     assert (off(picture, truth) > 20).mean() < 0.01
+
+
+def test_exported_as_lines():
+    pl, _ = drawn(quads(), view=NEAR, color='white', lighting=False, show_edges=True)
+    copy = pl.ibr.to_plain_plotter()
+    place(copy, **NEAR)
+    copy.show(auto_close=False)
+    edges, found = (shot(p)[140:].max(-1) < 60 for p in (pl, copy))
+    wide = np.ones((3, 3))
+    assert (found & ~binary_dilation(edges, wide)).sum() < 0.1 * found.sum(), 'diagonals'
+    assert (edges & ~binary_dilation(found, wide)).sum() < 0.05 * edges.sum()
