@@ -12,11 +12,11 @@ import pyvista as pv
 
 from pvibr.core import _vtk
 from pvibr.core.arguments import checked_number
+from pvibr.core.child_processes import can_start
 from pvibr.core.determinism import is_deterministic
 from pvibr.core.errors import warn
 from pvibr.core.params import Param, checked_flag
 from pvibr.core.signatures import takes
-from pvibr.instances.bake_queue import can_run
 from pvibr.large.baked_cut import bake_cut
 from pvibr.large.build import build_draft
 from pvibr.large.build_job import BuildJob
@@ -188,7 +188,7 @@ class LargeMesh(Thing):
     def _first_hierarchy(self, cache, progress, waits):
         """Return the hierarchy of the mesh, or a draft while another process builds it."""
         mesh: Any = self._source.mesh
-        if waits or len(mesh.faces) <= _SMALL or not can_run():
+        if waits or len(mesh.faces) <= _SMALL or not can_start():
             return built(mesh, cache, progress)
         key = hierarchy_key(mesh)
         if cache is not None and key in cache:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 import pyvista as pv
@@ -27,11 +28,11 @@ class Source:
     #: The triangles; None where a file holds their hierarchy.
     mesh: TriangleMesh | None
     #: Arrays of the points of `mesh` by name.
-    arrays: dict[str, np.ndarray] = field(default_factory=dict)
+    arrays: dict[str, Any] = field(default_factory=dict)
     #: Name of the array that is active, or None.
     active: str | None = None
     #: Arrays of the cells of the user's mesh by name, and the number of its cells.
-    cell_arrays: dict[str, np.ndarray] = field(default_factory=dict)
+    cell_arrays: dict[str, Any] = field(default_factory=dict)
     cell_count: int = 0
     #: Number of the points of the user's mesh, and which of these are those of `mesh`; None for
     #: all.

@@ -5,7 +5,6 @@ import pytest
 import pyvista as pv
 
 from pvibr.large import stored
-from pvibr.large.build import build_hierarchy
 from pvibr.large.original_cells import VISIBLE_CELL, edge_lengths, with_visible_cells
 from pvibr.large.scalars import scalars_of
 from pvibr.large.sources import source_of
@@ -81,21 +80,6 @@ def test_flat_faces_show_as_well():
     view = {'eye': (0.0, -0.4, 0.5), 'focus': (0.0, 0.0, 0.0)}
     picture, truth, _ = pictures(grid, view=view, scalars='checks', lighting=False)
     assert (off(picture, truth) > 8).mean() < 0.01
-
-
-def test_triangles_know_their_cells_where_some_could_not_be_simplified():
-    """Loose triangles stay while the ground is simplified."""
-    rng, ground = np.random.default_rng(0), terrain()
-    loose = rng.random((6000, 1, 3)) + 0.02 * rng.random((6000, 3, 3)) + (2, 0, 0)
-    loose = pv.PolyData.from_regular_faces(loose.reshape(-1, 3), np.arange(18000).reshape(-1, 3))
-    mesh = ground.append_polydata(loose)
-    mesh.clear_data()
-    hierarchy = build_hierarchy(source_of(mesh).mesh)
-    made_by = hierarchy.patch_cells[:, 0]
-    assert (made_by >= 0).any()
-    corners = hierarchy.points[full_triangles(hierarchy)] + hierarchy.origin
-    own = mesh.points[mesh.regular_faces[hierarchy.mesh_cells]]
-    np.testing.assert_allclose(corners, own, atol=1e-5)
 
 
 def test_means_are_by_area():
