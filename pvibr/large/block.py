@@ -21,7 +21,7 @@ _SAMPLES, _FARTHEST = 960, 64
 _LEAST_AREA = 1e-20
 
 #: Arrays of the triangles of a level, and of its samples of the full mesh.
-TRIANGLE_ARRAYS = 'faces', 'is_border', 'made_by', 'mesh_cells', 'coordinates'
+TRIANGLE_ARRAYS = 'faces', 'is_border', 'made_by', 'mesh_cells', 'edge_flags', 'coordinates'
 SAMPLE_ARRAYS = 'samples', 'sample_faces', 'sample_distances', 'sample_coordinates'
 #: Arrays of vertices.
 VERTEX_ARRAYS = 'points', 'areas', 'normals'
@@ -97,6 +97,7 @@ class _Patches:
     vertices: list[np.ndarray] = field(default_factory=list)
     triangles: list[np.ndarray] = field(default_factory=list)
     mesh_cells: list[np.ndarray] = field(default_factory=list)
+    edge_flags: list[np.ndarray] = field(default_factory=list)
     coordinates: list[np.ndarray] = field(default_factory=list)
 
     def arrays(self) -> dict[str, np.ndarray]:
@@ -109,6 +110,7 @@ class _Patches:
             'vertices': np.concatenate([np.zeros(0, np.int32), *self.vertices]),
             'triangles': np.concatenate([np.zeros((0, 3), np.uint16), *self.triangles]),
             'mesh_cells': np.concatenate([np.zeros(0, np.int64), *self.mesh_cells]),
+            'edge_flags': np.concatenate([np.zeros(0, np.uint8), *self.edge_flags]),
             'texture_coordinates': np.concatenate(
                 [np.zeros((0, 2), np.float32), *self.coordinates]
             ),
@@ -289,6 +291,8 @@ class _Simplification:
             'made_by': np.full(count, -1 - len(self._errors), np.int32),
             'mesh_cells': np.full(count, -1, np.int64),
         }
+        if 'edge_flags' in self._block.triangles:
+            triangles['edge_flags'] = np.zeros(count, np.uint8)
         own_samples = {name: values[samples] for name, values in self._block.samples.items()}
         return triangles, own_samples | {
             'sample_faces': simplified.nearest,
@@ -339,6 +343,8 @@ class _Simplification:
             patches.triangles.append(faces.astype(np.uint16))
             if made_by == NO_CELL:
                 patches.mesh_cells.append(self._block.triangles['mesh_cells'][part])
+                if 'edge_flags' in self._block.triangles:
+                    patches.edge_flags.append(self._block.triangles['edge_flags'][part])
 
     def _divided(self, parts):
         """Return triangles and samples in the order of the next level's blocks, and these."""

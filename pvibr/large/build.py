@@ -65,6 +65,8 @@ class TriangleMesh:
     normals: Any = None
     #: Texture coordinates of the points if the mesh has any, (n, 2).
     texture_coordinates: Any = None
+    #: Edges of each triangle that are edges of its cell, bits 1, 2 and 4, (m,) uint8; all if None.
+    edge_flags: Any = None
     #: Whether points are corners of triangles, of which equal ones are one point of the user's.
     is_soup: bool = False
 
@@ -92,7 +94,8 @@ def build_draft(mesh: TriangleMesh) -> Hierarchy:
     if mesh.texture_coordinates is not None:
         # Each point where its cluster is: they have coordinates of their own.
         points, faces = draft_mesh.points[places], mesh.faces[is_area]
-        draft_mesh = replace(mesh, points=points, faces=faces, mesh_cells=mesh_cells, normals=None)
+        draft_mesh = replace(draft_mesh, points=points, faces=faces)
+        draft_mesh.texture_coordinates = mesh.texture_coordinates
     arrays = Builder(Columns(), level_count=0).build(draft_mesh)
     draft = {name: whole(parts) for name, parts in arrays.items()}
     if mesh.texture_coordinates is None:
@@ -359,6 +362,7 @@ class Builder:
             'areas': self._parts('base.areas'),
             'vertex_of_point': self._parts('vertex_of_point'),
             'mesh_cells': self._parts('full.mesh_cells'),
+            'edge_flags': self._parts('full.edge_flags'),
             **{name: [self._all_of(name, empty)] for name, empty in _NO_CELLS.items()},
             'patch_cells': [small['patch_cells']],
             'patch_boxes': [small['patch_boxes']],

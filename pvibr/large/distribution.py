@@ -132,6 +132,9 @@ def divide_triangles(columns: Columns, mesh, rows, rng) -> float:
         columns.append('0.faces', faces)
         mesh_cells = np.asarray(mesh.mesh_cells[start : start + rows], np.int64)
         columns.append('0.mesh_cells', mesh_cells[is_area][order])
+        if mesh.edge_flags is not None:
+            flags = np.asarray(mesh.edge_flags[start : start + rows])
+            columns.append('0.edge_flags', flags[is_area][order])
         if 'coordinates' in columns:
             coordinates = columns['coordinates'].take(of_points.ravel()).reshape(-1, 3, 2)
             areas += areas_of(corners, coordinates)

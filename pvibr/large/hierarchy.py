@@ -22,6 +22,7 @@ _LAYOUT: dict[str, tuple[str, tuple[int, ...]]] = {
     'areas': ('f', ()),
     'vertex_of_point': ('i', ()),
     'mesh_cells': ('i', ()),
+    'edge_flags': ('u', ()),
     'errors': ('f', ()),
     'boxes': ('f', (2, 3)),
     'patch_cells': ('i', (2,)),
@@ -57,6 +58,8 @@ class Hierarchy:
     vertex_of_point: np.ndarray
     #: Cell of the mesh that each triangle of the full mesh is of, in the order of patches.
     mesh_cells: np.ndarray
+    #: Edges of each of these triangles that are edges of its cell, bits 1, 2 and 4; all if empty.
+    edge_flags: np.ndarray
     #: Distance that the full mesh keeps from what replaced each cell, (c,).
     errors: np.ndarray
     #: Bounds (low, high) about the origin of each cell and all that it replaces, (c, 2, 3).
@@ -184,6 +187,7 @@ class Hierarchy:
             _are_starts(self.triangle_starts, patch_count, len(self.triangles)),
         )
         yield 'triangles', self._are_corners_whole()
+        yield 'edge_flags', len(self.edge_flags) in (0, len(self.mesh_cells))
         yield 'mesh_cells', len(self.mesh_cells) == self.triangle_counts[self.full_patches].sum()
 
     def _are_corners_whole(self) -> bool:

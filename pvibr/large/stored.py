@@ -37,7 +37,7 @@ def cache_of(cache) -> AtlasCache | None:
 
 def hierarchy_key(mesh) -> str:
     """Return the key of the hierarchy of a mesh: a digest of its content."""
-    optional = mesh.normals, mesh.texture_coordinates
+    optional = mesh.normals, mesh.texture_coordinates, mesh.edge_flags
     extras = [np.zeros(0) if array is None else array for array in optional]
     return key_of(_KIND, VERSION, mesh.points, mesh.faces, mesh.mesh_cells, *extras)
 

@@ -19,6 +19,8 @@ from pvibr.large.columns import Columns
 from pvibr.large.pieces import source_in_pieces
 from pvibr.large.sources import source_of
 from tests.large.surfaces import folded, noise, terrain
+from tests.large.test_edges import quads
+from tests.large.textured import charts
 from tests.refusals import refused
 
 FORMATS = '<', '>'
@@ -55,7 +57,7 @@ def assert_same(first, second):
         np.testing.assert_array_equal(array, getattr(second, name), err_msg=name)
 
 
-@pytest.mark.parametrize('make', [terrain, folded])
+@pytest.mark.parametrize('make', [terrain, folded, charts, quads])
 def test_files_pieces_and_processes_change_nothing(make, tmp_path, monkeypatch):
     """One builder: in memory, in files by pieces of few rows, by two processes."""
     mesh = source_of(make()).mesh

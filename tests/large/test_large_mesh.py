@@ -22,7 +22,9 @@ def drawn(mesh=None, *, view=OVER, size=SIZE, large=True, **kwargs):
     pl.set_background('magenta')
     mesh = terrain() if mesh is None else mesh
     kwargs = LOOK | kwargs
-    added = pl.ibr.add_large_mesh(mesh, **kwargs) if large else pl.add_mesh(mesh, **kwargs)
+    # add_mesh stores arrays passed by value in the mesh.
+    plain = mesh if large else mesh.copy(deep=False)
+    added = pl.ibr.add_large_mesh(mesh, **kwargs) if large else pl.add_mesh(plain, **kwargs)
     place(pl, **view)
     pl.show(auto_close=False)
     return pl, added
@@ -391,7 +393,8 @@ REFUSED = {
     'component': (ValueError, 'component', {'scalars': 'vectors', 'component': 3}),
     'rgb of numbers': (ValueError, 'colours of shape', {'scalars': 'height', 'rgb': True}),
     'texture': (TypeError, 'pyvista.Texture', {'texture': 'a.png'}),
-    'edges': (TypeError, 'simplified', {'show_edges': True}),
+    'style': (TypeError, 'prop.style', {'style': 'wireframe'}),
+    'sharp edges': (TypeError, 'smooth_shading=False', {'split_sharp_edges': True}),
     'negative': (ValueError, 'max_error', {'max_error': -1}),
     'opacity': (ValueError, 'opacity', {'opacity': 2}),
     'opacities': (TypeError, 'opacity', {'opacity': 'linear'}),
