@@ -12,14 +12,14 @@ import filelock
 
 from pvibr.core.arguments import checked_number
 from pvibr.core.errors import warn
-from pvibr.core.files import in_a_folder, with_suffix
+from pvibr.core.files import existing, in_a_folder, with_suffix
 from pvibr.core.progress import baking
 from pvibr.instances.cache import key_of
 from pvibr.large.build import Builder
 from pvibr.large.checked_file import open_checked, write_checked
 from pvibr.large.columns import Columns
 from pvibr.large.pieces import digest_of, source_in_pieces
-from pvibr.large.sources import source_of
+from pvibr.large.sources import Source, source_of
 from pvibr.large.stored import SUFFIX, VERSION, arrays_of, hierarchy_key, meta_of
 from pvibr.large.workers import worker_count
 
@@ -37,22 +37,33 @@ def write_large(mesh, path, progress=None, workers=None, memory=None) -> Path:
     path = in_a_folder('path', with_suffix(path, SUFFIX))
     memory_bytes = 1e9 * checked_number('memory', MEMORY if memory is None else memory, 0.5)
     workers = worker_count(workers)
-    source = None
+    source, key = _source_and_key(mesh, memory_bytes)
+    with _locked(path):
+        if _key_of(path) != key:
+            try:
+                _build(source, path, key, progress, workers, memory_bytes)
+            except ValueError as error:
+                if isinstance(mesh, str | Path):
+                    raise ValueError(f'{mesh}: {error}') from error
+                raise
+    return path
+
+
+def _source_and_key(mesh, memory_bytes) -> tuple[Source, str]:
+    """Return the triangles of a mesh or a file, in pieces where that is possible, and a digest."""
     if isinstance(mesh, str | Path):
-        source = source_in_pieces(mesh)
-        if source is None and Path(mesh).stat().st_size > _WHOLE_SHARE * memory_bytes:
+        file = existing(mesh, 'mesh file')
+        source = source_in_pieces(file)
+        if source is not None:
+            return source, key_of(VERSION, digest_of(file))
+        if file.stat().st_size > _WHOLE_SHARE * memory_bytes:
             warn(
                 f'{str(mesh)!r} is read whole: only binary PLY of triangles, binary STL and '
                 'GeoTIFF are read in pieces'
             )
-    key = '' if source is None else key_of(VERSION, digest_of(Path(mesh)))
-    if source is None:
-        source = source_of(mesh)
-        key = key_of(hierarchy_key(source.mesh), meta_of(source), *arrays_of(source).values())
-    with _locked(path):
-        if _key_of(path) != key:
-            _build(source, path, key, progress, workers, memory_bytes)
-    return path
+    source = source_of(mesh)
+    arrays = arrays_of(source).values()
+    return source, key_of(hierarchy_key(source.mesh), meta_of(source), *arrays)
 
 
 def _build(source, path, key, progress, workers, memory_bytes):

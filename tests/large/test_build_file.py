@@ -115,6 +115,17 @@ def test_ply_in_pieces(order, tmp_path):
     assert found.point_count == terrain().n_points
 
 
+def test_no_piece_is_larger_than_the_memory_allows(tmp_path, monkeypatch):
+    source = source_in_pieces(write_ply(tmp_path / 'a.ply', terrain(300)))
+    monkeypatch.setattr('pvibr.large.pieces.np.fromfile', _counted(np.fromfile, pieces := []))
+    builder = Builder(columns := Columns(tmp_path), memory_bytes=1e6)
+    builder.build(source.mesh)
+    columns.close()
+    counts = [count for path, _, count in pieces if path.suffix == '.ply']
+    assert max(counts) <= 1 << 16
+    assert sum(counts) < 5 * (terrain(300).n_points + terrain(300).n_cells)
+
+
 def test_colours_and_normals_of_ply(tmp_path):
     ball = pv.Sphere(theta_resolution=20)
     ball['colours'] = np.random.default_rng(0).integers(0, 255, (ball.n_points, 3), np.uint8)
