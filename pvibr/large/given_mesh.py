@@ -45,8 +45,8 @@ def _only_surface(scene, pbr) -> tuple[pv.DataSet, dict]:
     ]
     if len(surfaces) != 1:
         raise TypeError(
-            f'mesh must be one mesh with one material, got a scene of {len(surfaces)}: {_REMEDY}; '
-            'each can be a large mesh of its own'
+            f'mesh must be one mesh with one material, got a scene of {len(surfaces)}: add each, '
+            'as in: for part in trimesh.load_scene(path).dump(): pl.ibr.add_large_mesh(part)'
         )
     dataset, own_look, matrix = surfaces[0]
     return moved(dataset, matrix), own_look

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -104,25 +105,44 @@ class Hierarchy:
         boxes = self.patch_boxes[self.full_patches]
         return self.origin + boxes[:, 0].min(0), self.origin + boxes[:, 1].max(0)
 
+    @cached_property
+    def full_triangles(self) -> np.ndarray:
+        """Vertices of the triangles of the full mesh, in the order of patches, (t, 3)."""
+        patches = self.full_patches
+        places = self.triangles[: self.n_triangles].astype(np.int64)
+        places += np.repeat(self.vertex_starts[patches], self.triangle_counts[patches])[:, None]
+        return self.vertices[places]
+
+    @cached_property
+    def triangle_areas(self) -> np.ndarray:
+        """Areas of these triangles; a small one of those without."""
+        a, b, c = (self.points[corner] for corner in self.full_triangles.T)
+        b, c = b - a, c - a
+        squares = [
+            (b[:, i] * c[:, j] - b[:, j] * c[:, i]) ** 2 for i, j in ((0, 1), (1, 2), (2, 0))
+        ]
+        areas = np.sqrt(sum(squares))
+        return np.maximum(areas, 1e-12 * max(areas.max(), 1e-30))
+
     def averaged(self, values) -> np.ndarray:
         """Return means by area of the points' values at all vertices, NaN where none is finite."""
         values = np.asarray(values).reshape(len(self.vertex_of_point), -1)
         return self.means(self.vertex_of_point, values, self.areas[self.vertex_of_point])
 
     def means(self, vertices, values, weights) -> np.ndarray:
-        """Return means at all vertices of weighted values at some of the full mesh."""
+        """Return means of weighted values at vertices of the full mesh, (n,) or (n, 3), at all."""
         return np.stack([self._column_means(vertices, v, weights) for v in values.T], 1)
 
     def _column_means(self, vertices, values, weights) -> np.ndarray:
         is_known, count = np.isfinite(values), len(self.areas)
         weights = np.where(is_known, weights, 0.0).astype(np.float64)
-        sums = np.bincount(vertices, np.where(is_known, values, 0) * weights, count)
+        sums = _summed(vertices, np.where(is_known, values, 0) * weights, count)
         totals = np.zeros(len(self.points), np.float32)
         means = np.zeros(len(self.points), np.float32)
-        own_totals = np.bincount(vertices, weights / (weights.max(initial=0.0) or 1.0), count)
-        totals[:count] = own_totals
+        own_totals = _summed(vertices, weights, count)
+        totals[:count] = own_totals / (own_totals.max(initial=0.0) or 1.0)
         with np.errstate(invalid='ignore', divide='ignore'):
-            means[:count] = sums / np.bincount(vertices, weights, count)
+            means[:count] = sums / own_totals
             for first, last, children in self.merges():
                 places, own_weights = self.parents[children] - first, totals[children]
                 products = np.where(own_weights > 0, means[children] * own_weights, 0)
@@ -200,6 +220,13 @@ class Hierarchy:
             if (highest >= np.repeat(counts[first:last], self.triangle_counts[first:last])).any():
                 return False
         return True
+
+
+def _summed(places, values, count) -> Any:
+    """Return sums by place, or by each of several places."""
+    if places.ndim == 2:
+        return sum(_summed(own, values, count) for own in places.T)
+    return np.bincount(places, values, count)
 
 
 def _are_starts(starts, count, end) -> bool:

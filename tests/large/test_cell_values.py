@@ -8,7 +8,7 @@ from pvibr.large import stored
 from pvibr.large.original_cells import VISIBLE_CELL, edge_lengths, with_visible_cells
 from pvibr.large.scalars import scalars_of
 from pvibr.large.sources import source_of
-from pvibr.large.vertex_values import full_triangles, vertex_values
+from pvibr.large.vertex_values import vertex_values
 from tests.large.looks import FAR, NEAR, OVER, blocks, drawn, pictures
 from tests.large.surfaces import hierarchy_of, terrain
 from tests.pictures import off, shot
@@ -86,7 +86,7 @@ def test_means_are_by_area():
     hierarchy, mesh = hierarchy_of(terrain), with_cells()
     scalars = scalars_of(source_of(mesh), 'wave', {})
     values = vertex_values(hierarchy, scalars)
-    triangles = full_triangles(hierarchy)
+    triangles = hierarchy.full_triangles
     corners = hierarchy.points[triangles].astype(float)
     areas = np.linalg.norm(np.cross(*(corners[:, k] - corners[:, 0] for k in (1, 2))), axis=1)
     wave = mesh.cell_data['wave'][hierarchy.mesh_cells]

@@ -17,10 +17,10 @@ from pvibr.large.cut import cell_pixels, gathered, gathered_coordinates, patches
 from pvibr.large.sources import source_of
 from pvibr.large.textured_cell import closest_weights
 from pvibr.maths.flip import flip
-from tests.large.looks import FAR, NEAR, OVER, drawn, pictures
+from tests.large.looks import FAR, NEAR, OVER, SIZE, drawn, pictures
 from tests.large.surfaces import terrain, views_of
 from tests.large.textured import charts, checks, globe, photograph
-from tests.pictures import off, shot
+from tests.pictures import off, place, plotter, shot
 from tests.refusals import refused
 
 BALL = {
@@ -192,7 +192,33 @@ def test_files_with_one_material(tmp_path):
     for source in (mesh, tmp_path / 'a.glb'):
         found, _ = drawn(source, **look)
         assert np.abs(shot(found) - shot(expected)).mean() < 2
-    scene = trimesh.Scene([mesh, trimesh.creation.box()])
+
+
+@pytest.mark.parametrize('pbr', [False, True])
+def test_materials_are_those_of_instances(pbr, tmp_path):
+    textured_trimesh().export(tmp_path / 'a.glb')
+    pl = plotter(SIZE)
+    pl.ibr.add_instances(tmp_path / 'a.glb', [[0, 0, 0]], pbr=pbr, smooth_shading=True)
+    pl.set_background('magenta')
+    place(pl, **BALL['middle'])
+    pl.show(auto_close=False)
+    look = {'view': BALL['middle'], 'smooth_shading': True, 'max_error': 0, 'pbr': pbr}
+    found, _ = drawn(tmp_path / 'a.glb', **look)
+    assert np.abs(shot(found) - shot(pl)).mean() < 1
+
+
+def test_scenes_are_refused_and_their_parts_are_not(tmp_path):
+    ball = textured_trimesh()
+    box = trimesh.creation.box()
+    box.apply_translation((2, 0, 0))
+    scene = trimesh.Scene([ball, box])
     refused('scene of 2', drawn, scene, kind=TypeError)
     scene.export(tmp_path / 'two.glb')
     refused('scene of 2', drawn, tmp_path / 'two.glb', kind=TypeError)
+    pl = plotter(SIZE)
+    things = [
+        pl.ibr.add_large_mesh(part) for part in trimesh.load_scene(tmp_path / 'two.glb').dump()
+    ]
+    pl.show(auto_close=False)
+    assert sorted(thing.n_triangles for thing in things) == [12, len(ball.faces)]
+    assert {row.state for row in pl.ibr.report().rows} == {'ran'}
