@@ -21,6 +21,7 @@ from pvibr.large.build_job import BuildJob
 from pvibr.large.colouring import Coloring
 from pvibr.large.cut import ModelView, cut_of
 from pvibr.large.cut_mesh import CutMesh
+from pvibr.large.detail import Detail
 from pvibr.large.full_picking import nearest_triangle
 from pvibr.large.given_mesh import given_mesh
 from pvibr.large.sources import NO_COORDINATES, checked_texture, source_of
@@ -57,6 +58,8 @@ class LargeMesh(Thing):
         Maximum distance of the drawn surface from the mesh, in pixels.
     moving : float, optional
         Frame time in ms that is met while the view moves, by a larger error.
+    detail : {'normals', 'none'}
+        Draw at rest as many triangles as normals and colours need, or only those of `max_error`.
     scalars : str or array_like, shape (n,), (n, 3) or (n, 4), optional
         Values of points or cells that `cmap` colours, or colours with ``rgb=True``; by default
         the active scalars. Simplified patches show means by area, or what most of it has if they
@@ -128,6 +131,13 @@ class LargeMesh(Thing):
         kind=float,
     )
 
+    detail = Param(
+        'normals',
+        'Whether a view at rest is refined where normals or colours would be blurred, to about a '
+        'vertex per pixel; none draws fewer triangles: for movies and shapes without relief.',
+        choices=('normals', 'none'),
+    )
+
     frame_ms: Any = property(attrgetter('moving'))
 
     @takes(look=as_parts, without=REFUSED)
@@ -137,6 +147,7 @@ class LargeMesh(Thing):
         *,
         max_error=1.0,
         moving=None,
+        detail='normals',
         scalars=None,
         cmap=None,
         clim=None,
@@ -151,7 +162,7 @@ class LargeMesh(Thing):
         user_matrix=None,
         **look,
     ):
-        super().__init__(max_error=max_error, moving=moving)
+        super().__init__(max_error=max_error, moving=moving, detail=detail)
         if user_matrix is not None:
             self.user_matrix = user_matrix
         self.name, self.pickable = name, pickable
@@ -163,7 +174,7 @@ class LargeMesh(Thing):
         self._changes = 0
         self._own_view: Any = None
         self._tolerance = max_error
-        self._cut, self._other_cut = CutMesh(), CutMesh()
+        self._cut, self._other_cut, self._detail = CutMesh(), CutMesh(), Detail()
         self._other_actor = pv.Actor()
         if isinstance(mesh, (str, Path)) and Path(mesh).suffix.lower() == SUFFIX:
             hierarchy, self._source = load(mesh)
@@ -303,7 +314,8 @@ class LargeMesh(Thing):
         self.wait()
         self._take_result()
         cut, hierarchy = CutMesh(), self._hierarchy
-        _, patches = cut_of(hierarchy, self._view(self.pipeline.view()), max_error)
+        chosen = self._detail.of(hierarchy, self._values, self)
+        _, patches = cut_of(chosen, self._view(self.pipeline.view()), max_error)
         looks = {'has_normals': True, 'has_texture': self._coloring.has_texture}
         cut.show(hierarchy, patches, self._values, **looks)
         mesh = pv.wrap(cut.data)
@@ -443,7 +455,8 @@ class LargeMesh(Thing):
             self._show(self._cut, self._whole)
             return
         self._tolerance, self._own_view = self._tolerance_of(frame), frame.view
-        whole, patches = cut_of(self._hierarchy, self._view(frame), self._tolerance)
+        chosen = self._detail.of(self._hierarchy, self._values, self, frame.quality >= 1)
+        whole, patches = cut_of(chosen, self._view(frame), self._tolerance)
         self._show(self._cut, patches)
         if not np.array_equal(whole, self._whole):
             self._whole = whole
@@ -476,7 +489,8 @@ class LargeMesh(Thing):
         # Shadows fall from what is drawn: between two cuts they would be of one on the other.
         patches = self._whole
         if not frame.depth_map:
-            _, patches = cut_of(self._hierarchy, self._view(frame), self.max_error)
+            chosen = self._detail.of(self._hierarchy, self._values, self, not depth)
+            _, patches = cut_of(chosen, self._view(frame), self.max_error)
         self._show(self._other_cut, patches)
         self._other_actor.SetUserMatrix(self.GetMatrix())
         return [self._other_actor]
