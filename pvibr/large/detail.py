@@ -46,11 +46,8 @@ class Detail:
 
 
 def lost_lengths(hierarchy, values, value_range, *, is_lit) -> np.ndarray:
-    """Return the lengths across which each cell leaves out what can be seen, never decreasing.
-
-    That of a vertex is the size of what was merged into it, less where this is nearly even:
-    as the length of an edge by which a cone of normals opens to a visible angle.
-    """
+    """Return the lengths across which each cell leaves out what can be seen, never decreasing."""
+    # That of a vertex is the size of what was merged into it, less where this is nearly even.
     areas = vertex_areas(hierarchy)
     shares = np.zeros(len(areas))
     if is_lit:
