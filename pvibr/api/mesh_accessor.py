@@ -60,7 +60,7 @@ class IBRAccessor:
 
         return billboard_cloud(self._mesh, **kwargs)
 
-    def large(self, path, *, progress=None):
+    def large(self, path, *, progress=None, workers=None, memory=None):
         """Build the hierarchy of a large mesh, and write it to a file with its point arrays.
 
         Parameters
@@ -69,11 +69,18 @@ class IBRAccessor:
             The file, ``.pvl``; :class:`pvibr.LargeMesh` draws it.
         progress : bool, optional
             Show a progress bar; by default in terminals and notebooks.
+        workers : int, optional
+            Number of processes; by default one per core.
+        memory : float, optional
+            Memory of the build beyond the mesh's own, GB, at least 0.5; by default 2. Everything
+            else is kept in a folder beside the file until it is complete: a call that was stopped
+            goes on from there.
 
         Returns
         -------
         pathlib.Path
-            The file, which is replaced once the new one is complete.
+            The file, which is replaced once the new one is complete. A file of the same mesh is
+            left as it is.
 
         Raises
         ------
@@ -94,9 +101,9 @@ class IBRAccessor:
         >>> path.name
         'ball.pvl'
         """
-        from pvibr.large.stored import write_large
+        from pvibr.large.build_file import write_large
 
-        return write_large(self._mesh, path, progress)
+        return write_large(self._mesh, path, progress, workers, memory)
 
     def glyph(
         self,

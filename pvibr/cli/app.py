@@ -50,6 +50,7 @@ _Moment = Annotated[float, Parameter(validator=_finite)]
 _Speed = Annotated[float, Parameter(validator=_nonzero)]
 _Count = Annotated[int, _Positive]
 _Pixels = Annotated[float, _Positive]
+_Gigabytes = Annotated[float, _Positive]
 _Folder = Annotated[Path, Parameter(name=['--out', '-o'])]
 _Out = Annotated[Path | None, Parameter(name=['--out', '-o'], validator=_in_existing_folder)]
 _File = Annotated[Path | None, Parameter(validator=_in_existing_folder)]
@@ -235,15 +236,31 @@ def bake(
 
 
 @app.command
-def build(mesh: ExistingFile, *, out: Annotated[Path, Parameter(name=['--out', '-o'])]) -> None:
+def build(
+    mesh: ExistingFile,
+    *,
+    out: Annotated[Path, Parameter(name=['--out', '-o'])],
+    workers: _Count | None = None,
+    memory: _Gigabytes = 2.0,
+) -> None:
     """Build the hierarchy of a large mesh into a .pvl file, which add_large_mesh draws.
 
-    The mesh is read whole, as in ``pvibr view``; ten million triangles take a few GB and about a
-    minute. A file of that name is replaced once the new one is complete.
-    """
-    from pvibr.large.stored import write_large
+    Binary PLY files of triangles, binary STL files and heights in GeoTIFF files are read in
+    pieces, all others whole, as in ``pvibr view``. A file of that name is replaced once the new
+    one is complete. Until then, what is built is in a folder beside it, from which the same
+    command goes on after Ctrl+C.
 
-    path = write_large(mesh, out)
+    Parameters
+    ----------
+    workers
+        Number of processes; by default one per core.
+    memory
+        Memory of all processes, GB, at least 0.5: what does not fit is on the disk, which needs
+        about 200 bytes per triangle.
+    """
+    from pvibr.large.build_file import write_large
+
+    path = write_large(mesh, out, workers=workers, memory=memory)
     print(f'wrote {path}: {path.stat().st_size / 1e6:.1f} MB')
 
 

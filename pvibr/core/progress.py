@@ -19,7 +19,8 @@ def baking(visible, title='Baking views'):
 
         def advance(fraction):
             raise_pending()
-            show_fraction(fraction)
+            if fraction is not None:
+                show_fraction(fraction)
 
         yield advance
         raise_pending()

@@ -20,8 +20,6 @@ from pvibr.meshes.parts import as_parts
 from pvibr.visibility.silhouette_lines import silhouette_lines
 
 _SURFACE = 2  # VTK_SURFACE
-#: Offset of lines from their surface toward the eye, as a fraction of the distance.
-_BEFORE = 2e-3
 #: Radius of the sky dome, in radii of a sphere around scene and eye; its sides.
 _DOME, _DOME_SIDES = 4.0, 96
 SKY = 'sky'
@@ -174,7 +172,7 @@ class BakedScene:
             lines = _joined([_outlined(s, self.frame, crease) for s in surfaces if is_outlined(s)])
             if not lines.n_cells:
                 continue
-            lines.points = _before(self.frame, np.asarray(lines.points, float))
+            lines.points = self.frame.before(np.asarray(lines.points, float))
             line_look = {'color': color, 'line_width': width, 'opacity': opacity}
             plotter.add_mesh(lines, **line_look, **_UNLIT)
 
@@ -312,11 +310,3 @@ def _outlined(surface, frame, crease):
 def _joined(meshes):
     meshes = [mesh for mesh in meshes if mesh.n_cells] or [pv.PolyData()]
     return meshes[0].append_polydata(*meshes[1:]) if len(meshes) > 1 else meshes[0]
-
-
-def _before(frame, points):
-    """Return points moved slightly toward the eye, off their surfaces."""
-    if not frame.parallel:
-        return points + _BEFORE * (frame.eye - points)
-    eye_distances = -(points @ frame.view_from_world[2, :3] + frame.view_from_world[2, 3])
-    return points + _BEFORE * eye_distances[:, None] * frame.view_from_world[2, :3]

@@ -3,34 +3,32 @@
 from __future__ import annotations
 
 import contextlib
+import io
 import json
 import os
 import queue
-import sys
 import threading
 import warnings
 from pathlib import Path
 
-#: Frames of the parent come first: a tenth longer where these take all processors.
-_NICENESS = 12
+from pvibr.core.child_processes import NICENESS, pipes_of_child
+
 _PATIENCE = 30.0  # seconds without a job, after which it ends
 
 
 def main():
     """Do the jobs whose paths the parent writes, a line each; end with the parent."""
-    news = os.fdopen(os.dup(1), 'w', encoding='utf-8')
-    os.dup2(2, 1)  # what libraries print is no news
-    if hasattr(os, 'nice'):
-        os.nice(_NICENESS)
+    source, target = pipes_of_child(NICENESS)
+    news = io.TextIOWrapper(target, encoding='utf-8')
     jobs: queue.SimpleQueue = queue.SimpleQueue()
-    threading.Thread(target=_listen, args=(jobs,), daemon=True).start()
+    threading.Thread(target=_listen, args=(source, jobs), daemon=True).start()
     with contextlib.suppress(queue.Empty):
         while True:
             _do(jobs.get(timeout=_PATIENCE), news)
 
 
-def _listen(jobs):
-    for line in sys.stdin:
+def _listen(source, jobs):
+    for line in source:
         jobs.put(Path(json.loads(line)))
     os._exit(0)  # the parent is gone, or no longer needs what is being done
 

@@ -7,8 +7,6 @@ import contextlib
 import json
 import os
 import shutil
-import subprocess
-import sys
 import tempfile
 import threading
 import time
@@ -19,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from pvibr.core import _vtk
+from pvibr.core.child_processes import ChildProcess, can_start
 from pvibr.core.errors import warn
 from pvibr.instances.bake_jobs import write_job
 from pvibr.instances.cache import AtlasCache
@@ -26,14 +25,7 @@ from pvibr.instances.levels import BakePlan
 
 #: Processes at once: each bake has steps that use one core, and llvmpipe uses all.
 PROCESSES = max(1, min(4, (os.cpu_count() or 1) // 2))
-#: Names of programs that run Python; another one would start an application again.
-_INTERPRETERS = 'python', 'pypy', 'pvpython', 'vtkpython'
-_STDERR_BYTES = 2000  # of a child that died, from its end
 _JOB_FILE = 'bake.job'
-# Ctrl+C is for the parent, which decides. Not a session of its own: Linux shares processors out by
-# session first, and then a child takes half of them, however nice it is.
-_DEAF = 'import signal; signal.signal(signal.SIGINT, signal.SIG_IGN)'
-_PROGRAM = 'from pvibr.instances.bake_child import main; main()'
 
 
 class State(Enum):
@@ -103,21 +95,7 @@ class _Child:
     def __init__(self):
         self._job: Callable[[], Job | None] = _no_job
         self.is_idle = True
-        self._stderr = tempfile.TemporaryFile()  # noqa: SIM115 - closed by `end`
-        program = f'{_DEAF}; import sys; sys.path[:] = {sys.path!r}; {_PROGRAM}'
-        try:
-            self._process = subprocess.Popen(
-                [sys.executable, '-c', program],
-                stdin=subprocess.PIPE,
-                stdout=subprocess.PIPE,
-                stderr=self._stderr,
-                text=True,
-                encoding='utf-8',
-                creationflags=getattr(subprocess, 'CREATE_NO_WINDOW', 0),
-            )
-        except OSError:
-            self._stderr.close()
-            raise
+        self._process = ChildProcess('pvibr.instances.bake_child')
         self._listener = threading.Thread(target=self._listen, daemon=True)
         self._listener.start()
 
@@ -138,7 +116,8 @@ class _Child:
         self.is_idle, self._job = False, weakref.ref(job)
         job.state, job.started = State.RUNNING, time.perf_counter()
         with contextlib.suppress(OSError):  # a broken pipe: the listener notices
-            print(json.dumps(str(path)), file=self._process.stdin, flush=True)
+            self._process.stdin.write(f'{json.dumps(str(path))}\n'.encode())
+            self._process.stdin.flush()
 
     def _listen(self):
         """Pass news on to the job until the process ends."""
@@ -152,26 +131,11 @@ class _Child:
             del job  # not while waiting for the next line
         job = self._job()
         if not self.is_idle and job is not None:
-            job.fail(self._last_words())
-
-    def _last_words(self) -> str:
-        status = self._process.wait()
-        with contextlib.suppress(OSError, ValueError):
-            self._stderr.seek(-min(_STDERR_BYTES, self._stderr.seek(0, os.SEEK_END)), os.SEEK_END)
-            lines = self._stderr.read().decode('utf-8', 'replace').strip().splitlines()
-            if lines:
-                return f'the process ended with status {status}: {lines[-1]}'
-        return f'the process ended with status {status}'
+            job.fail(self._process.last_words())
 
     def end(self):
         """End the process, whatever it does."""
-        with contextlib.suppress(OSError):
-            self._process.kill()
-        self._process.wait()
-        for stream in (self._process.stdin, self._process.stdout, self._stderr):
-            with contextlib.suppress(OSError):
-                if stream is not None:
-                    stream.close()
+        self._process.end()
 
 
 class BakeQueue:
@@ -250,9 +214,7 @@ def _is_orphan(child) -> bool:
 
 def can_run() -> bool:
     """Return True if another Python can be started here, and VTK can write down actors."""
-    name = Path(sys.executable or '').name.lower()
-    is_python = name.startswith(_INTERPRETERS) and not getattr(sys, 'frozen', False)
-    return is_python and sys.platform != 'emscripten' and hasattr(_vtk, 'vtkObjectManager')
+    return can_start() and hasattr(_vtk, 'vtkObjectManager')
 
 
 QUEUE = BakeQueue()

@@ -1,73 +1,82 @@
-"""Build the hierarchy of a mesh by batched multi-triangulation.
+"""Build the hierarchy of a mesh by batched multi-triangulation, in memory or out of core.
 
 Cignoni et al., "Batched Multi Triangulation", IEEE Visualization 2005: at each level all triangles
-are divided into cells anew, and each cell is simplified with its border locked.
+are divided into cells anew, and each cell is simplified with its border locked. Cells are handled
+in blocks of neighbours, which are divided anew as well: what a block is made of is read, is
+simplified by some process, and is written to where blocks of the next level find it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 
-from pvibr.large.cells import kd_cells
+from pvibr.large.block import (
+    PATCH_ARRAYS,
+    SAMPLE_ARRAYS,
+    TRIANGLE_ARRAYS,
+    VERTEX_ARRAYS,
+    Block,
+    SimplifiedBlock,
+    unit,
+)
+from pvibr.large.cells import BLOCK_TRIANGLES, is_one_cell, kd_planes
+from pvibr.large.columns import Columns
+from pvibr.large.distribution import (
+    box_of_pieces,
+    divide_triangles,
+    merge_normals,
+    merge_points,
+    spans,
+)
 from pvibr.large.hierarchy import NO_CELL, Hierarchy
-from pvibr.large.merging import merged_points
-from pvibr.large.simplified_cell import Cell, edges_once, has_three_corners, simplify_cell
-from pvibr.large.wedges import Wedges
+from pvibr.large.simplified_cell import has_three_corners
+from pvibr.large.workers import Workers
 
-#: Random samples of the full mesh by which the error of a cell is measured, and how many of those
-#: farthest off are measured again.
-_SAMPLES, _FARTHEST = 960, 64
+#: Levels at most; each has about half the triangles of the one before.
+_LEVELS = 40
+#: Bytes that a row costs while a mesh is read in pieces, about.
+_ROW_BYTES = 500
+#: Centres of triangles by which blocks of the next level are divided, per block.
+_PROBES = 500
 #: Points of a draft, about.
 _DRAFT_POINTS = 100_000
 #: Cubes along the longest side of the grid by which points of drafts are counted, and of theirs.
 _ROUGH_GRID, _FINEST_GRID = 48, 300
-_NOTHING = np.zeros(0, np.int64)
-#: Levels at most; each has about half the triangles of the one before.
-_LEVELS = 40
+#: Arrays of no cells.
+_NO_CELLS = {'errors': np.zeros(0), 'boxes': np.zeros((0, 2, 3))}
 
 
 @dataclass
 class TriangleMesh:
-    """The triangles of a mesh, with equal points merged."""
+    """The triangles of a mesh, in arrays or in what yields arrays of its slices."""
 
     #: Points of the mesh, (n, 3), float32 or float64.
-    points: np.ndarray
+    points: Any
     #: Triangles as numbers of points, (m, 3).
-    faces: np.ndarray
+    faces: Any
     #: Cell of the user's mesh that each triangle is of, (m,).
-    mesh_cells: np.ndarray
+    mesh_cells: Any
     #: Normals of the points if the mesh has any, (n, 3).
-    normals: np.ndarray | None = None
+    normals: Any = None
     #: Texture coordinates of the points if the mesh has any, (n, 2).
-    texture_coordinates: np.ndarray | None = None
-
-
-@dataclass
-class _Level:
-    """The triangles that are left at a level."""
-
-    faces: np.ndarray
-    is_border: np.ndarray
-    #: Cell that made each triangle.
-    made_by: np.ndarray
-    samples: np.ndarray
-    #: Triangle nearest to each sample, and its distance.
-    sample_faces: np.ndarray
-    sample_distances: np.ndarray
-    #: Wedge of each corner, (m, 3), and texture coordinates of samples, (s, 5); (.., 0) without.
-    wedges: np.ndarray
-    sample_coordinates: np.ndarray
+    texture_coordinates: Any = None
+    #: Edges of each triangle that are edges of its cell, bits 1, 2 and 4, (m,) uint8; all if None.
+    edge_flags: Any = None
+    #: Whether points are corners of triangles, of which equal ones are one point of the user's.
+    is_soup: bool = False
 
 
 def build_hierarchy(
-    mesh: TriangleMesh, progress: Callable[[float], Any] = lambda fraction: None
+    mesh: TriangleMesh, progress: Callable[[float], Any] = lambda fraction: None, workers=1
 ) -> Hierarchy:
-    """Return the hierarchy of a mesh."""
-    return _Builder(mesh, merged_points, progress).build(_LEVELS)
+    """Return the hierarchy of a mesh, built in memory."""
+    builder = Builder(Columns(), progress, workers)
+    return Hierarchy(**{name: whole(parts) for name, parts in builder.build(mesh).items()})
 
 
 def build_draft(mesh: TriangleMesh) -> Hierarchy:
@@ -75,280 +84,310 @@ def build_draft(mesh: TriangleMesh) -> Hierarchy:
 
     Rossignac and Borrel, "Multi-resolution 3D approximations for rendering complex scenes", 1993.
     """
-    return _Builder(mesh, clustered_points, lambda fraction: None).build(0)
+    points = np.asarray(mesh.points)
+    origin = box_of_pieces(points, len(points)).mean(0)
+    points, places = clustered_points(points - origin)
+    faces = places[mesh.faces]
+    is_area = has_three_corners(faces)  # of few
+    faces, mesh_cells = faces[is_area], mesh.mesh_cells[is_area]
+    draft_mesh = TriangleMesh(points + origin, faces, mesh_cells)
+    if mesh.texture_coordinates is not None:
+        # Each point where its cluster is: they have coordinates of their own.
+        points, faces = draft_mesh.points[places], mesh.faces[is_area]
+        draft_mesh = replace(draft_mesh, points=points, faces=faces)
+        draft_mesh.texture_coordinates = mesh.texture_coordinates
+    arrays = Builder(Columns(), level_count=0).build(draft_mesh)
+    draft = {name: whole(parts) for name, parts in arrays.items()}
+    if mesh.texture_coordinates is None:
+        draft['vertex_of_point'] = draft['vertex_of_point'][places]
+    return Hierarchy(**draft)
 
 
-class _Builder:
-    """A hierarchy in the making."""
+class Builder:
+    """A hierarchy in the making: all that is known of it is in columns, from which it goes on."""
 
-    def __init__(self, mesh, merge, progress):
-        self._mesh, self._progress = mesh, progress
-        self._rng = np.random.default_rng(0)
-        points = np.asarray(mesh.points)
-        self._origin = _box(points).astype(float).mean(0)
-        points, self._vertex_of_point = merge(points - self._origin)
-        faces = self._vertex_of_point[mesh.faces]
-        is_area = has_three_corners(faces)
-        self._faces, self._mesh_cells = faces[is_area], np.asarray(mesh.mesh_cells)[is_area]
-        self._corner_wedges = np.zeros((len(self._faces), 0), np.int32)
-        self._wedges: Wedges | None = None
-        if mesh.texture_coordinates is not None:
-            self._wedges = Wedges(mesh.texture_coordinates, self._vertex_of_point)
-            self._corner_wedges = self._wedges.of_point[mesh.faces[is_area]]
-        if not len(self._faces):
-            raise ValueError('mesh must have triangles, got none with an area')
-        # As they are drawn: what is locked keeps its place to the bit.
-        self._points = points.astype(np.float32).astype(np.float64)
-        self._bounds = _box(self._points)
-        self._parents = np.full(len(points), -1, np.int32)
-        self._level_starts = [0, len(points)]
-        self._errors: list[float] = []
-        self._boxes: list[np.ndarray] = []
-        self._patches: list[tuple[int, int, np.ndarray]] = []
-        self._patch_mesh_cells: list[np.ndarray] = []
+    def __init__(
+        self,
+        columns: Columns,
+        progress: Callable[[float], Any] = lambda fraction: None,
+        workers: int = 1,
+        memory_bytes: float = 4e9,
+        level_count: int = _LEVELS,
+    ):
+        self._columns, self._progress = columns, progress
+        self._worker_count, self._level_count = workers, level_count
+        self._rows = max(int(memory_bytes / _ROW_BYTES), 1 << 16)
+        #: Vertices of the blocks that are being simplified.
+        self._vertices: dict[int, np.ndarray] = {}
 
-    def build(self, level_count) -> Hierarchy:
-        """Simplify level by level until one cell is left, or none gets smaller."""
-        level = self._full_level()
-        self._mesh_cell_of_face = self._mesh_cells
-        for _ in range(level_count):
-            cells = kd_cells(self._centers(level.faces), self._rng)
-            if len(cells) == 1:
-                break
-            level, has_changed = self._coarser(level, cells)
-            if not has_changed:
-                break
-        for ids in kd_cells(self._centers(level.faces), self._rng):
-            self._record(level, ids, NO_CELL)
+    def build(self, mesh: TriangleMesh) -> dict[str, list]:
+        """Return the arrays of a hierarchy by name, as the columns that they are made of."""
+        self._state = self._columns.resumed() or self._read(mesh)
+        self._bounds = np.array(self._state['bounds'])
+        with Workers(self._worker_count) as workers:
+            while not self._state['is_built']:
+                self._build_level(self._state['level'], workers)
         self._progress(1.0)
         return self._finished()
 
-    def _full_level(self) -> _Level:
-        """Return the triangles of the full mesh, with a sample at each vertex."""
-        faces, corners = self._faces, self._faces
-        if self._wedges is not None:
-            corners = self._corner_wedges
-        used = np.unique(corners)
-        owners = np.zeros(used[-1] + 1, np.int32)
-        owners[corners.ravel()] = np.repeat(np.arange(len(faces), dtype=np.int32), 3)
-        vertices, coordinates = used, np.zeros((len(used), 0))
-        if self._wedges is not None:
-            # One of each vertex: at a pole there may be hundreds.
-            vertices, first = np.unique(self._wedges.vertices[used], return_index=True)
-            used = used[first]
-            coordinates = self._wedges.samples(used, self._points, faces, corners)
-        return _Level(
-            faces,
-            edges_once(faces, len(self._points)),
-            np.full(len(faces), NO_CELL, np.int32),
-            self._points[vertices],
-            owners[used],
-            np.zeros(len(used)),
-            self._corner_wedges,
-            coordinates,
-        )
+    def _read(self, mesh) -> dict[str, Any]:
+        """Read a mesh into the first level."""
+        columns, rows = self._columns, self._rows
+        origin = box_of_pieces(mesh.points, rows).mean(0)
+        merge_points(columns, mesh.points, origin, rows)
+        if mesh.normals is not None:
+            merge_normals(columns, mesh.normals, rows)
+        texture_unit = divide_triangles(columns, mesh, rows, np.random.default_rng(0))
+        if mesh.is_soup:
+            columns.drop('vertex_of_point')
+            for start, stop in spans(columns.length('base.points'), rows):
+                columns.append('vertex_of_point', np.arange(start, stop, dtype=np.int32))
+        state = {
+            'origin': origin.tolist(),
+            'bounds': box_of_pieces(columns['base.points'], rows).tolist(),
+            'texture_unit': texture_unit,
+            'level_starts': [0, columns.length('base.points')],
+            'level': 0,
+            'blocks_done': 0,
+            'is_built': False,
+        }
+        columns.commit(state)
+        return state
 
-    def _centers(self, faces) -> np.ndarray:
-        points = self._points.astype(np.float32)
-        return (points[faces[:, 0]] + points[faces[:, 1]] + points[faces[:, 2]]) / 3
+    # -- a level ---------------------------------------------------------------------------------
 
-    def _coarser(self, level, cells) -> tuple[_Level, bool]:
-        """Return the next level, and whether a cell could be simplified."""
-        sample_ids = self._samples_of(level, cells)
-        vertices: list[np.ndarray] = []
-        cell_wedges: list[np.ndarray] = []
-        jobs = self._jobs(level, cells, sample_ids, vertices, cell_wedges)
-        parts: list[_Level] = []
-        merges: list[tuple[np.ndarray, np.ndarray]] = []
-        new_points: list[np.ndarray] = []
-        offset, next_vertex, has_changed = 0, len(self._points), False
-        for k, simplified in enumerate(map(simplify_cell, jobs)):
-            ids, samples = cells[k], sample_ids[k]
-            if simplified is None:
-                local = np.searchsorted(np.sort(ids), level.sample_faces[samples])
-                ids = np.sort(ids)
-                part = _kept(level, ids, samples, local + offset)
-            else:
-                new_vertices = np.flatnonzero(simplified.is_new)
-                numbers = vertices[k][simplified.continued]
-                numbers[new_vertices] = next_vertex + np.arange(len(new_vertices))
-                next_vertex += len(new_vertices)
-                new_points.append(simplified.points[new_vertices])
-                merges.append(_merges(vertices[k], simplified, numbers))
-                self._replace(level, ids, simplified.error)
-                wedges = np.zeros((len(simplified.faces), 0), np.int32)
-                if self._wedges is not None:
-                    texture, is_new = simplified.texture, simplified.is_new
-                    wedges = self._wedges.added(cell_wedges[k], texture, numbers, is_new)
-                part = _Level(
-                    numbers[simplified.faces],
-                    simplified.is_border,
-                    np.full(len(simplified.faces), len(self._errors) - 1, np.int32),
-                    level.samples[samples],
-                    (simplified.nearest + offset).astype(np.int32),
-                    simplified.distances,
-                    wedges,
-                    level.sample_coordinates[samples],
-                )
-                has_changed = True
-            vertices[k] = cell_wedges[k] = _NOTHING
-            parts.append(part)
-            offset += len(part.faces)
-            self._advance(len(level.faces), (k + 1) / len(cells))
-        self._add_vertices(new_points, merges)
-        return _joined(parts), has_changed
+    def _build_level(self, level, workers):
+        columns, state = self._columns, self._state
+        count = columns.length(f'{level}.faces')
+        previous = state.get('triangles')
+        is_last = is_one_cell(count) or count == previous or level == self._level_count
+        segments = columns.all_of(f'{level}.segments')
+        planes = np.zeros((0, 4)) if is_last else self._next_planes(level, segments)
+        blocks = np.unique(segments[:, 0])
+        self._cells = {name: self._all_of(name, empty) for name, empty in _NO_CELLS.items()}
+        loads = [
+            partial(self._load, level, k, segments[segments[:, 0] == k], planes, is_last)
+            for k in blocks[state['blocks_done'] :]
+        ]
+        results = workers.simplified(loads)
+        for k, result in zip(blocks[state['blocks_done'] :], results, strict=True):
+            self._take(level, result, self._vertices.pop(int(k)))
+            state['blocks_done'] += 1
+            columns.commit(state)
+            self._advance(count, state['blocks_done'] / len(blocks))
+        if level == 0:
+            self._set_vertices()
+        new_count = columns.length('base.points') + columns.length('new.points')
+        state |= {'level': level + 1, 'blocks_done': 0, 'triangles': count, 'is_built': is_last}
+        state['level_starts'] = [*state['level_starts'], *([] if is_last else [new_count])]
+        columns.commit(state)
+        names = *TRIANGLE_ARRAYS, *SAMPLE_ARRAYS, 'segments'
+        columns.drop(*(f'{level}.{name}' for name in names))
 
-    def _jobs(self, level, cells, sample_ids, vertices, cell_wedges) -> Iterator[Cell]:
-        """Yield the cells to simplify, and note the vertices and wedges of each."""
-        for ids, samples in zip(cells, sample_ids, strict=True):
-            own_vertices, faces = np.unique(level.faces[ids], return_inverse=True)
-            vertices.append(own_vertices)
-            own_wedges, texture = _NOTHING, None
-            if self._wedges is not None:
-                coordinates = level.sample_coordinates[samples]
-                own_wedges, texture = self._wedges.cell(level.wedges[ids], coordinates)
-            cell_wedges.append(own_wedges)
-            yield Cell(
-                self._points[own_vertices],
-                faces.reshape(-1, 3).astype(np.int32),
-                level.is_border[ids],
-                level.samples[samples],
-                min(len(samples), _SAMPLES),
-                self._bounds,
-                texture,
-            )
-
-    def _samples_of(self, level, cells) -> list[np.ndarray]:
-        """Return the samples of each cell, at most as many as it needs."""
-        cell_of_face = np.empty(len(level.faces), np.int32)
-        for k, ids in enumerate(cells):
-            cell_of_face[ids] = k
-        cell_of_sample = cell_of_face[level.sample_faces]
-        order = np.argsort(cell_of_sample, kind='stable')
-        ends = np.searchsorted(cell_of_sample[order], np.arange(1, len(cells)))
-        return [self._some(level, ids) for ids in np.split(order, ends)]
-
-    def _some(self, level, ids) -> np.ndarray:
-        """Return random samples of some, then those farthest off: small pieces have few."""
-        if len(ids) <= _SAMPLES + _FARTHEST:
-            return ids
-        distances = level.sample_distances[ids]
-        order = np.argpartition(distances, -_FARTHEST)
-        others = ids[order[:-_FARTHEST]]
-        farthest = ids[order[-_FARTHEST:]]
-        return np.append(self._rng.choice(others, _SAMPLES, replace=False), farthest)
+    def _all_of(self, name, otherwise) -> np.ndarray:
+        return self._columns.all_of(name) if name in self._columns else otherwise
 
     def _advance(self, left, fraction):
         """Tell the fraction done: each level takes half as long as the one before."""
-        done = 1 - left / len(self._faces) * (1 - fraction / 2)
+        total = self._state.setdefault('triangle_count', left)
+        done = 1 - left / total * (1 - fraction / 2)
         self._progress(min(done, 0.999))
 
-    def _replace(self, level, ids, error):
-        """Note that a cell has replaced triangles."""
-        number = len(self._errors)
-        children = np.unique(level.made_by[ids])
-        children = children[children >= 0]
-        corners = self._points[level.faces[ids].ravel()]
-        boxes = np.array([_box(corners), *(self._boxes[c] for c in children)])
-        self._boxes.append(np.stack([boxes[:, 0].min(0), boxes[:, 1].max(0)]))
-        self._errors.append(max([error, *(self._errors[c] for c in children)]))
-        self._record(level, ids, number)
+    def _next_planes(self, level, segments) -> np.ndarray:
+        """Return planes that divide the next level, which has half the triangles, into blocks."""
+        rng = np.random.default_rng((level, 1 << 31))
+        count = self._columns.length(f'{level}.faces')
+        block_count = round(count / 2 / BLOCK_TRIANGLES)
+        if block_count < 2:
+            return kd_planes(np.zeros((0, 3)), 1, rng)
+        places = np.linspace(0, count - 1, block_count * _PROBES).astype(int)
+        # In the order of blocks, which pieces do not change.
+        segments = segments[np.argsort(segments[:, 0], kind='stable')]
+        ends = np.cumsum(segments[:, 2])
+        of_segment = np.searchsorted(ends, places, side='right')
+        places += (segments[:, 1] + segments[:, 2] - ends)[of_segment]
+        faces = self._columns[f'{level}.faces'].take(places)
+        vertices, faces = np.unique(faces, return_inverse=True)
+        points = self._vertices_of('points', vertices)
+        return kd_planes(points[faces.reshape(-1, 3)].mean(1), block_count, rng)
 
-    def _record(self, level, ids, replaced_by):
-        """Note the patches of triangles that one cell replaces."""
-        ids = ids[np.argsort(level.made_by[ids], kind='stable')]
-        makers = level.made_by[ids]
-        for part in np.split(ids, np.flatnonzero(makers[1:] != makers[:-1]) + 1):
-            made_by = int(level.made_by[part[0]])
-            corners = level.faces if self._wedges is None else level.wedges
-            self._patches.append((made_by, replaced_by, corners[part]))
-            mesh_cells = self._mesh_cell_of_face[part] if made_by == NO_CELL else _NOTHING
-            self._patch_mesh_cells.append(mesh_cells)
+    def _vertices_of(self, name, vertices) -> np.ndarray:
+        """Return an array of vertices, those of the full mesh and later ones."""
+        first_new = self._state['level_starts'][1]
+        split = int(np.searchsorted(vertices, first_new))
+        found = [self._columns[f'base.{name}'].take(vertices[:split])]
+        if split < len(vertices):
+            found.append(self._columns[f'new.{name}'].take(vertices[split:] - first_new))
+        return np.concatenate(found)
 
-    def _add_vertices(self, new_points, merges):
-        """Add the vertices of a new level, and note what was merged into them."""
-        added = np.concatenate([np.zeros((0, 3)), *new_points])
-        self._parents = np.append(self._parents, np.full(len(added), -1, np.int32))
-        for children, parents in merges:
-            self._parents[children] = parents
-        self._points = np.concatenate([self._points, added])
-        if self._wedges is not None:
-            self._wedges.end_level()
-        self._level_starts.append(len(self._points))
-
-    def _finished(self) -> Hierarchy:
-        # Those of the full mesh come first, and so do their triangles.
-        order = sorted(range(len(self._patches)), key=lambda k: self._patches[k][0] != NO_CELL)
-        drawn_points = self._points.astype(np.float32)
-        patch_vertices, patch_triangles, boxes = [], [], []
-        coordinates = [np.zeros((0, 2), np.float32)]
-        for k in order:
-            own_vertices, faces = np.unique(self._patches[k][2], return_inverse=True)
-            if self._wedges is not None:
-                coordinates.append(self._wedges.coordinates[own_vertices].astype(np.float32))
-                own_vertices = self._wedges.vertices[own_vertices]
-            patch_vertices.append(own_vertices.astype(np.int32))
-            patch_triangles.append(faces.reshape(-1, 3).astype(np.uint16))
-            boxes.append(_box(drawn_points[own_vertices]))
-        areas, normals = self._areas_and_normals()
-        cell_count = len(self._errors)
-        hierarchy = Hierarchy(
-            origin=self._origin,
-            points=drawn_points,
-            normals=np.zeros((0, 3), np.float32),
-            parents=self._parents,
-            level_starts=np.array(self._level_starts, np.int64),
-            areas=areas,
-            vertex_of_point=self._vertex_of_point,
-            mesh_cells=np.concatenate([self._patch_mesh_cells[k] for k in order]).astype(np.int64),
-            errors=np.array(self._errors).reshape(cell_count),
-            boxes=np.array(self._boxes).reshape(cell_count, 2, 3),
-            patch_cells=np.array([self._patches[k][:2] for k in order], np.int32),
-            patch_boxes=np.array(boxes, np.float64),
-            vertex_starts=np.cumsum([0, *map(len, patch_vertices)]),
-            triangle_starts=np.cumsum([0, *map(len, patch_triangles)]),
-            vertices=np.concatenate(patch_vertices),
-            triangles=np.concatenate(patch_triangles),
-            texture_coordinates=np.concatenate(coordinates),
+    def _load(self, level, k, segments, planes, is_last) -> Block:
+        """Return a block of a level."""
+        triangles = self._rows_of(level, TRIANGLE_ARRAYS, segments[:, 1:3])
+        samples = self._rows_of(level, SAMPLE_ARRAYS, segments[:, 3:5])
+        if 'sample_faces' in samples:  # counted from the start of their segment
+            starts = np.cumsum([0, *segments[:-1, 2]])
+            samples['sample_faces'] += np.repeat(starts, segments[:, 4]).astype(np.int32)
+        vertices, faces = np.unique(triangles['faces'], return_inverse=True)
+        triangles['faces'] = faces.reshape(-1, 3).astype(np.int32)
+        self._vertices[int(k)] = vertices
+        if 'made_by' not in triangles:
+            triangles['made_by'] = np.full(len(triangles['faces']), NO_CELL, np.int32)
+        makers = np.unique(triangles['made_by'])
+        makers = makers[makers != NO_CELL]
+        return Block(
+            (level, int(k)),
+            self._bounds,
+            self._state['texture_unit'],
+            {
+                name: self._vertices_of(name, vertices)
+                for name in VERTEX_ARRAYS
+                if f'base.{name}' in self._columns
+            },
+            triangles,
+            samples,
+            None if level else self._columns['is_shared'].take(vertices),
+            makers,
+            self._cells['errors'][makers],
+            self._cells['boxes'][makers],
+            planes,
+            is_last,
         )
-        return with_normals(hierarchy, normals)
 
-    def _areas_and_normals(self):
-        """Return areas around vertices, and normals of the mesh's points."""
-        corners = self._points[self._faces]
-        crosses = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-        lengths = np.linalg.norm(crosses, axis=1)
-        count = self._level_starts[1]
-        areas = np.bincount(self._faces.ravel(), np.repeat(lengths, 3), count)
-        # A point without area counts as little as can be, but has its own values.
-        areas = np.maximum(areas, 1e-12 * max(areas.max(), 1e-300)).astype(np.float32)
-        if self._mesh.normals is not None:
-            return areas, self._mesh.normals
-        # The mean of the facets' unit normals, as VTK has it.
-        crosses /= np.maximum(lengths, 1e-300)[:, None]
-        sums = [np.bincount(self._faces.ravel(), np.repeat(n, 3), count) for n in crosses.T]
-        # `with_normals` divides by their lengths.
-        return areas, np.stack(sums, 1)[self._vertex_of_point]
+    def _rows_of(self, level, names, spans_of_rows) -> dict[str, np.ndarray]:
+        columns = {name: f'{level}.{name}' for name in names}
+        return {
+            name: np.concatenate(
+                [self._columns[column][a : a + n] for a, n in spans_of_rows.tolist()]
+            )
+            for name, column in columns.items()
+            if column in self._columns
+        }
+
+    def _take(self, level, result: SimplifiedBlock, vertices):
+        """Write what a block adds to the hierarchy and to the next level."""
+        columns = self._columns
+        first_vertex = columns.length('base.points') + columns.length('new.points')
+        new_count = len(result.new_vertices['points'])
+        numbers = np.append(vertices, first_vertex + np.arange(new_count)).astype(np.int32)
+        first_cell = columns.length('errors')
+
+        def cells(made_by):
+            return np.where(made_by < NO_CELL, first_cell - 2 - made_by, made_by).astype(np.int32)
+
+        if result.own_vertices:
+            self._append_spread('own', vertices, result.own_vertices)
+        for name, values in result.new_vertices.items():
+            columns.append(f'new.{name}', values)
+        children, parents = numbers[result.merges].T
+        order = np.argsort(children)
+        self._append_spread('merges', children[order], {'parents': parents[order] + 1})
+        for name, values in result.cells.items():
+            columns.append(name, values)
+        for kind, patches in (('full', result.full_patches), ('other', result.other_patches)):
+            patches['patch_cells'] = cells(patches['patch_cells'])
+            patches['vertices'] = numbers[patches['vertices']]
+            for name, values in patches.items():
+                columns.append(f'{kind}.{name}', values)
+        if result.triangles:
+            result.triangles['faces'] = numbers[result.triangles['faces']]
+            result.triangles['made_by'] = cells(result.triangles['made_by'])
+            self._append_level(level + 1, result)
+
+    def _append_level(self, level, result):
+        columns = self._columns
+        blocks, counts, sample_counts = result.segments.T
+        first = columns.length(f'{level}.faces') + np.cumsum([0, *counts[:-1]])
+        first_samples = columns.length(f'{level}.samples') + np.cumsum([0, *sample_counts[:-1]])
+        for name, values in (result.triangles | result.samples).items():
+            columns.append(f'{level}.{name}', values)
+        rows = np.stack([blocks, first, counts, first_samples, sample_counts], 1)
+        columns.append(f'{level}.segments', rows)
+
+    # -- arrays by vertex, from rows in any order ------------------------------------------------
+
+    def _append_spread(self, kind, vertices, arrays):
+        """Add values of vertices, in the order of these, to be summed by `_summed`."""
+        if len(vertices):
+            start = self._columns.length(f'{kind}.vertices')
+            row = [start, start + len(vertices), vertices[0], vertices[-1] + 1]
+            self._columns.append(f'{kind}.segments', np.array([row], np.int64))
+            self._columns.append(f'{kind}.vertices', np.asarray(vertices, np.int32))
+            for name, values in arrays.items():
+                self._columns.append(f'{kind}.{name}', values)
+
+    def _summed(self, kind, name, count, like) -> Iterator[np.ndarray]:
+        """Yield pieces of the sums by vertex of what `_append_spread` wrote."""
+        segments = self._all_of(f'{kind}.segments', np.zeros((0, 4), np.int64))
+        for start, stop in spans(count, self._rows):
+            sums = np.zeros((stop - start, *like.shape[1:]), like.dtype)
+            is_inside = (segments[:, 2] < stop) & (segments[:, 3] > start)
+            for a, b in segments[is_inside, :2].tolist():
+                vertices = self._columns[f'{kind}.vertices'][a:b]
+                i, j = np.searchsorted(vertices, (start, stop))
+                values = self._columns[f'{kind}.{name}'][a + i : a + j]
+                sums[vertices[i:j] - start] += values
+            yield sums
+
+    def _set_vertices(self):
+        """Sum what blocks of the full mesh know of their vertices."""
+        columns, count = self._columns, self._state['level_starts'][1]
+        for areas in self._summed('own', 'areas', count, np.zeros(0, np.float32)):
+            columns.append('base.areas', areas)
+        if 'own.normals' in columns:
+            for normals in self._summed('own', 'normals', count, np.zeros((0, 3), np.float32)):
+                columns.append('base.normals', unit(normals))
+        columns.drop(*(f'own.{n}' for n in ('segments', 'vertices', 'areas', 'normals')))
+
+    def _finished(self) -> dict[str, list]:
+        columns, state = self._columns, self._state
+        vertex_count = state['level_starts'][-1]
+        columns.drop('parents', 'unit_normals')
+        for parents in self._summed('merges', 'parents', vertex_count, np.zeros(0, np.int32)):
+            columns.append('parents', parents - 1)
+        for kind in ('base', 'new'):
+            for start, stop in spans(columns.length(f'{kind}.normals'), self._rows):
+                normals = unit(columns[f'{kind}.normals'][start:stop])
+                columns.append('unit_normals', normals)
+        small = {
+            name: np.concatenate([columns.all_of(f'{kind}.{name}') for kind in ('full', 'other')])
+            for name in PATCH_ARRAYS
+        }
+        starts = np.concatenate([[[0, 0]], np.cumsum(small['patch_sizes'], axis=0)])
+        return {
+            'origin': [np.array(state['origin'])],
+            'points': self._parts('base.points', 'new.points'),
+            'normals': self._parts('unit_normals'),
+            'parents': self._parts('parents'),
+            'level_starts': [np.array(state['level_starts'], np.int64)],
+            'areas': self._parts('base.areas'),
+            'vertex_of_point': self._parts('vertex_of_point'),
+            'mesh_cells': self._parts('full.mesh_cells'),
+            'edge_flags': self._parts('full.edge_flags'),
+            **{name: [self._all_of(name, empty)] for name, empty in _NO_CELLS.items()},
+            'patch_cells': [small['patch_cells']],
+            'patch_boxes': [small['patch_boxes']],
+            'vertex_starts': [starts[:, 0]],
+            'triangle_starts': [starts[:, 1]],
+            'vertices': self._parts('full.vertices', 'other.vertices'),
+            'triangles': self._parts('full.triangles', 'other.triangles'),
+            'texture_coordinates': self._parts(
+                'full.texture_coordinates', 'other.texture_coordinates'
+            ),
+        }
+
+    def _parts(self, *names) -> list:
+        return [self._columns[name] for name in names if name in self._columns]
 
 
-def _box(points) -> np.ndarray:
-    """Return the lowest and highest coordinates of points, (2, 3)."""
-    return np.array([[axis.min() for axis in points.T], [axis.max() for axis in points.T]])
-
-
-def with_normals(hierarchy, normals) -> Hierarchy:
-    """Return a hierarchy with unit normals of all vertices, from those of the mesh's points."""
-    means = hierarchy.averaged(normals)
-    lengths = np.linalg.norm(means, axis=1, keepdims=True)
-    is_known = lengths[:, 0] > 0
-    means = np.where(is_known[:, None], means / np.where(lengths > 0, lengths, 1), (0, 0, 1))
-    arrays = hierarchy.to_arrays() | {'normals': means.astype(np.float32)}
-    return Hierarchy(**arrays)
+def whole(parts) -> np.ndarray:
+    """Return the array of some columns."""
+    arrays = [part[:] for part in parts]
+    return arrays[0] if len(arrays) == 1 else np.concatenate(arrays)
 
 
 def clustered_points(points) -> tuple[np.ndarray, np.ndarray]:
     """Return one point of each cube of a grid that has any, and the place of each among them."""
-    low, high = _box(points)
+    low, high = box_of_pieces(points, len(points))
     extent = float((high - low).max()) or 1.0
     side = extent / _ROUGH_GRID
     occupied = _cubes(points[:: max(len(points) // _DRAFT_POINTS, 1)], low, side)[1]
@@ -361,7 +400,7 @@ def clustered_points(points) -> tuple[np.ndarray, np.ndarray]:
 def _cubes(points, low, side) -> tuple[np.ndarray, np.ndarray]:
     """Return the cube of each point, numbered, and a point of each cube."""
     cubes = ((points - low) / side).astype(np.int64)
-    shape = _box(cubes)[1] + 1
+    shape = cubes.max(0) + 1
     keys = (cubes[:, 0] * shape[1] + cubes[:, 1]) * shape[2] + cubes[:, 2]
     point_of_key = np.full(int(shape.prod()), -1, np.int32)
     point_of_key[keys] = np.arange(len(keys), dtype=np.int32)
@@ -369,30 +408,3 @@ def _cubes(points, low, side) -> tuple[np.ndarray, np.ndarray]:
     first = point_of_key[occupied]
     point_of_key[occupied] = np.arange(len(occupied), dtype=np.int32)
     return point_of_key[keys], first
-
-
-def _merges(vertices, simplified, numbers) -> tuple[np.ndarray, np.ndarray]:
-    """Return the vertices that new ones were made of, and these."""
-    targets = simplified.merged_into
-    is_merged = targets >= 0
-    is_merged[is_merged] = simplified.is_new[targets[is_merged]]
-    return vertices[is_merged], numbers[targets[is_merged]].astype(np.int32)
-
-
-def _kept(level, ids, samples, sample_faces) -> _Level:
-    """Return the triangles of a cell that could not be simplified."""
-    return _Level(
-        level.faces[ids],
-        level.is_border[ids],
-        level.made_by[ids],
-        level.samples[samples],
-        sample_faces.astype(np.int32),
-        level.sample_distances[samples],
-        level.wedges[ids],
-        level.sample_coordinates[samples],
-    )
-
-
-def _joined(parts) -> _Level:
-    names = _Level.__dataclass_fields__
-    return _Level(**{n: np.concatenate([getattr(p, n) for p in parts]) for n in names})

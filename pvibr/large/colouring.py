@@ -7,8 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 import pyvista as pv
 
-from pvibr.large.hierarchy import Hierarchy
-from pvibr.large.original_cells import with_visible_cells
 from pvibr.large.scalars import Scalars, scalars_of
 from pvibr.large.vertex_values import Values, vertex_values
 from pvibr.meshes.parts import Part, as_parts
@@ -60,10 +58,10 @@ class Coloring:
         """Whether the scalars are words."""
         return self.scalars is not None and bool(self.scalars.words)
 
-    def seen(self, hierarchy) -> Hierarchy:
-        """Return the hierarchy that is drawn: cells of some pixels show their own values."""
-        is_of_cells = self.scalars is not None and self.scalars.on_cells
-        return with_visible_cells(hierarchy) if is_of_cells else hierarchy
+    @property
+    def is_of_cells(self) -> bool:
+        """Whether each cell of the mesh has a value."""
+        return self.scalars is not None and self.scalars.on_cells
 
     def values_of(self, hierarchy) -> Values | None:
         """Return the values of a hierarchy's vertices and triangles."""

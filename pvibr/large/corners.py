@@ -42,3 +42,13 @@ class Corners:
         """Set the values of the triangles of the full mesh in an array of the vertices."""
         count = 3 * len(self.full_triangles)
         array[len(array) - count :] = np.repeat(by_triangle[self.full_triangles], 3, axis=0)
+
+    def edge_flags(self, hierarchy, patches, vertex_count) -> np.ndarray:
+        """Return whether an edge of a cell starts at each vertex, in some patches of the mesh."""
+        triangles, flags = self.full_triangles, np.zeros(vertex_count, np.uint8)
+        bits = hierarchy.edge_flags[triangles] if len(hierarchy.edge_flags) else np.uint8(7)
+        owners = np.searchsorted(hierarchy.triangle_starts, triangles, side='right') - 1
+        bits = np.where(np.isin(owners, patches), bits, np.uint8(0))
+        own = bits[:, None] >> np.arange(3, dtype=np.uint8) & 1
+        flags[vertex_count - 3 * len(triangles) :] = own.ravel()
+        return flags

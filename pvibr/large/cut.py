@@ -45,11 +45,15 @@ def cell_pixels(hierarchy, view) -> np.ndarray:
 
     That of a cell is never less than that of a cell that it replaces, whose box is in its own.
     """
+    return pixels_of(hierarchy.errors, hierarchy.boxes, view)
+
+
+def pixels_of(lengths, boxes, view) -> np.ndarray:
+    """Return lengths in boxes as pixels, at most."""
     if view.is_parallel:
-        return hierarchy.errors * view.pixels_per_unit
-    low, high = hierarchy.boxes[:, 0], hierarchy.boxes[:, 1]
-    distances = np.maximum(_distances(view.eye, low, high), view.near)
-    return hierarchy.errors * view.pixels_per_unit / distances
+        return lengths * view.pixels_per_unit
+    distances = np.maximum(_distances(view.eye, boxes[:, 0], boxes[:, 1]), view.near)
+    return lengths * view.pixels_per_unit / distances
 
 
 def patches_within(hierarchy, pixels, max_error) -> np.ndarray:

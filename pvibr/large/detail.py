@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import operator
 from dataclasses import replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -17,6 +18,8 @@ _NORMAL_SPREAD, _VALUE_SPREAD = 0.12, 0.15
 _SPACING = 1.6
 #: Corners of triangles that count the area around a vertex, times 2 for the parallelogram.
 _AREA_PARTS = 6
+#: Vertices that are looked at at once.
+_PIECE = 1 << 22
 
 
 class Detail:
@@ -30,12 +33,8 @@ class Detail:
         self._look: tuple = ()
         self._detailed: Any = None
 
-    def of(self, hierarchy, values, thing, is_wanted=True) -> Hierarchy:
-        """Return a hierarchy whose errors also tell what it loses of a thing's shading."""
-        if thing.detail == 'none' or not is_wanted:
-            return hierarchy
-        is_lit = bool(thing.prop.GetLighting())
-        value_range = None if values is None else thing.GetMapper().GetScalarRange()
+    def of(self, hierarchy, values, value_range, *, is_lit) -> Hierarchy:
+        """Return a hierarchy whose errors also tell what it loses of normals and values."""
         shown, look = (hierarchy, values), (value_range, is_lit)
         if look != self._look or not all(map(operator.is_, shown, self._shown)):
             self._shown, self._look = shown, look
@@ -49,49 +48,59 @@ def lost_lengths(hierarchy, values, value_range, *, is_lit) -> np.ndarray:
     """Return the lengths across which each cell leaves out what can be seen, never decreasing."""
     # That of a vertex is the size of what was merged into it, less where this is nearly even.
     areas = vertex_areas(hierarchy)
-    shares = np.zeros(len(areas))
+    shares = np.zeros(len(areas), np.float32)
     if is_lit:
         shares += spread_of(hierarchy, areas, hierarchy.normals) / _NORMAL_SPREAD**2
     if values is not None:
-        shares += _value_spread(hierarchy, areas, values, value_range) / _VALUE_SPREAD**2
+        by_vertex = values.by_vertex
+        # What is beyond the range has its first or last colour.
+        low, high = (0, 255) if by_vertex.ndim == 2 else value_range
+        scale = max(high - low, 1e-300) * _VALUE_SPREAD
+        by_vertex = np.clip(by_vertex, low, high).reshape(len(areas), -1)
+        shares += spread_of(hierarchy, areas, by_vertex, scale)
     squares = areas * np.minimum(shares, 1) / _AREA_PARTS
     return np.sqrt(_largest_below(hierarchy, _means_of_cells(hierarchy, squares)))
 
 
-def _value_spread(hierarchy, areas, values, value_range) -> np.ndarray:
-    by_vertex = values.by_vertex
-    if by_vertex.dtype == np.uint8:
-        return spread_of(hierarchy, areas, by_vertex.astype(np.float32) / 255)
-    low, high = value_range
-    # What is beyond the range has its first or last colour.
-    shown = np.clip(by_vertex, low, high)[:, None]
-    return spread_of(hierarchy, areas, (shown - low) / max(high - low, 1e-300))
-
-
 def vertex_areas(hierarchy) -> np.ndarray:
     """Return the area of the full mesh, times a factor, that each vertex stands for."""
-    areas = np.zeros(len(hierarchy.points))
+    areas = np.zeros(len(hierarchy.points), np.float32)
     areas[: len(hierarchy.areas)] = hierarchy.areas
-    for first, last, children in hierarchy.merges():
-        places = hierarchy.parents[children] - first
-        areas[first:last] = np.bincount(places, areas[children], last - first)
+    for children, parents in _merges(hierarchy):
+        _add(areas, parents, areas[children])
     return areas
 
 
-def spread_of(hierarchy, areas, values) -> np.ndarray:
+def spread_of(hierarchy, areas, values, scale=1.0) -> np.ndarray:
     """Return the variance of what was merged into each vertex, by area, from values (v, k)."""
-    spread = np.zeros(len(areas))
-    for first, last, children in hierarchy.merges():
-        parents = hierarchy.parents[children]
-        differences = values[children] - values[parents]
+    sums = np.zeros(len(areas), np.float32)
+    for children, parents in _merges(hierarchy):
+        ends = values[children].astype(np.float32), values[parents].astype(np.float32)
+        differences = (ends[0] - ends[1]) / scale
         is_unknown = np.isnan(differences)
-        if is_unknown.any():  # to be beside what is known is as far as the range is
-            is_edge = np.isnan(values[children]) != np.isnan(values[parents])
-            differences = np.where(is_unknown, is_edge, differences)
-        squares = np.einsum('ij,ij->i', differences, differences) + spread[children]
-        sums = np.bincount(parents - first, squares * areas[children], last - first)
-        spread[first:last] = sums / np.maximum(areas[first:last], 1e-300)
-    return spread
+        if is_unknown.any():  # what is known ends there
+            is_end = np.isnan(ends[0]) != np.isnan(ends[1])
+            differences = np.where(is_unknown, is_end, differences)
+        squares = np.einsum('ij,ij->i', differences, differences)
+        _add(sums, parents, areas[children] * squares + sums[children])
+    return np.divide(sums, areas, out=np.zeros_like(sums), where=areas > 0)
+
+
+def _merges(hierarchy):
+    """Yield vertices and what each was merged into, those of a vertex before its own merge."""
+    starts = hierarchy.level_starts.tolist()
+    for level_start, level_end in pairwise(starts):
+        for first in range(level_start, level_end, _PIECE):
+            parents = np.asarray(hierarchy.parents[first : min(first + _PIECE, level_end)])
+            is_merged = parents >= 0
+            if is_merged.any():
+                yield first + np.flatnonzero(is_merged), parents[is_merged]
+
+
+def _add(sums, places, values):
+    """Add values to sums, which may have several at a place."""
+    low, high = places.min(), places.max()
+    sums[low : high + 1] += np.bincount(places - low, values, high - low + 1)
 
 
 def _means_of_cells(hierarchy, values) -> np.ndarray:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields
 from functools import cached_property
 
@@ -10,6 +10,8 @@ import numpy as np
 
 #: Index of the cell that made the patches of the full mesh, or that replaces the coarsest.
 NO_CELL = -1
+#: Rows, and patches, that are checked at once.
+_PIECE_ROWS, _PIECE_PATCHES = 1 << 22, 1 << 12
 #: Kind of the numbers of each array, and the shape of its rows.
 _LAYOUT: dict[str, tuple[str, tuple[int, ...]]] = {
     'origin': ('f', ()),
@@ -20,6 +22,7 @@ _LAYOUT: dict[str, tuple[str, tuple[int, ...]]] = {
     'areas': ('f', ()),
     'vertex_of_point': ('i', ()),
     'mesh_cells': ('i', ()),
+    'edge_flags': ('u', ()),
     'errors': ('f', ()),
     'boxes': ('f', (2, 3)),
     'patch_cells': ('i', (2,)),
@@ -55,6 +58,8 @@ class Hierarchy:
     vertex_of_point: np.ndarray
     #: Cell of the mesh that each triangle of the full mesh is of, in the order of patches.
     mesh_cells: np.ndarray
+    #: Edges of each of these triangles that are edges of its cell, bits 1, 2 and 4; all if empty.
+    edge_flags: np.ndarray
     #: Distance that the full mesh keeps from what replaced each cell, (c,).
     errors: np.ndarray
     #: Bounds (low, high) about the origin of each cell and all that it replaces, (c, 2, 3).
@@ -148,34 +153,48 @@ class Hierarchy:
         return hierarchy
 
     def _check(self):
-        """Raise a ValueError where arrays do not belong together."""
+        """Raise a ValueError where arrays do not belong together, which names one that is off."""
+        for name, array in self.to_arrays().items():
+            if (array.dtype.kind, array.shape[1:]) != _LAYOUT[name]:
+                raise ValueError(f'its arrays do not belong together: {name!r} is of another kind')
+        for name, is_right in self._rules():
+            if not is_right:
+                raise ValueError(f'its arrays do not belong together: {name!r} does not fit')
+
+    def _rules(self) -> Iterator[tuple[str, bool]]:
+        """Yield the names of arrays, and whether they fit those before."""
         patch_count, vertex_count = len(self.patch_cells), len(self.points)
-        layout = {n: (a.dtype.kind, a.shape[1:]) for n, a in self.to_arrays().items()}
-        is_whole = (
-            layout == _LAYOUT
-            and len(self.origin) == 3
-            and _are_starts(self.vertex_starts, patch_count, len(self.vertices))
-            and _are_starts(self.triangle_starts, patch_count, len(self.triangles))
-            and _is_below(self.vertices, vertex_count)
-            and _is_below(self.vertex_of_point, len(self.areas))
-            and _is_below(self.patch_cells, len(self.errors), NO_CELL)
-            and _is_below(self.parents, vertex_count, -1)
-            and self.level_starts[:2].tolist() == [0, len(self.areas)]
-            and self.level_starts[-1] == vertex_count
-            and (np.diff(self.level_starts) >= 0).all()
-            and len(self.parents) == len(self.normals) == vertex_count
-            and len(self.boxes) == len(self.errors)
-            and len(self.patch_boxes) == patch_count
-            and len(self.texture_coordinates) in (0, len(self.vertices))
-            and len(self.mesh_cells) == self.triangle_counts[self.full_patches].sum()
+        starts = self.level_starts
+        yield 'origin', len(self.origin) == 3
+        yield 'boxes', len(self.boxes) == len(self.errors)
+        yield 'patch_cells', _is_below(self.patch_cells, len(self.errors), NO_CELL)
+        yield 'patch_boxes', len(self.patch_boxes) == patch_count
+        yield 'level_starts', starts[:2].tolist() == [0, len(self.areas)]
+        yield 'level_starts', starts[-1] == vertex_count and bool((np.diff(starts) >= 0).all())
+        yield 'normals', len(self.normals) == vertex_count
+        yield 'parents', len(self.parents) == vertex_count
+        yield 'parents', _is_below(self.parents, vertex_count, -1)
+        yield 'vertex_of_point', _is_below(self.vertex_of_point, len(self.areas))
+        yield 'vertex_starts', _are_starts(self.vertex_starts, patch_count, len(self.vertices))
+        yield 'vertices', _is_below(self.vertices, vertex_count)
+        yield 'texture_coordinates', len(self.texture_coordinates) in (0, len(self.vertices))
+        yield (
+            'triangle_starts',
+            _are_starts(self.triangle_starts, patch_count, len(self.triangles)),
         )
-        if not (is_whole and self._are_corners_whole()):
-            raise ValueError('its arrays do not belong together')
+        yield 'triangles', self._are_corners_whole()
+        yield 'edge_flags', len(self.edge_flags) in (0, len(self.mesh_cells))
+        yield 'mesh_cells', len(self.mesh_cells) == self.triangle_counts[self.full_patches].sum()
 
     def _are_corners_whole(self) -> bool:
         """Return True if triangles are of the vertices of their patches."""
-        limits = np.repeat(np.diff(self.vertex_starts), self.triangle_counts)
-        return bool((self.triangles.max(1) < limits).all())
+        counts, starts = np.diff(self.vertex_starts), self.triangle_starts
+        for first in range(0, len(counts), _PIECE_PATCHES):
+            last = min(first + _PIECE_PATCHES, len(counts))
+            corners = self.triangles[starts[first] : starts[last]].max(1)
+            if (corners >= np.repeat(counts[first:last], self.triangle_counts[first:last])).any():
+                return False
+        return True
 
 
 def _summed(places, values, count) -> np.ndarray:
@@ -194,4 +213,5 @@ def _are_starts(starts, count, end) -> bool:
 
 
 def _is_below(indices, count, least=0) -> bool:
-    return not indices.size or bool(indices.min() >= least and indices.max() < count)
+    pieces = (indices[k : k + _PIECE_ROWS] for k in range(0, len(indices), _PIECE_ROWS))
+    return all(bool(piece.min() >= least and piece.max() < count) for piece in pieces)

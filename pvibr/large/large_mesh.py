@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from operator import attrgetter
 from pathlib import Path
 from typing import Any
@@ -11,19 +12,21 @@ import pyvista as pv
 
 from pvibr.core import _vtk
 from pvibr.core.arguments import checked_number
+from pvibr.core.child_processes import can_start
 from pvibr.core.determinism import is_deterministic
 from pvibr.core.errors import warn
 from pvibr.core.params import Param, checked_flag
 from pvibr.core.signatures import takes
-from pvibr.instances.bake_queue import can_run
+from pvibr.large.baked_cut import bake_cut
 from pvibr.large.build import build_draft
 from pvibr.large.build_job import BuildJob
 from pvibr.large.colouring import Coloring
 from pvibr.large.cut import ModelView, cut_of
-from pvibr.large.cut_mesh import CutMesh
-from pvibr.large.detail import Detail
+from pvibr.large.cut_mesh import CutLook, CutMesh
+from pvibr.large.drawn_surface import DrawnSurface
 from pvibr.large.full_picking import nearest_triangle
 from pvibr.large.given_mesh import given_mesh
+from pvibr.large.solid_cut import SolidCut
 from pvibr.large.sources import NO_COORDINATES, checked_texture, source_of
 from pvibr.large.stored import SUFFIX, built, cache_of, hierarchy_key, load
 from pvibr.meshes.parts import as_parts, copy_look
@@ -36,13 +39,11 @@ from pvibr.things.thing import Thing
 _SMALL = 100_000
 #: Least error while the view moves at quality 1, pixels: less is for stills.
 _MOVING_ERROR = 1.0
-_FLAT = 0  # VTK_FLAT
 
 #: Arguments of add_mesh that have no effect here, or are not there.
 REFUSED = (
-    *('style', 'show_edges', 'edge_color', 'edge_opacity', 'line_width', 'point_size'),
-    *('render_points_as_spheres', 'render_lines_as_tubes', 'split_sharp_edges', 'feature_angle'),
-    'use_transparency',
+    *('style', 'point_size', 'render_points_as_spheres', 'render_lines_as_tubes'),
+    *('split_sharp_edges', 'feature_angle', 'use_transparency'),
 )
 
 
@@ -174,8 +175,9 @@ class LargeMesh(Thing):
         self._changes = 0
         self._own_view: Any = None
         self._tolerance = max_error
-        self._cut, self._other_cut, self._detail = CutMesh(), CutMesh(), Detail()
+        self._cut, self._other_cut = CutMesh(), CutMesh()
         self._other_actor = pv.Actor()
+        self._solid = SolidCut()
         if isinstance(mesh, (str, Path)) and Path(mesh).suffix.lower() == SUFFIX:
             hierarchy, self._source = load(mesh)
         else:
@@ -196,7 +198,7 @@ class LargeMesh(Thing):
     def _first_hierarchy(self, cache, progress, waits):
         """Return the hierarchy of the mesh, or a draft while another process builds it."""
         mesh: Any = self._source.mesh
-        if waits or len(mesh.faces) <= _SMALL or not can_run():
+        if waits or len(mesh.faces) <= _SMALL or not can_start():
             return built(mesh, cache, progress)
         key = hierarchy_key(mesh)
         if cache is not None and key in cache:
@@ -234,28 +236,23 @@ class LargeMesh(Thing):
     def _adopt(self, hierarchy):
         """Draw a hierarchy from now on."""
         self._built = hierarchy
-        self._colour()
-        self._empty()
-
-    def _colour(self):
-        """Let what is drawn have the values of the colouring."""
-        self._values = self._coloring.values_of(self._built)
-        self._hierarchy = self._coloring.seen(self._built)
+        self._surface = DrawnSurface(hierarchy, self._coloring, self.prop)
         self._changes += 1
+        self._empty()
 
     def _empty(self):
         """Draw no patches."""
         #: Patches of the last cut, those out of view included: they cast its shadows.
-        self._whole = self._hierarchy.full_patches[:0]
+        self._whole = self._built.full_patches[:0]
         for cut in (self._cut, self._other_cut):
-            cut.show(self._hierarchy, self._whole, None, has_normals=False)
+            cut.show(self._built, self._whole, CutLook())
 
     # -- what users call ---------------------------------------------------------------------
 
     @property
     def n_triangles(self) -> int:
         """Number of triangles of the mesh."""
-        return self._source.triangle_count or self._hierarchy.n_triangles
+        return self._source.triangle_count or self._built.n_triangles
 
     @property
     def refined(self) -> bool:
@@ -285,7 +282,8 @@ class LargeMesh(Thing):
         look |= {'clim': clim, 'preference': preference}
         self._coloring = Coloring.of(self._source, scalars, look)
         self._dress_mappers()
-        self._colour()
+        self._surface = DrawnSurface(self._built, self._coloring, self.prop)
+        self._changes += 1
         self._show_bar()
 
     def cut(self, max_error=None) -> pv.PolyData:
@@ -313,11 +311,11 @@ class LargeMesh(Thing):
         max_error = checked_number('max_error', max_error, 0)
         self.wait()
         self._take_result()
-        cut, hierarchy = CutMesh(), self._hierarchy
-        chosen = self._detail.of(hierarchy, self._values, self)
-        _, patches = cut_of(chosen, self._view(self.pipeline.view()), max_error)
-        looks = {'has_normals': True, 'has_texture': self._coloring.has_texture}
-        cut.show(hierarchy, patches, self._values, **looks)
+        cut, surface = CutMesh(), self._surface
+        view = self._view(self.pipeline.view())
+        _, patches = cut_of(surface.chosen(self), view, max_error)
+        look = replace(surface.look(patches, view, max_error), has_normals=True)
+        cut.show(surface.hierarchy, patches, look)
         mesh = pv.wrap(cut.data)
         mesh.regular_faces = mesh.regular_faces[:-2]
         return mesh.clean(point_merging=False).transform(self.matrix, inplace=False)
@@ -331,7 +329,7 @@ class LargeMesh(Thing):
         model_from_world = np.linalg.inv(self._matrix())
         local_start = model_from_world[:3, :3] @ start + model_from_world[:3, 3]
         local_direction = model_from_world[:3, :3] @ direction
-        found = nearest_triangle(self._hierarchy, local_start, local_direction, first, last)
+        found = nearest_triangle(self._built, local_start, local_direction, first, last)
         if found is None:
             return None
         index, distance = found
@@ -367,6 +365,15 @@ class LargeMesh(Thing):
         super().SetPickable(pickable)
         pv.Actor.SetPickable(self, self.pickable)
 
+    def solids(self) -> list:
+        """Return an actor with the triangles of the last cut, or of the mesh before a frame."""
+        actor, hierarchy = self._solid.actor, self._surface.hierarchy
+        self._solid.show(hierarchy, self._whole if len(self._whole) else hierarchy.full_patches)
+        actor.SetProperty(self.prop)
+        actor.SetUserMatrix(self.GetMatrix())
+        set_planes(actor.GetMapper(), list(self.GetMapper().GetClippingPlanes() or ()))
+        return [actor]
+
     def set_clipping_planes(self, planes):
         """Clip what other views see, too; this actor's mapper clips itself."""
         set_planes(self._other_actor.GetMapper(), planes or ())
@@ -391,10 +398,7 @@ class LargeMesh(Thing):
 
     def bake_into(self, scene):
         """Export the mesh of the current view, at `max_error`."""
-        part = self._coloring.part.with_mesh(self.cut())
-        part.actor.SetProperty(self.prop)
-        part.actor.GetMapper().SetScalarRange(self.GetMapper().GetScalarRange())
-        scene.part(self, part)
+        bake_cut(scene, self, self._coloring.part, self.cut())
 
     # -- building in the background --------------------------------------------------------------
 
@@ -452,12 +456,13 @@ class LargeMesh(Thing):
             self.wait()
         self._take_result()
         if not frame.own:  # VTK draws a shadow map
-            self._show(self._cut, self._whole)
+            self._surface.show(self._cut, self._whole)
             return
         self._tolerance, self._own_view = self._tolerance_of(frame), frame.view
-        chosen = self._detail.of(self._hierarchy, self._values, self, frame.quality >= 1)
-        whole, patches = cut_of(chosen, self._view(frame), self._tolerance)
-        self._show(self._cut, patches)
+        view = self._view(frame)
+        chosen = self._surface.chosen(self, frame.quality >= 1)
+        whole, patches = cut_of(chosen, view, self._tolerance)
+        self._surface.show(self._cut, patches, view, np.inf if self.is_draft else self._tolerance)
         if not np.array_equal(whole, self._whole):
             self._whole = whole
             self._changes += 1
@@ -468,15 +473,10 @@ class LargeMesh(Thing):
             return self.max_error
         return max(self.max_error, _MOVING_ERROR) / frame.quality
 
-    def _show(self, cut, patches):
-        has_normals = self.prop.GetInterpolation() != _FLAT
-        looks = {'has_normals': has_normals, 'has_texture': self._coloring.has_texture}
-        cut.show(self._hierarchy, patches, self._values, **looks)
-
     def _matrix(self) -> np.ndarray:
         """Return the world from the space about the hierarchy's origin."""
         matrix = np.array(self.matrix)
-        matrix[:3, 3] += matrix[:3, :3] @ self._hierarchy.origin
+        matrix[:3, 3] += matrix[:3, :3] @ self._built.origin
         return matrix
 
     def _view(self, frame) -> ModelView:
@@ -487,11 +487,11 @@ class LargeMesh(Thing):
         if frame.view is self._own_view:
             return [self]
         # Shadows fall from what is drawn: between two cuts they would be of one on the other.
-        patches = self._whole
+        patches, view = self._whole, None
         if not frame.depth_map:
-            chosen = self._detail.of(self._hierarchy, self._values, self, not depth)
-            _, patches = cut_of(chosen, self._view(frame), self.max_error)
-        self._show(self._other_cut, patches)
+            view = self._view(frame)
+            _, patches = cut_of(self._surface.chosen(self, not depth), view, self.max_error)
+        self._surface.show(self._other_cut, patches, view, self.max_error)
         self._other_actor.SetUserMatrix(self.GetMatrix())
         return [self._other_actor]
 

@@ -6,10 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 
+from pvibr.large.cut import pixels_of
 from pvibr.large.hierarchy import NO_CELL, Hierarchy
 
-#: Length of a triangle's edges, relative to the error, above which its own value or edges show.
-VISIBLE_EDGE = 3.0
+#: Length of a triangle's edges, relative to the error, above which its own value shows, and above
+#: which lines along its edges do.
+VISIBLE_CELL, VISIBLE_LINE = 3.0, 6.0
 #: Triangles of a patch, about, whose edges are measured.
 _MEASURED = 200
 
@@ -27,14 +29,45 @@ def edge_lengths(hierarchy) -> np.ndarray:
     return lengths
 
 
-def with_visible_cells(hierarchy) -> Hierarchy:
+def with_visible_cells(hierarchy, lengths, visible) -> Hierarchy:
     """Return a hierarchy whose errors are as large as the mesh's triangles, which show alone."""
-    lengths, errors = edge_lengths(hierarchy), hierarchy.errors.astype(float)
+    errors = hierarchy.errors.astype(float)
     made_by, replaced_by = hierarchy.patch_cells.T
     # A cell is made before those that replace it: their numbers are larger.
     for patch in np.argsort(made_by, kind='stable').tolist():
         maker, owner = made_by[patch], replaced_by[patch]
         if owner != NO_CELL:
-            own = lengths[patch] / VISIBLE_EDGE if maker == NO_CELL else errors[maker]
+            own = lengths[patch] / visible if maker == NO_CELL else errors[maker]
             errors[owner] = max(errors[owner], own)
     return replace(hierarchy, errors=errors)
+
+
+def edge_flags(faces, polygons) -> np.ndarray:
+    """Return the edges of triangles that are edges of their polygons, bits 1, 2 and 4, (m,) uint8.
+
+    Triangles of one polygon follow each other.
+    """
+    starts, ends = faces, np.roll(faces, -1, axis=1)
+    is_inner = np.zeros(faces.shape, bool)
+    pairs, distance = np.arange(len(faces)), 0
+    while True:
+        distance += 1
+        pairs = pairs[pairs + distance < len(faces)]
+        pairs = pairs[polygons[pairs] == polygons[pairs + distance]]
+        if not len(pairs):
+            return (~is_inner @ np.array([1, 2, 4], np.uint8)).astype(np.uint8)
+        others = pairs + distance
+        for k in range(3):
+            for j in range(3):
+                is_same = (starts[pairs, k] == ends[others, j]) & (
+                    ends[pairs, k] == starts[others, j]
+                )
+                is_inner[pairs[is_same], k] = is_inner[others[is_same], j] = True
+
+
+def patches_with_edges(hierarchy, lengths, patches, view, max_error) -> np.ndarray:
+    """Return those of some patches whose triangles' edges show."""
+    is_full = hierarchy.patch_cells[patches, 0] == NO_CELL
+    full = patches[is_full]
+    pixels = pixels_of(lengths[full], hierarchy.patch_boxes[full], view)
+    return full[pixels > VISIBLE_LINE * max_error]

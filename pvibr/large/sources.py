@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 import pyvista as pv
 
 from pvibr.large.build import TriangleMesh
 from pvibr.large.given_mesh import given_mesh
+from pvibr.large.original_cells import edge_flags
 from pvibr.meshes.surfaces import check_points, polygons_of, surface_of
 
-#: Name of the array that follows cells of a mesh to its triangles.
-_CELL = 'pvibr_mesh_cell'
+#: Names of arrays that follow cells of a mesh, and polygons of its surface, to triangles.
+_CELL, _POLYGON = 'pvibr_mesh_cell', 'pvibr_polygon'
 NO_COORDINATES = (
     'texture must be with texture coordinates, which the mesh does not have; '
     'see mesh.texture_map_to_plane()'
@@ -26,11 +28,11 @@ class Source:
     #: The triangles; None where a file holds their hierarchy.
     mesh: TriangleMesh | None
     #: Arrays of the points of `mesh` by name.
-    arrays: dict[str, np.ndarray] = field(default_factory=dict)
+    arrays: dict[str, Any] = field(default_factory=dict)
     #: Name of the array that is active, or None.
     active: str | None = None
     #: Arrays of the cells of the user's mesh by name, and the number of its cells.
-    cell_arrays: dict[str, np.ndarray] = field(default_factory=dict)
+    cell_arrays: dict[str, Any] = field(default_factory=dict)
     cell_count: int = 0
     #: Number of the points of the user's mesh, and which of these are those of `mesh`; None for
     #: all.
@@ -62,18 +64,21 @@ def source_of(mesh) -> Source:
     tagged = mesh.copy(deep=False)
     tagged.cell_data[_CELL] = np.arange(mesh.n_cells)
     tagged.point_data[_CELL] = np.arange(mesh.n_points)
-    surface = polygons_of(surface_of(tagged)).triangulate()
+    polygons = polygons_of(surface_of(tagged))
+    polygons.cell_data[_POLYGON] = np.arange(polygons.n_cells)
+    surface = polygons.triangulate()
     if not surface.n_cells:
         raise ValueError('mesh must have triangles, got none')
     points, mesh_cells = (np.asarray(d[_CELL]) for d in (surface.point_data, surface.cell_data))
-    return _source(mesh, surface, surface.regular_faces, mesh_cells, points)
+    flags = edge_flags(surface.regular_faces, np.asarray(surface.cell_data[_POLYGON]))
+    return _source(mesh, surface, surface.regular_faces, mesh_cells, points, flags)
 
 
 def _has_strokes(mesh) -> bool:
     return bool(mesh.n_verts + mesh.n_lines + mesh.n_strips)
 
 
-def _source(mesh, surface, faces, mesh_cells, points) -> Source:
+def _source(mesh, surface, faces, mesh_cells, points, flags=None) -> Source:
     names = [name for name in surface.point_data if name != _CELL]
     info = mesh.active_scalars_info
     is_shown = info.name is not None and info.association.name in ('POINT', 'CELL')
@@ -86,6 +91,7 @@ def _source(mesh, surface, faces, mesh_cells, points) -> Source:
         mesh_cells,
         None if normals is None else np.asarray(normals),
         None if coordinates is None else np.asarray(coordinates)[:, :2],
+        flags,
     )
     arrays = {name: np.asarray(surface.point_data[name]) for name in names}
     cell_arrays = {name: np.asarray(mesh.cell_data[name]) for name in mesh.cell_data}

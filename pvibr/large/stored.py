@@ -2,23 +2,24 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from pvibr.core.arguments import naming
 from pvibr.core.errors import PvibrError
-from pvibr.core.files import existing, in_a_folder, with_suffix
+from pvibr.core.files import existing
 from pvibr.core.progress import baking
-from pvibr.instances.cache import AtlasCache, key_of, pack, unpack, write_whole
+from pvibr.instances.cache import AtlasCache, key_of
 from pvibr.large.build import build_hierarchy
+from pvibr.large.checked_file import open_checked
 from pvibr.large.hierarchy import Hierarchy
-from pvibr.large.sources import Source, source_of
+from pvibr.large.sources import Source
+from pvibr.large.workers import worker_count
 
 SUFFIX = '.pvl'
 #: Raise it whenever another hierarchy is built of the same mesh.
-VERSION = 2
+VERSION = 3
 _KIND = 'large mesh'
 #: Prefixes of the names of arrays of points and of cells.
 _SCALARS, _OF_CELLS = 'scalars:', 'cells:'
@@ -36,7 +37,7 @@ def cache_of(cache) -> AtlasCache | None:
 
 def hierarchy_key(mesh) -> str:
     """Return the key of the hierarchy of a mesh: a digest of its content."""
-    optional = mesh.normals, mesh.texture_coordinates
+    optional = mesh.normals, mesh.texture_coordinates, mesh.edge_flags
     extras = [np.zeros(0) if array is None else array for array in optional]
     return key_of(_KIND, VERSION, mesh.points, mesh.faces, mesh.mesh_cells, *extras)
 
@@ -45,7 +46,7 @@ def built(mesh, cache, progress=None) -> Hierarchy:
     """Return the hierarchy of a mesh, from the cache if it is there."""
     with baking(progress, 'Building the hierarchy of a large mesh') as advance:
         if cache is None:
-            return build_hierarchy(mesh, advance)
+            return build_hierarchy(mesh, advance, worker_count(None))
         key = hierarchy_key(mesh)
         found = cache.load(key, Hierarchy.of_arrays)
         if found is not None:
@@ -53,41 +54,34 @@ def built(mesh, cache, progress=None) -> Hierarchy:
         with cache.locked(key):
             found = cache.load(key, Hierarchy.of_arrays)
             if found is None:
-                found = build_hierarchy(mesh, advance)
+                found = build_hierarchy(mesh, advance, worker_count(None))
                 cache.put(key, found.to_arrays())
         return found
 
 
-def write_large(mesh, path, progress=None) -> Path:
-    """Build the hierarchy of a mesh or of a file of one, and write it to a file."""
-    path = in_a_folder('path', with_suffix(path, SUFFIX))
-    source = source_of(mesh)
-    save(path, built(source.mesh, None, progress), source)
-    return path
+def arrays_of(source) -> dict[str, Any]:
+    """Return the arrays of a source by their names in a file."""
+    arrays = {_SCALARS + name: values for name, values in source.arrays.items()}
+    arrays |= {_OF_CELLS + name: values for name, values in source.cell_arrays.items()}
+    return arrays if source.points is None else arrays | {'source_points': source.points}
 
 
-def save(path, hierarchy, source):
-    """Write a hierarchy and the point arrays of its mesh to one file."""
-    meta = {
+def meta_of(source) -> dict[str, Any]:
+    """Return what a file says of a source."""
+    return {
         'kind': _KIND,
         'version': VERSION,
         'active': source.active,
         'cell_count': source.cell_count,
         'point_count': source.point_count,
     }
-    arrays = hierarchy.to_arrays()
-    arrays |= {_SCALARS + name: values for name, values in source.arrays.items()}
-    arrays |= {_OF_CELLS + name: values for name, values in source.cell_arrays.items()}
-    if source.points is not None:
-        arrays['source_points'] = source.points
-    write_whole(path, pack(arrays, meta))
 
 
 def load(path) -> tuple[Hierarchy, Source]:
-    """Return what `save` wrote, mapped into memory, once its checksum was verified."""
+    """Return what a file holds, mapped into memory, once its checksums were verified."""
     path = existing(path, f'{SUFFIX} file')
     try:
-        entry = unpack(np.memmap(path, np.uint8, 'r'))
+        entry = open_checked(path)
         if entry.meta.get('kind') != _KIND or entry.meta.get('version') != VERSION:
             raise ValueError('it is not a large mesh of this version of pvibr')
         hierarchy = Hierarchy.of_arrays(entry)

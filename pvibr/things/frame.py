@@ -15,6 +15,8 @@ from pvibr.maths.views import View
 
 #: Ratio of their sides above which pixels count as oblong.
 _OBLONG = 1.01
+#: Offset of lines from their surface toward the eye, as a fraction of the distance.
+_BEFORE = 2e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,6 +156,13 @@ class Frame:
     def eye(self) -> np.ndarray:
         """Position of the camera, (3,), world units."""
         return self.view.eye
+
+    def before(self, points) -> np.ndarray:
+        """Return points moved slightly toward the eye, off their surfaces."""
+        if not self.parallel:
+            return points + _BEFORE * (self.eye - points)
+        eye_distances = -(points @ self.view_from_world[2, :3] + self.view_from_world[2, 3])
+        return points + _BEFORE * eye_distances[:, None] * self.view_from_world[2, :3]
 
     def vary(self, name) -> tuple[float, float]:
         """Return two numbers, 0 to 1, that jitter an effect's sampling; 0 without samples."""

@@ -68,21 +68,16 @@ _BILLBOARDS = {
     'texture': 'pass it as image',
     'point_size': "give size, and size_unit='pixel'",
 }
-_PATCHES = 'its triangles are simplified'
+_PATCHES = 'a surface is drawn, in simplified triangles'
 _LARGE = {
-    **dict.fromkeys(('show_edges', 'edge_color', 'edge_opacity', 'line_width'), _PATCHES),
-    **dict.fromkeys(('style', 'point_size', 'render_points_as_spheres'), _PATCHES),
-    **dict.fromkeys(('render_lines_as_tubes',), _PATCHES),
-    **dict.fromkeys(('split_sharp_edges', 'feature_angle'), 'patches have one normal per point'),
-    'texture': 'it has no texture coordinates: give colours of points with rgb=True',
-    'categories': 'values are averaged, and categories cannot be',
-    'component': 'give scalars with one component',
-    'preference': 'scalars are on points',
-    'user_matrix': 'set user_matrix on the returned handle',
-    'alpha_cutoff': 'it has no texture',
-    'force_opaque': 'opacity determines the draw order',
+    'style': f"{_PATCHES}, which prop.style = 'wireframe' shows; show_edges shows its own",
+    **dict.fromkeys(('point_size', 'render_points_as_spheres'), f'{_PATCHES}: use add_points'),
+    'render_lines_as_tubes': f'{_PATCHES}: use line_width for its edges',
+    **dict.fromkeys(
+        ('split_sharp_edges', 'feature_angle'),
+        'points have one normal each; with smooth_shading=False all edges are sharp',
+    ),
     'use_transparency': 'give 1 - opacity',
-    'interpolate_before_map': 'scalars are always interpolated before they are mapped',
 }
 _SUBSTITUTES = dict.fromkeys(signature(pv.Plotter.add_mesh).parameters, _OWN_LOOKS)
 _BY_FACTORY = {

@@ -10,7 +10,7 @@ import pytest
 import pyvista as pv
 
 from pvibr import attach, deterministic
-from pvibr.core import _vtk
+from pvibr.core import _vtk, child_processes
 from pvibr.core.errors import PvibrWarning
 from pvibr.instances import bake_queue, drafts, levels
 from pvibr.instances.bake_jobs import do_job, write_job
@@ -51,8 +51,8 @@ def held(monkeypatch):
 def quick_bakes(monkeypatch):
     """Small images, and errors measured in the child as they are here."""
     monkeypatch.setattr(levels, '_GRID', (4, 16))
-    program = bake_queue._PROGRAM
-    monkeypatch.setattr(bake_queue, '_PROGRAM', f'{QUICK}; {program}')
+    program = child_processes._PROGRAM
+    monkeypatch.setattr(child_processes, '_PROGRAM', f'{QUICK}; {program}')
 
 
 @pytest.fixture(autouse=True)
@@ -181,7 +181,7 @@ def running_child():
         QUEUE.poll()
         busy = [child for child in QUEUE._children if not child.is_idle]
         if busy:
-            return busy[0]._process
+            return busy[0]._process._process
         time.sleep(0.01)
     raise TimeoutError
 

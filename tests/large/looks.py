@@ -18,7 +18,9 @@ def drawn(mesh, *, view=OVER, size=SIZE, large=True, **kwargs):
     kwargs = {'show_scalar_bar': False, 'detail': 'none'} | kwargs
     if not large:
         kwargs = {name: value for name, value in kwargs.items() if name not in _LARGE}
-    added = pl.ibr.add_large_mesh(mesh, **kwargs) if large else pl.add_mesh(mesh, **kwargs)
+    # add_mesh stores arrays passed by value in the mesh.
+    plain = mesh if large else mesh.copy(deep=False)
+    added = pl.ibr.add_large_mesh(mesh, **kwargs) if large else pl.add_mesh(plain, **kwargs)
     place(pl, **view)
     pl.show(auto_close=False)
     return pl, added

@@ -1,9 +1,12 @@
 """In windows another process builds large meshes, while a draft is drawn."""
 
+import numpy as np
 import pytest
 
 from pvibr.core.errors import PvibrWarning
+from pvibr.instances.cache import AtlasCache
 from pvibr.large import large_mesh as module
+from pvibr.large.build import build_hierarchy
 from pvibr.large.build_job import BuildJob
 from pvibr.large.sources import source_of
 from tests.large.surfaces import folded, terrain
@@ -34,7 +37,7 @@ def test_draft_first_then_the_mesh(monkeypatch, tmp_path):
 
 def test_failed_process_is_told_and_replaced(monkeypatch):
     monkeypatch.setattr(module, '_SMALL', 1000)
-    monkeypatch.setattr('pvibr.large.build_job._PROGRAM', 'raise SystemExit("no memory")')
+    monkeypatch.setattr('pvibr.core.child_processes._PROGRAM', 'raise SystemExit("no memory")')
     pl = plotter(SIZE)
     thing = pl.ibr.add_large_mesh(folded(40), wait=False, cache=False, color='white')
     thing._job.wait()
@@ -48,13 +51,12 @@ def test_failed_process_is_told_and_replaced(monkeypatch):
 )
 def test_no_process_stays_behind(monkeypatch, tmp_path, leave):
     monkeypatch.setattr(module, '_SMALL', 1000)
-    monkeypatch.setattr('pvibr.large.build_job._PROGRAM', 'import time; time.sleep(600)')
+    monkeypatch.setattr('pvibr.core.child_processes._PROGRAM', 'import time; time.sleep(600)')
     pl = plotter(SIZE)
     mesh = terrain().copy()
     thing = pl.ibr.add_large_mesh(mesh, wait=False, cache=tmp_path, **LOOK)
     pl.show(auto_close=False)
-    job, folder = thing._job, thing._job._folder
-    (process,) = job._processes
+    process = thing._job._work.child
     assert process.poll() is None
     leave(pl, thing)
     assert process.poll() is not None
@@ -65,12 +67,10 @@ def test_no_process_stays_behind(monkeypatch, tmp_path, leave):
     again.show(auto_close=False)
     assert thing.refined, 'it starts again where it is added again'
     assert thing.bounds[1] > 0.9
-    del job
-    assert not folder.exists()
     assert not plotter(SIZE).ibr.add_large_mesh(terrain(), wait=False, cache=tmp_path).is_draft
 
 
-@pytest.mark.parametrize('cause', ['numpy.save', 'subprocess.Popen', 'tempfile.mkdtemp'])
+@pytest.mark.parametrize('cause', ['subprocess.Popen', 'tempfile.TemporaryFile'])
 def test_without_a_process_it_is_built_here(monkeypatch, cause):
     def full(*args, **kwargs):
         raise OSError(28, 'No space left on device')
@@ -84,11 +84,22 @@ def test_without_a_process_it_is_built_here(monkeypatch, cause):
     assert thing.refined
 
 
-def test_process_ends_with_its_parent():
-    source = source_of(terrain())
-    job = BuildJob(source.mesh, 'key', None)
+def test_process_ends_with_its_parent(monkeypatch):
+    monkeypatch.setattr('pvibr.large.workers._WORTHWHILE', 1)
+    job = BuildJob(source_of(terrain()).mesh, 'key', None)
     job.start()
-    (process,) = job._processes
-    process.stdin.close()  # as where the parent was killed
-    assert process.wait() == 1
-    assert not job._folder.exists()
+    child = job._work.child
+    job._work._thread.join(1)  # while it builds
+    child.stdin.close()  # as where the parent was killed
+    assert child.wait() == 1
+    job.stop()
+
+
+def test_large_hierarchies_come_without_the_cache(tmp_path):
+    """What is larger than the cache may be, and what has none."""
+    mesh = source_of(terrain()).mesh
+    for cache in (None, AtlasCache(tmp_path, 1000)):
+        job = BuildJob(mesh, 'a' * 40, cache)
+        assert job.wait()
+        np.testing.assert_array_equal(job.result().triangles, build_hierarchy(mesh).triangles)
+    assert list(tmp_path.iterdir()) == []

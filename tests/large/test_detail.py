@@ -110,7 +110,7 @@ def test_colours_of_a_flat_mesh_stay(kind):
         pl, _ = drawn(mesh, view=ABOVE, max_error=1.0, detail=detail, **look)
         plain, _ = drawn(mesh, view=ABOVE, large=False, **look)
         errors[detail] = np.abs(shot(pl) - shot(plain)).mean()
-    assert errors['normals'] < 6
+    assert errors['normals'] < 8
     if kind != 'cells':  # large cells have their own values as it is
         assert errors['none'] > 3 * errors['normals']
 
@@ -184,7 +184,7 @@ def test_spread_is_that_of_all_that_was_merged(make):
     found = spread_of(hierarchy, areas, values)
     squares = hierarchy.averaged((values[hierarchy.vertex_of_point] ** 2).sum(1))[:, 0]
     expected = squares - (values**2).sum(1)
-    np.testing.assert_allclose(found, expected, atol=2e-5)
+    np.testing.assert_allclose(found, expected, atol=2e-4)
     assert (found[: len(hierarchy.areas)] == 0).all()
 
 

@@ -9,9 +9,10 @@ import trimesh
 from scipy.spatial import cKDTree
 
 from pvibr.large.build import TriangleMesh, build_hierarchy
+from pvibr.large.columns import Columns
 from pvibr.large.cut import cell_pixels, gathered, patches_in_view
+from pvibr.large.distribution import merge_points
 from pvibr.large.hierarchy import NO_CELL, Hierarchy
-from pvibr.large.merging import merged_points
 from pvibr.large.simplified_cell import nearest_faces
 from pvibr.large.sources import source_of
 from tests.large.surfaces import folded, hierarchy_of, terrain, view_from, views_of, whole_cut
@@ -195,11 +196,14 @@ def test_triangles_that_share_nothing_go_only_where_they_are_small():
     assert counts[1] < 10_000
 
 
-def test_merged_points_keep_their_order():
+@pytest.mark.parametrize('rows', [1, 2, 100])
+def test_merged_points_keep_their_order(rows, tmp_path):
     points = np.array([(1, 0, 0), (0, 0, 0), (1, 0, -0.0), (2, 0, 0), (0, 0, 0)], float)
-    unique, places = merged_points(points)
-    np.testing.assert_array_equal(unique, points[[0, 1, 3]])
-    np.testing.assert_array_equal(places, [0, 1, 0, 2, 1])
+    for columns in (Columns(), Columns(tmp_path)):
+        merge_points(columns, points, np.zeros(3), rows)
+        np.testing.assert_array_equal(columns['base.points'][:], points[[0, 1, 3]])
+        np.testing.assert_array_equal(columns['vertex_of_point'][:], [0, 1, 0, 2, 1])
+        columns.close()
 
 
 def test_nearest_faces_by_an_independent_distance():

@@ -24,8 +24,8 @@ def drawn(mesh=None, *, view=OVER, size=SIZE, large=True, **kwargs):
     kwargs = LOOK | kwargs
     if large:
         added = pl.ibr.add_large_mesh(mesh, **{'detail': 'none'} | kwargs)
-    else:
-        added = pl.add_mesh(mesh, **kwargs)
+    else:  # add_mesh stores arrays passed by value in the mesh
+        added = pl.add_mesh(mesh.copy(deep=False), **kwargs)
     place(pl, **view)
     pl.show(auto_close=False)
     return pl, added
@@ -394,7 +394,8 @@ REFUSED = {
     'component': (ValueError, 'component', {'scalars': 'vectors', 'component': 3}),
     'rgb of numbers': (ValueError, 'colours of shape', {'scalars': 'height', 'rgb': True}),
     'texture': (TypeError, 'pyvista.Texture', {'texture': 'a.png'}),
-    'edges': (TypeError, 'simplified', {'show_edges': True}),
+    'style': (TypeError, 'prop.style', {'style': 'wireframe'}),
+    'sharp edges': (TypeError, 'smooth_shading=False', {'split_sharp_edges': True}),
     'negative': (ValueError, 'max_error', {'max_error': -1}),
     'opacity': (ValueError, 'opacity', {'opacity': 2}),
     'opacities': (TypeError, 'opacity', {'opacity': 'linear'}),

@@ -6,8 +6,9 @@ import pyvista as pv
 
 import pvibr.cli.app as cli
 from pvibr.core.errors import PvibrError, PvibrWarning
-from pvibr.instances.cache import AtlasCache, pack, unpack
+from pvibr.instances.cache import AtlasCache
 from pvibr.large import stored
+from pvibr.large.checked_file import open_checked, write_checked
 from pvibr.large.sources import source_of
 from tests.large.surfaces import terrain
 from tests.pictures import off, place, plotter, shot
@@ -61,59 +62,87 @@ def test_grid_in_a_file(tmp_path):
     assert thing.pick(80, 60).index < grid.n_cells
 
 
-def test_every_flipped_or_cut_byte_is_found(file, tmp_path):
-    whole = file.read_bytes()
+def test_every_flipped_or_cut_byte_is_found_and_named(file, tmp_path):
+    whole, entry = file.read_bytes(), open_checked(file)
+    content = {name: array.tobytes() for name, array in entry.items() if array.nbytes > 64}
     rng = np.random.default_rng(0)
     broken = tmp_path / 'broken.pvl'
-    for place_ in [0, 9, 50, *rng.integers(64, len(whole), 20).tolist(), len(whole) - 1]:
-        flipped = bytearray(whole)
-        flipped[place_] ^= 0x10
-        broken.write_bytes(flipped)
-        refused('broken.pvl', stored.load, broken, kind=PvibrError)
+
+    def flipped(at):
+        altered = bytearray(whole)
+        altered[at] ^= 0x10
+        broken.write_bytes(altered)
+        return broken
+
+    for name, array in content.items():
+        start = whole.index(array)
+        for at in (start, start + len(array) - 1, start + int(rng.integers(len(array)))):
+            message = f'broken.pvl.*array {name!r} is damaged'
+            refused(message, stored.load, flipped(at), kind=PvibrError)
+    table = whole.index(b'{"arrays"')
+    for at in (0, 9, 20, 27, table, table + 40, len(whole) - 1):
+        refused('broken.pvl', stored.load, flipped(at), kind=PvibrError)
     for length in (0, 10, 100, len(whole) // 2, len(whole) - 1):
         broken.write_bytes(whole[:length])
         with pytest.raises((PvibrError, ValueError), match='broken'):
             stored.load(broken)
+    broken.write_bytes(whole + b'x')
+    refused('instead of', stored.load, broken, kind=PvibrError)
+
+
+def test_flip_anywhere_is_an_error_or_the_same_picture(file, tmp_path):
+    whole, expected = file.read_bytes(), picture(file)[0]
+    broken, refusals = tmp_path / 'broken.pvl', 0
+    for at in np.linspace(0, len(whole) - 1, 60).astype(int):
+        altered = bytearray(whole)
+        altered[at] ^= 1 << int(at) % 8
+        broken.write_bytes(altered)
+        try:
+            found, _ = picture(broken)
+        except PvibrError:
+            refusals += 1
+        else:  # between two arrays
+            np.testing.assert_array_equal(found, expected)
+    assert refusals > 50
+
+
+def written(path, arrays, meta):
+    write_checked(path, {name: [array] for name, array in arrays.items()}, meta)
+    return path
 
 
 @pytest.mark.parametrize('name', ['vertices', 'triangles', 'vertex_of_point', 'patch_cells'])
 def test_forged_file_is_found(file, tmp_path, name):
-    """Its checksum is right, but its arrays point outside of each other."""
-    entry = unpack(np.fromfile(file, np.uint8))
+    """Its checksums are right, but its arrays point outside of each other."""
+    entry = open_checked(file)
     forged = entry[name].copy()
     forged[-1] = np.iinfo(forged.dtype).max
-    stored.write_whole(tmp_path / 'forged.pvl', pack(dict(entry) | {name: forged}, entry.meta))
-    refused('belong together', stored.load, tmp_path / 'forged.pvl', kind=PvibrError)
-    stored.write_whole(tmp_path / 'other.pvl', pack({'a': forged}, {'kind': 'other'}))
-    refused('not a large mesh', stored.load, tmp_path / 'other.pvl', kind=PvibrError)
+    path = written(tmp_path / 'forged.pvl', dict(entry) | {name: forged}, entry.meta)
+    refused(f'belong together.*{name}', stored.load, path, kind=PvibrError)
+    path = written(tmp_path / 'other.pvl', {'a': forged}, {'kind': 'other'})
+    refused('not a large mesh', stored.load, path, kind=PvibrError)
     del entry[name]
-    stored.write_whole(tmp_path / 'less.pvl', pack(entry, entry.meta))
-    refused('content is wrong', stored.load, tmp_path / 'less.pvl', kind=PvibrError)
+    path = written(tmp_path / 'less.pvl', entry, entry.meta)
+    refused('content is wrong', stored.load, path, kind=PvibrError)
 
 
 @pytest.mark.parametrize('name', ['active', 'point_count', 'cell_count'])
 def test_forged_description_is_found(file, tmp_path, name):
-    entry = unpack(np.fromfile(file, np.uint8))
-    forged = entry.meta | {name: 3}
-    stored.write_whole(tmp_path / 'forged.pvl', pack(dict(entry), forged))
-    refused('belong together', stored.load, tmp_path / 'forged.pvl', kind=PvibrError)
+    entry = open_checked(file)
+    path = written(tmp_path / 'forged.pvl', dict(entry), entry.meta | {name: 3})
+    refused('belong together', stored.load, path, kind=PvibrError)
 
 
-def test_file_that_cannot_be_written_leaves_the_old_one(file, tmp_path, monkeypatch):
+def test_file_that_cannot_be_written_leaves_the_old_one(file, tmp_path):
     refused('end in .pvl', terrain().ibr.large, tmp_path / 'a.ply', kind=ValueError)
     refused('no folder', terrain().ibr.large, tmp_path / 'b' / 'a.pvl', kind=FileNotFoundError)
     refused('existing', stored.load, tmp_path / 'no.pvl', kind=FileNotFoundError)
     old = tmp_path / 'old.pvl'
     old.write_bytes(b'old')
-
-    def interrupted(mesh, advance):
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(stored, 'build_hierarchy', interrupted)
-    with pytest.raises(KeyboardInterrupt):
-        terrain().ibr.large(old)
+    flat = pv.PolyData(np.zeros((3, 3)), faces=[3, 0, 1, 2])
+    refused('none with an area', flat.ibr.large, old, kind=ValueError)
     assert old.read_bytes() == b'old'
-    assert list(tmp_path.glob('.*')) == []
+    assert list(tmp_path.iterdir()) == [old]
 
 
 def test_cache_is_checked_and_built_again(tmp_path):

@@ -7,11 +7,12 @@ import trimesh
 from PIL import Image
 
 from pvibr.core.errors import PvibrError
-from pvibr.instances.cache import AtlasCache, pack, unpack
+from pvibr.instances.cache import AtlasCache
 from pvibr.large import large_mesh as module
 from pvibr.large import stored
 from pvibr.large.build import build_hierarchy
 from pvibr.large.build_job import BuildJob
+from pvibr.large.checked_file import open_checked, write_checked
 from pvibr.large.cut import cell_pixels, gathered, gathered_coordinates, patches_within
 from pvibr.large.sources import source_of
 from pvibr.large.textured_cell import closest_weights
@@ -162,10 +163,11 @@ def test_file_and_job_keep_it(tmp_path, monkeypatch):
     drafted, thing = drawn(globe(), wait=False, cache=False, **look)
     assert (off(shot(drafted), shot(from_mesh)) > 3).mean() < 3e-3
     assert not thing.is_draft
-    entry = unpack(np.fromfile(path, np.uint8))
+    entry = open_checked(path)
     forged = dict(entry) | {'texture_coordinates': entry['texture_coordinates'][:-1]}
-    stored.write_whole(path, pack(forged, entry.meta))
-    refused('belong together', stored.load, path, kind=PvibrError)
+    forged_path = tmp_path / 'forged.pvl'
+    write_checked(forged_path, {name: [array] for name, array in forged.items()}, entry.meta)
+    refused('belong together', stored.load, forged_path, kind=PvibrError)
 
 
 def test_mesh_without_coordinates_is_refused(tmp_path):
