@@ -256,7 +256,7 @@ def build(
         Number of processes; by default one per core, at most 8, as far as the memory allows.
     memory
         Memory of all processes, GB, at least 0.5: what does not fit is on the disk, which needs
-        about 200 bytes per triangle.
+        about 150 bytes per triangle.
     """
     from pvibr.large.build_file import write_large
 
