@@ -88,7 +88,7 @@ def bake(meshes, *, client=None, large=False, cache=True, progress=None, **look)
     >>> from distributed import Client
     >>> ball = pv.Sphere(theta_resolution=100, phi_resolution=100)
     >>> with tempfile.TemporaryDirectory() as folder:
-    ...     with Client(processes=False, n_workers=1, dashboard_address=None) as client:
+    ...     with Client(processes=False, n_workers=1, dashboard_address=':0') as client:
     ...         baked = pvibr.cluster.bake([ball, ball], client=client, large=True, cache=folder)
     >>> [one.state for one in baked]
     ['baked', 'baked']

@@ -104,7 +104,7 @@ def movie(
     >>> cameras = [((5, y, 2), (0, 0, 0), (0, 0, 1)) for y in (-1, 0, 1)]
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     path = pathlib.Path(folder) / 'cone.gif'
-    ...     with Client(processes=False, n_workers=1, dashboard_address=None) as client:
+    ...     with Client(processes=False, n_workers=1, dashboard_address=':0') as client:
     ...         pvibr.cluster.movie(cone, cameras, path, client=client, args=('tan',)).name
     'cone.gif'
     """

@@ -13,7 +13,7 @@ def client(tmp_path_factory):
             n_workers=2,
             threads_per_worker=1,
             memory_limit='2GiB',
-            dashboard_address=None,
+            dashboard_address=':0',
             local_directory=str(tmp_path_factory.mktemp('dask')),
         ) as cluster,
         distributed.Client(cluster) as client,

@@ -24,6 +24,6 @@ def make():
 
 
 if __name__ == '__main__':
-    with Client(n_workers=2, threads_per_worker=1, dashboard_address=None) as client:
+    with Client(n_workers=2, threads_per_worker=1, dashboard_address=':0') as client:
         times = [float(k) for k in range(40)]
         pvibr.cluster.movie(make, times, sys.argv[1], client=client)
