@@ -15,6 +15,7 @@ FOLDER = Path(__file__).with_name('api')
 PACKAGES = {
     'pvibr': 'Things, effects, data and errors: `import pvibr`.',
     'pvibr.animation': 'Skeletons, clips, drivers and inverse kinematics, in numpy alone.',
+    'pvibr.cluster': 'Movies and bakes on a Dask cluster: `import pvibr.cluster`.',
     'pvibr_widgets': 'Panels and handles: `import pvibr_widgets`.',
 }
 #: Found through PyVista.

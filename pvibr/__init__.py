@@ -65,6 +65,7 @@ _EXPORTS = {
     'attach': 'pvibr.api.plain_renderer',
     'BillboardCloud': 'pvibr.substitutes.billboard_cloud',
     'Billboards': 'pvibr.points.billboards',
+    'cluster': 'pvibr.cluster',
     'ClosedError': 'pvibr.core.errors',
     'Crowd': 'pvibr.figures.crowd',
     'Cylinders': 'pvibr.points.cylinders',

@@ -41,7 +41,7 @@ SLOW = {
     'web.md',
 }
 #: Extras that not everyone has.
-EXTRAS = {'ephem', 'anywidget', 'pyvistaqt', 'trame', 'trame_pyvista'}
+EXTRAS = {'ephem', 'anywidget', 'distributed', 'pyvistaqt', 'trame', 'trame_pyvista'}
 
 
 def blocks(page):

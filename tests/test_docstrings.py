@@ -11,6 +11,7 @@ from numpydoc.validate import validate
 
 import pvibr
 import pvibr.animation
+import pvibr.cluster
 import pvibr_widgets
 from pvibr.animation import Clip, Morphs, Rig, Skin, VertexAnimation
 from pvibr.animation.model import Model
@@ -60,7 +61,7 @@ def is_ours(thing):
 
 def exported():
     """What users name: the exports, the component, the accessor, and a few formulas."""
-    for package in (pvibr, pvibr.animation, pvibr_widgets):
+    for package in (pvibr, pvibr.animation, pvibr.cluster, pvibr_widgets):
         yield from (getattr(package, name) for name in package.__all__)
     yield from (IBRComponent, IBRAccessor, *FORMULAS)
 

@@ -15,7 +15,7 @@ import pvibr
 ROOT = Path(pvibr.__file__).parent
 # The floors of the house, highest first: an import goes down, or stays in its room.
 FLOORS = (
-    ('api', 'cli'),
+    ('api', 'cli', 'cluster'),
     ('capture', 'export', 'figures', 'inspection', 'large', 'photos', 'scenes', 'substitutes'),
     ('effects', 'instances', 'points', 'shadows', 'visibility'),
     ('meshes', 'things'),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import io
 import json
 import os
 import shutil
@@ -82,13 +83,10 @@ class Film:
         """How to resume after an error."""
         return f'Frames are stored in {self.folder}; the same call resumes from there.'
 
-    def write_frame(self, k, picture):
-        """Write a frame."""
-        from PIL import Image
-
+    def write_frame(self, k, png):
+        """Write a frame, encoded by `encoded`."""
         with replacing(self._frame_path(k)) as file:
-            # Fast rather than small: most are read once, to encode a movie.
-            Image.fromarray(np.ascontiguousarray(picture)).save(file, compress_level=1)
+            file.write_bytes(png)
 
     def finish(self):
         """Encode the movie and remove its frames, except in a folder of PNG files."""
@@ -190,20 +188,33 @@ def record(
             return picture
 
         try:
-            write_movie(film, draw, progress=progress)
+            write_movie(film, lambda missing: ((k, encoded(draw(k))) for k in missing), progress)
         finally:
             ibr.time = old_time
     screenshots.draw()
     return film.path
 
 
-def write_movie(film, draw, *, progress=None):
-    """Draw a movie's missing frames, and encode it."""
+def encoded(picture) -> bytes:
+    """Return a picture as a PNG file."""
+    from PIL import Image
+
+    # Fast rather than small: most are read once, to encode a movie.
+    png = io.BytesIO()
+    Image.fromarray(np.ascontiguousarray(picture)).save(png, 'PNG', compress_level=1)
+    return png.getvalue()
+
+
+def write_movie(film, drawn, progress=None):
+    """Write a movie of frames that `drawn` yields for the numbers of missing ones, and encode it.
+
+    It yields their numbers and `encoded` pictures, in any order.
+    """
     missing_frames = film.missing()
     try:
         with _bar(film, len(missing_frames), progress) as advance:
-            for frame_number in missing_frames:
-                film.write_frame(frame_number, draw(frame_number))
+            for frame_number, png in drawn(missing_frames):
+                film.write_frame(frame_number, png)
                 advance()
         film.finish()
     except KeyboardInterrupt as error:

@@ -19,10 +19,14 @@ _LEVELS_FILE = 'levels'  # beside a job's file
 
 def write_job(plan: BakePlan, path: Path):
     """Write a bake to a file."""
+    write_whole(path, packed_job(plan))
+
+
+def packed_job(plan: BakePlan) -> list[bytes | memoryview]:
+    """Return a bake as the chunks of a file."""
     arrays, parts = stored_parts.to_arrays(plan.parts)
     cache = plan.cache and str(plan.cache.path)
-    meta = {'parts': parts, 'key': plan.key, 'cache': cache, **plan.grid}
-    write_whole(path, pack(arrays, meta))
+    return pack(arrays, {'parts': parts, 'key': plan.key, 'cache': cache, **plan.grid})
 
 
 def do_job(path: Path, progress, on_levels=None) -> Path:

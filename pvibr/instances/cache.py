@@ -96,8 +96,11 @@ class AtlasCache:
         self, key: str, arrays: Mapping[str, np.ndarray], meta: dict[str, object] | None = None
     ) -> bool:
         """Write one entry atomically, then remove the oldest above the cap."""
+        return self.put_packed(key, pack(arrays, meta or {}))
+
+    def put_packed(self, key: str, chunks: list[bytes | memoryview]) -> bool:
+        """Write one entry, the chunks of its file, as `put` does."""
         file = self._file(key)
-        chunks = pack(arrays, meta or {})
         size = sum(len(chunk) for chunk in chunks)
         if size > self.cap_bytes or self.path in _given_up:
             return False

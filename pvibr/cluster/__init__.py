@@ -1,0 +1,13 @@
+"""Movies and bakes by many processes or machines: those of a Dask cluster."""
+
+from __future__ import annotations
+
+from pvibr import lazy_exports
+
+_EXPORTS = {
+    'bake': 'pvibr.cluster.bakes',
+    'movie': 'pvibr.cluster.movies',
+}
+
+__all__ = [*_EXPORTS]  # noqa: PLE0604, RUF100
+__getattr__, __dir__ = lazy_exports(__name__, _EXPORTS)
