@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from functools import partial
 
 import numpy as np
@@ -10,6 +9,7 @@ import pyvista as pv
 
 import pvibr
 from benchmarks.common import whole_frames
+from benchmarks.common.frame_counts import calls_in
 from benchmarks.common.harness import Bench, Row
 from pvibr.cli.timing import medians_ms, spent
 from pvibr.core import _vtk
@@ -126,23 +126,7 @@ def _frames(title, plotter, draw, settings, results):
         yield Row(f'{title}: in Python and its calls', sum(r.ms for r in report.rows), 'ms')
         for what, value in vars(report.counts).items():
             yield Row(f'{title}: {what}', value)
-        yield Row(f'{title}: Python calls', _calls(partial(draw, 3 + settings.frames)))
-
-
-def _calls(job) -> int:
-    """Return how many functions of Python and built-ins a job calls."""
-    call_count = 0
-
-    def note(_frame, event, _function):
-        nonlocal call_count
-        call_count += event in ('call', 'c_call')
-
-    sys.setprofile(note)
-    try:
-        job()
-    finally:
-        sys.setprofile(None)
-    return call_count
+        yield Row(f'{title}: Python calls', calls_in(partial(draw, 3 + settings.frames)))
 
 
 def _glyphs(places, mesh):

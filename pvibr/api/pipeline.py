@@ -37,10 +37,6 @@ _PEELS_NOTHING = (
 )
 
 
-def _unheard():
-    pass
-
-
 class Pipeline:
     """What runs before and after a renderer draws; empty, it does nothing and costs nothing."""
 
@@ -63,7 +59,7 @@ class Pipeline:
         self._stage = _Stage(renderer, self.buffers, self.surfaces.plain_actors)
         self.watch: Any = None
         #: Called when effects came or went, or something is made in the background.
-        self.changed: Callable[[], None] = _unheard
+        self.changed: Callable[[], None] = lambda: None
         self._time_of_props = -1  # at which no effect was gone
         self._closed, self._peels, self._counts = False, False, Counts()
 
@@ -237,12 +233,13 @@ class Pipeline:
         self.surfaces.begin()
         self._turn = turn = _Turn(frame)
         for entry in self._entries if not frame.picking else ():
-            if entry.effect.enabled:
+            if entry.effect.as_sampled is not None and entry.effect.enabled:
                 turn.take(turn.guard([entry], entry.effect.as_sampled, turn.begun))
         for entry in self._entries:
             entry.running = False
         for entry in self._entries:
-            self._prepare_again(turn)
+            if turn.frame.astray:
+                self._prepare_again(turn)
             entry.begin(turn)
         self._prepare_again(turn)
         if self._entries:

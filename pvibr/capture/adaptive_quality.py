@@ -10,6 +10,7 @@ from time import perf_counter
 
 from pvibr.capture.clock import Loop, Timer, draw, filming, ticks
 from pvibr.core import _vtk
+from pvibr.core._vtk import method
 from pvibr.core.costs import RunningMean
 from pvibr.core.determinism import is_deterministic
 from pvibr.core.hooks import Hooks
@@ -227,11 +228,12 @@ class AdaptiveQuality:
             self._record(frame_ms)
         self.lowered = self.latest < 1
         self._draw_pending = False
-        if self._is_moving_frame or False in [effect.rests for effect in self._effects()]:
+        effects = self._effects()
+        if self._is_moving_frame or False in [effect.rests for effect in effects]:
             self._last_move = perf_counter()
         if self.lowered:
             self._watch_screenshots()
-        if self._may_refine() or self._is_pending():
+        if True in [effect.pending for effect in effects] or self._may_refine():
             self._start_ticks()
 
     def _restore_samples(self, window):
@@ -329,4 +331,7 @@ class AdaptiveQuality:
 
 
 def _is_picking(window) -> bool:
-    return any(r.GetSelector() is not None for r in window.GetRenderers())
+    for renderer in window.GetRenderers():  # noqa: SIM110, a generator takes longer
+        if method(renderer, 'GetSelector')() is not None:
+            return True
+    return False

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import weakref
+from collections.abc import Callable
 from inspect import Signature
 from typing import Any, ClassVar
 
@@ -123,9 +124,8 @@ class Effect(metaclass=Complete):
         """Enter a pipeline: add props to ``pipeline.renderer``."""
         put_into(self, pipeline)
 
-    def as_sampled(self, frame):
-        """Return a frame about to be drawn, or a sample of it."""
-        return frame
+    #: Returns a frame about to be drawn, or the sample of it that is drawn instead.
+    as_sampled: Callable[[Any], Any] | None = None
 
     def needed(self, frame) -> bool | str:
         """Return True if the frame needs the effect, else the reason."""
@@ -283,8 +283,10 @@ class Effect(metaclass=Complete):
         self._set(self._checked(settings))
 
     def __setattr__(self, name, value):
-        if not name.startswith('_'):
-            check_attribute(self, name)
+        if name[0] == '_':  # ours: nobody's check of names
+            object.__setattr__(self, name, value)
+            return
+        check_attribute(self, name)
         super().__setattr__(name, value)
 
     def __dir__(self) -> list[str]:

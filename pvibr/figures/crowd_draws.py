@@ -53,10 +53,10 @@ class CrowdDraws(MeshDraws):
         origin = np.zeros_like(center)  # matrices are those of the meshes
         return [MemberDraws(*row, self.poses, capacity, origin, *shared) for row in rows]
 
-    def set_inputs(self, _entries, textures, uniforms):
+    def set_inputs(self, _entries, *inputs):
         """Set the textures and uniforms that all parts share; each has entries of its own."""
         for draws in self._parts:
-            draws.set_inputs(draws.entries, textures, uniforms)
+            draws.set_inputs(draws.entries, *inputs)
 
     def upload(self, window, slots, shares, radii, numbers, eye_from_figure):
         """Upload what places and poses each member that is drawn, nearest first."""
@@ -109,7 +109,7 @@ class MemberDraws(MeshPartDraws):
             self.entries.upload(pack(entries, _TEXELS * ROW, 4))
 
     def _inputs(self):
-        textures, uniforms = super()._inputs()
+        textures, *uniforms = super()._inputs()
         if self.poses.posing is not None and isinstance(self.mesh_actor, PosedMeshActor):
             textures = textures | self.poses.posing.textures
-        return textures, uniforms
+        return textures, *uniforms

@@ -21,7 +21,7 @@ from pvibr.maths.transforms import signs_of
 
 #: Seconds after which clip times are uploaded again: float32 stays exact to 1/1000 cycle so long.
 _ERA = 512.0
-_UNIFORMS = 'ibr_has_looks', 'ibr_multiply', 'ibr_clip_from_eye', 'ibr_dither'
+_UNIFORMS = 'ibr_has_looks', 'ibr_multiply'
 
 
 class Playback:
@@ -108,6 +108,7 @@ class _PosedMeshes(NearMeshes):
         shares, self._eye_from_world = shares.clip(0, 1), frame.view_from_world
         uniforms = {name: group.cards.uniforms[name] for name in _UNIFORMS} | NO_TINT
         textures = {'ibr_looks': group.cards.textures['ibr_looks']}
+        inputs = textures, group.cards.view_uniforms, uniforms
         new_actors, self._shared, blends = [], [], self._blends()
         ranks = np.arange(len(slots))
         level_counts = np.bincount(levels, minlength=len(self.draws)).tolist()
@@ -117,7 +118,7 @@ class _PosedMeshes(NearMeshes):
                 if blends:
                     drawn, order = drawn[::-1], order[::-1]
                 self._shared.append((k, slots[drawn], shares[drawn], order))
-                draws.set_inputs(None, textures, uniforms)
+                draws.set_inputs(None, *inputs)
                 new_actors += draws.show(0, count, False)
             elif draws.is_shown:
                 draws.hide()

@@ -218,8 +218,6 @@ class PoseSheet:
 
     def bind(self) -> dict[str, int]:
         """Bind the posed vertices; return the texture units by sampler."""
-        if self._binder.textures:  # they change only once unbound
-            return self._binder.units
         return self._binder.bind(self.posed.textures)
 
     def unbind(self):

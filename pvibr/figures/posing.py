@@ -11,7 +11,7 @@ from pvibr.animation import skinning
 from pvibr.core.observers import tell_programs
 from pvibr.figures.pose_sheet import SAMPLERS, WIDTH, sheet_with_room
 from pvibr.figures.shapes import MeshShapes, ShapeStore
-from pvibr.gl import release, shader_source, texture_limit
+from pvibr.gl import release, set_shared_uniforms, shader_source, texture_limit
 from pvibr.gl.feature import Feature, sections
 from pvibr.instances.memory import limit_bytes
 from pvibr.things.shader_draws import pack
@@ -365,8 +365,7 @@ class PosedDraws:
 
     def _bind(self, program):
         if self.posing is not None:
-            for name, unit in self.posing.bind().items():
-                program.SetUniformi(name, unit)
+            set_shared_uniforms(program, self.posing.bind())
 
     def unbind(self):
         """Release the texture units."""

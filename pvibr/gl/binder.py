@@ -1,63 +1,56 @@
-"""Texture units of a window, shared by any number of owners."""
+"""Texture units of a window that draws of things share."""
 
 from __future__ import annotations
 
-import weakref
+from functools import lru_cache
 
+from pvibr.gl import enums as gl
 from pvibr.gl.texture import SPARE_UNIT
 
-# Of the binders of a window, one has bound textures. Shaders can sample 16 to 32 textures: scenes
-# of many things have more, and VTK's own passes need units, too.
-#: Textures that stay bound from draw to draw of a binder.
-_MOST = 8
-
-
-def _no_binder():
-    return None
+#: VTK hands out units from 0 on, of at least 48 in all; those from here to the spare one are ours.
+_FIRST = 32
 
 
 class Binder:
-    """Keeps the textures of the last draw in a window bound."""
+    """Binds the textures of a draw in their order; what the last one has bound is kept."""
 
     def __init__(self):
-        self.textures: dict = {}
-        self.units: dict[str, int] = {}
-        self._unit_of: dict = {}
+        self._bound: list | None = None
 
     def bind(self, textures) -> dict[str, int]:
-        """Bind textures and return their units; of others only some stay bound.
-
-        The units are the same dict for as long as the textures are.
-        """
-        if self.textures != textures:
-            if not self._unit_of:
-                self._take_over(next(iter(textures.values())).window)
-            if len(self._unit_of.keys() | textures.values()) > _MOST:
-                for texture in self._unit_of.keys() - textures.values():
-                    texture.object.Deactivate()
-                    del self._unit_of[texture]
-            for texture in textures.values():
-                if texture not in self._unit_of:
-                    texture.object.Activate()
-                    self._unit_of[texture] = texture.object.GetTextureUnit()
-            texture.window.GetState().vtkglActiveTexture(SPARE_UNIT)
-            self.textures = dict(textures)
-            self.units = {name: self._unit_of[texture] for name, texture in textures.items()}
-        return self.units
-
-    def _take_over(self, window):
-        """Release the units of the window's other binder."""
-        # VTK keeps an object's attributes while its C++ lives.
-        previous_binder = getattr(window, 'ibr_binder', _no_binder)()
-        if previous_binder is not None:
-            previous_binder.unbind()
-        window.ibr_binder = weakref.ref(self)
+        """Bind textures and return their units, the same dict for the same names."""
+        bound = self._bound
+        if bound is None:
+            bound = self._bound = _bound_in(next(iter(textures.values())).window)
+        state = None
+        for k, texture in enumerate(textures.values()):
+            if bound[k] is not texture:
+                state = state or texture.window.GetState()
+                state.vtkglActiveTexture(gl.TEXTURE0 + _FIRST + k)
+                texture.object.Bind()
+                bound[k] = texture
+        if state is not None:
+            state.vtkglActiveTexture(SPARE_UNIT)
+        return _units_of(tuple(textures))
 
     def unbind(self):
-        """Release all units; call it when the renderer has drawn."""
-        for texture in self._unit_of:
-            texture.object.Deactivate()
-        for texture in self.textures.values():
-            vars(texture.window).pop('ibr_binder', None)
-            break
-        self.textures, self._unit_of = {}, {}
+        """Forget what is bound, which may change; call it when the renderer has drawn."""
+        if self._bound is not None:
+            self._bound[:] = _NOTHING
+            self._bound = None
+
+
+_NOTHING = [None] * (SPARE_UNIT - gl.TEXTURE0 - _FIRST)
+
+
+def _bound_in(window) -> list:
+    """Return what is bound in a window, by unit."""
+    # VTK keeps an object's attributes while its C++ lives.
+    if not hasattr(window, 'ibr_bound'):
+        window.ibr_bound = list(_NOTHING)
+    return window.ibr_bound
+
+
+@lru_cache
+def _units_of(names) -> dict[str, int]:
+    return {name: _FIRST + k for k, name in enumerate(names)}

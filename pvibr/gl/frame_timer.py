@@ -21,7 +21,8 @@ class FrameTimer:
 
     def start(self, window) -> float | None:
         """Begin a frame; return the milliseconds of the one before, if a GPU drew it."""
-        self._is_software = driver_of(window).is_software
+        if window is not self._window:
+            self._window, self._is_software = window, driver_of(window).is_software
         is_hardware = not self._is_software
         if is_hardware:
             window.MakeCurrent()  # events of a window come before its context is made current
@@ -36,7 +37,7 @@ class FrameTimer:
     def _begin_span(self, window):
         """Begin a span on the GPU, if it has timers."""
         if self._span is None and _vtk.vtkOpenGLRenderTimer.IsSupported():
-            self._window, self._span = window, _vtk.vtkOpenGLRenderTimer()
+            self._span = _vtk.vtkOpenGLRenderTimer()
         if self._span is not None:
             self._span.Reset()
             self._span.Start()

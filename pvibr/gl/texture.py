@@ -11,9 +11,9 @@ from pvibr.core.counts import TOTAL
 from pvibr.gl import enums as gl
 
 _VTK_TYPES = {
-    np.dtype('uint8'): 'VTK_UNSIGNED_CHAR',
-    np.dtype('uint16'): 'VTK_UNSIGNED_SHORT',
-    np.dtype('float32'): 'VTK_FLOAT',
+    np.dtype('uint8'): _vtk.VTK_UNSIGNED_CHAR,
+    np.dtype('uint16'): _vtk.VTK_UNSIGNED_SHORT,
+    np.dtype('float32'): _vtk.VTK_FLOAT,
 }
 # Render targets: GL's sized format (None if VTK derives it from the type), data type, channels and
 # bytes per texel.
@@ -26,6 +26,7 @@ _FORMATS = {
     'r32f': (0x822E, 'VTK_FLOAT', 1, 4),
     'r8': (None, 'VTK_UNSIGNED_CHAR', 1, 1),
 }
+_FITS = 1024  # texels a side that core profile 3.2 guarantees
 # Passes that allocate textures bind them to the unit used last: make it the last one that core
 # profile 3.2 guarantees. VTK hands out the first ones.
 SPARE_UNIT = gl.TEXTURE0 + 47
@@ -105,23 +106,29 @@ class Texture:
 
     def upload(self, array) -> Texture:
         """Upload an array of shape (height, width[, channels]), replacing the content."""
-        array = np.ascontiguousarray(array)
+        if not array.flags.c_contiguous:
+            array = np.ascontiguousarray(array)
         height, width = array.shape[:2]
         channel_count = array.shape[2] if array.ndim == 3 else 1
-        size_limit = texture_limit(self.window)
-        if not (0 < width <= size_limit and 0 < height <= size_limit):
-            raise ValueError(
-                f'texture size must be 1 to {size_limit} here, got {width} x {height}'
-            )
+        if not (0 < width <= _FITS and 0 < height <= _FITS):
+            self._check_size(width, height)
         if array.dtype not in _VTK_TYPES:
             dtypes = ', '.join(map(str, _VTK_TYPES))
             raise ValueError(f'texture dtype must be one of {dtypes}, got {array.dtype}')
-        data_type = getattr(_vtk, _VTK_TYPES[array.dtype])
+        data_type = _VTK_TYPES[array.dtype]
         if not self.object.Create2DFromRaw(width, height, channel_count, data_type, array):
             raise RuntimeError(f'the driver refused a texture of {array.shape} {array.dtype}')
         self.nbytes = array.nbytes
         TOTAL.uploaded_bytes += array.nbytes
         return self
+
+    def _check_size(self, width, height):
+        """Raise an error unless the driver has room for an image."""
+        size_limit = texture_limit(self.window)
+        if not (0 < width <= size_limit and 0 < height <= size_limit):
+            raise ValueError(
+                f'texture size must be 1 to {size_limit} here, got {width} x {height}'
+            )
 
     def allocate(self, width, height, format='rgba8') -> Texture:
         """Allocate an empty texture to draw into."""

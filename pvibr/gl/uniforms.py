@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from itertools import repeat
+from itertools import chain, repeat
 
 import numpy as np
 
@@ -18,47 +18,67 @@ def set_uniforms(program, uniforms):
 
     What it holds already is skipped: most values persist from frame to frame, and each call costs.
     """
-    _set_changed(program, _held_by(program).values, uniforms)
+    _set_changed(program, _held_by(program), uniforms)
 
 
 def set_shared_uniforms(program, *groups):
     """Set uniforms of each of some dicts, with no name in common, that never change in place.
 
-    A dict that the program has been given last in the same position is skipped.
+    Dicts are skipped that the program was given last in their position, and values by their name.
     """
     try:
         held = program.ibr_held
     except AttributeError:
         held = _held_by(program)
-    for group, last_group in zip(groups, held.groups or repeat(None), strict=False):
+    objects = held.objects
+    for group, last_group in zip(groups, chain(held.groups, repeat(None)), strict=False):
         if group is not last_group:
-            _set_changed(program, held.values, group)
+            changed = {
+                name: value
+                for name, value in group.items()
+                if name not in objects or objects[name] is not value
+            }
+            if changed:
+                held.objects = objects = objects | changed
+                _set_changed(program, held, changed)
     held.groups = groups
 
 
-def _set_changed(program, held_values, uniforms):
-    """Set the values that a program does not hold."""
+def _set_changed(program, held, uniforms):
+    """Set the values that a program uses and does not hold."""
+    held_values = held.values
     for name, value in uniforms.items():
+        if name in held.unused:
+            continue
         if type(value) is list:
             value = tuple(value)
         # Arrays may be changed in place.
         held_value = value if type(value) in _IMMUTABLE else value.tobytes()
-        if name in held_values and held_values[name] == held_value:
+        if name in held_values:
+            if held_values[name] == held_value:
+                continue
+        elif not program.IsUniformUsed(name):
+            held.unused.add(name)
             continue
         held_values[name] = held_value
         TOTAL.uniforms += 1
         if type(value) is float:  # most are
             program.SetUniformf(name, value)
+        elif type(value) is tuple:
+            getattr(program, _VECTORS[len(value)])(name, value)
         else:
             setter, *values = _setter(value)
             getattr(program, setter)(name, *values)
 
 
 class _Held:
-    """What a program holds: the value of each uniform, and the dicts that were set last."""
+    """What a program holds: each uniform's value, and the objects and dicts that were set last."""
 
     def __init__(self):
         self.values: dict = {}
+        self.objects: dict = {}
+        #: Names that occur nowhere in the program.
+        self.unused: set[str] = set()
         self.groups: tuple = ()
 
 

@@ -12,7 +12,7 @@ from pvibr.core.files import replacing
 from pvibr.instances.support import SIDE, box_of, table_of
 from pvibr.maths import octahedral
 from pvibr.maths.views import corners
-from pvibr.meshes.turntable import Turntable
+from pvibr.meshes.turntable import SIDE_ELEVATION, Turntable
 from pvibr.things.soft_draws import WHOLE
 
 MARGIN = 1.02  # half side of a tile in radii: silhouettes never touch its border
@@ -116,6 +116,28 @@ class Atlas:
         if self.turntable is not None:
             pictures += [self.turntable.geometry, self.turntable.albedo]
         return sum(p.nbytes for p in pictures) * 3 // 2
+
+    @cached_property
+    def card_uniforms(self) -> dict:
+        """What shaders of cards read of it; programs of several sets compare the objects."""
+        uniforms = {
+            'ibr_views': self.views,
+            'ibr_half': int(self.half),
+            'ibr_tile': self.tile,
+            'ibr_radius': self.radius,
+            'ibr_margin': MARGIN,
+            'ibr_box_center': tuple((self.box.mean(0) - self.center) / self.radius),
+            'ibr_box_half': tuple(np.ptp(self.box, axis=0) / 2 / self.radius),
+            'ibr_core_level': float(self.core_level),
+        }
+        if self.turntable is not None:
+            sides = self.turntable.turns.sides()
+            uniforms |= {
+                'ibr_turn_level': SIDE_ELEVATION,
+                'ibr_turn_axis': tuple(map(float, sides[2])),
+                'ibr_turn_start': tuple(map(float, sides[0])),
+            }
+        return uniforms
 
     @cached_property
     def core_level(self) -> int:

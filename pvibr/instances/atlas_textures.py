@@ -29,6 +29,8 @@ class AtlasTextures:
         self.views['ibr_support'] = Texture(window).upload(support)
         if atlas.animated:
             self.views['ibr_bins'] = Texture(window).upload(atlas.bins)
+        # Of sets whose instances have no looks.
+        self.views['ibr_looks'] = Texture(window).upload(np.zeros((1, 1, 4), np.uint8))
         turns = atlas.turntable
         pictures = () if turns is None else (turns.geometry, turns.albedo)
         self.turned: dict[str, Texture] = {

@@ -33,6 +33,9 @@ class BakedMaterial:
 
     def changed(self) -> bool:
         """Return True if a material was modified since the last call."""
+        actor_times = [get_time() for get_time in self._get_times]
+        if actor_times == self._actor_times and not self._images:  # most have none
+            return False
         previous_times, self._times = self._times, self._times_now()
         return self._times != previous_times
 

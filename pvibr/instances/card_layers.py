@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from itertools import pairwise
 
 import numpy as np
@@ -37,7 +38,7 @@ class CardLayer(SoftDraws):
         self.unit = cards.unit
         self.tint: tuple | None = None  # one colour for all its cards
         self.is_empty = False  # whether it draws nothing since it was shown last
-        self._inputs: tuple[dict, dict] = {}, {}
+        self._inputs: tuple[dict, dict] = {}, {}  # textures, uniforms but for those of the view
         self._shared_uniforms: dict | None = None  # those of the cards that the inputs contain
 
     @property
@@ -50,22 +51,26 @@ class CardLayer(SoftDraws):
         """Bytes of the entries on the GPU."""
         return self.fringe.nbytes
 
-    def show(self, blocks, cuts, cored):
+    def show(self, blocks, cuts, *, ranges, unit, cored):
         """Draw blocks between cuts, from far to near; from index `cored` on with cores."""
         if not len(blocks):
             self.clear()
             return
         self.is_empty = False
-        self.refresh()
+        if unit != self.unit or ranges[0] is not self.ranges or ranges[1] is not self.side_ranges:
+            self.unit, (self.ranges, self.side_ranges) = unit, ranges
+            self.refresh()
         self.fringe.upload(self.cards.window, blocks)
-        block_spans = list(pairwise(np.asarray(cuts).tolist()))
         layer_parts = self.parts(solid=self.cards.solid, deep=self.cards.deep)
         for draws in self.every:
-            layer_part = layer_parts.get(draws)
-            draws.entries, draws.part = self.fringe.entries, layer_part or SOLID
-            first_entry = cored if layer_part is CORE else 0
-            part_spans = [(max(a, first_entry), b) for a, b in block_spans] if layer_part else []
-            draws.show_spans([(a * self.unit, b) if b > a else (0, 0) for a, b in part_spans])
+            draws.entries, draws.part, spans = self.fringe.entries, SOLID, []
+            if draws in layer_parts:
+                draws.part = layer_parts[draws]
+                first = cored if draws.part is CORE else 0
+                starts = [(a if a > first else first, b) for a, b in pairwise(cuts)]
+                spans = [(a * unit, b) if b > a else (0, 0) for a, b in starts]
+            if spans or draws.span_count:
+                draws.show_spans(spans)
 
     def clear(self):
         """Draw nothing."""
@@ -78,12 +83,13 @@ class CardLayer(SoftDraws):
         """Make the inputs again, after a change of anything but uniforms of the cards."""
         self._shared_uniforms = None
 
-    def inputs(self) -> tuple[dict, dict]:
-        """Return the textures and the uniforms of all parts."""
+    def inputs(self) -> tuple[dict, dict, dict]:
+        """Return the textures and the uniforms of all parts, those of the view apart."""
         if self._shared_uniforms is not self.cards.uniforms:
             self._shared_uniforms = self.cards.uniforms
             self._inputs = self._current_inputs()
-        return self._inputs
+        textures, uniforms = self._inputs
+        return textures, self.cards.view_uniforms, uniforms
 
     def _current_inputs(self) -> tuple[dict, dict]:
         cards, textures = self.cards, self.cards.textures
@@ -107,9 +113,10 @@ class CardLayer(SoftDraws):
 def range_uniforms(ranges) -> dict:
     """Return the uniforms of the ranges of sizes from above and from the side."""
     above, side = ranges
-    return {'ibr_ranges': _columns(above), 'ibr_turn_ranges': _columns(side)}
+    return {'ibr_ranges': _columns(above.tobytes()), 'ibr_turn_ranges': _columns(side.tobytes())}
 
 
-def _columns(ranges):
-    """Return one matrix per row of patches, with a column per patch."""
-    return ranges.reshape(PATCH_SIDE, -1, 4).swapaxes(1, 2)
+@lru_cache
+def _columns(range_bytes):
+    """Return one matrix per row of patches, with a column per patch; one object of equal ones."""
+    return np.frombuffer(range_bytes).reshape(PATCH_SIDE, -1, 4).swapaxes(1, 2)

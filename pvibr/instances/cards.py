@@ -11,12 +11,10 @@ from pvibr.gl import Texture, shader_source
 from pvibr.gl.feature import DITHER, Feature, sections
 from pvibr.gl.mipmaps import put_rows
 from pvibr.gl.texture import release
-from pvibr.instances.atlas import MARGIN
 from pvibr.instances.atlas_textures import AtlasTextures
 from pvibr.instances.card_layers import PATCH_SIDE, PATCHES, CardLayer
 from pvibr.instances.placement import WIDTH
 from pvibr.maths.blocks import BLOCK
-from pvibr.meshes.turntable import SIDE_ELEVATION
 from pvibr.things.depth_prepass import DEPTH_ONLY
 from pvibr.things.shader_draws import DULL, ROW, pack
 
@@ -121,18 +119,20 @@ def chunk(instances) -> int:
     return int(np.clip(-(-instances // _DRAWS // BLOCK) * BLOCK, *_CHUNKS))
 
 
-def slabs(depths, turns, capacity) -> list[np.ndarray]:
+def slabs(depths, turns, capacity) -> list[list[int]]:
     """Return where to cut the sorted blocks of each mesh, so that draws alternate far to near."""
-    block_count = sum(len(d) for d in depths)
     if len(depths) == 1:
-        return [np.minimum(np.arange(-(-block_count // capacity) + 1) * capacity, block_count)]
+        block_count = len(depths[0])
+        return [[*range(0, block_count, capacity), block_count]]
+    block_count = sum(map(len, depths))
     slab_size = min(capacity, max(1, -(-block_count // turns)))
     depth_rank = np.empty(block_count, int)
     depth_rank[np.argsort(np.concatenate(depths), kind='stable')] = np.arange(block_count)
     slab_edges = np.arange(-(-block_count // slab_size) + 1)
     mesh_starts = np.cumsum([0, *(len(d) for d in depths)])
     slab_of_block = depth_rank // slab_size
-    return [np.searchsorted(slab_of_block[a:b], slab_edges) for a, b in pairwise(mesh_starts)]
+    bounds = pairwise(mesh_starts)
+    return [np.searchsorted(slab_of_block[a:b], slab_edges).tolist() for a, b in bounds]
 
 
 def slab_counts(instances, meshes, has_turntable=False) -> dict[str, int]:
@@ -155,36 +155,22 @@ class Cards:
         self._textures: dict[str, Texture] = {}
         self._images: AtlasTextures | None = None
         self._poses = np.zeros((1, WIDTH, 4), np.float32)
-        self._looks = np.zeros((1, 1, 4), np.uint8)
+        self._looks: np.ndarray | None = None
         # Textures that changed since their upload: rows, None for all.
         self._stale: dict[str, list | None] = {}
+        #: Those of the frame's view.
+        self.view_uniforms: dict = {}
         #: Replaced with every change.
-        self.uniforms: dict = {
-            'ibr_count': 0,
-            'ibr_views': atlas.views,
-            'ibr_half': int(atlas.half),
-            'ibr_tile': atlas.tile,
-            'ibr_radius': atlas.radius,
-            'ibr_margin': MARGIN,
-            'ibr_box_center': (atlas.box.mean(0) - atlas.center) / atlas.radius,
-            'ibr_box_half': np.ptp(atlas.box, axis=0) / 2 / atlas.radius,
+        self.uniforms: dict = atlas.card_uniforms | {
             'ibr_sharpness': _SHARPNESS,
-            'ibr_core_level': float(atlas.core_level),
             'ibr_fade': FADE,
+            'ibr_count': 0,
             'ibr_has_looks': 0,
             'ibr_paint': (0.0, 0.0, 0.0, 0.0),
             'ibr_multiply': 0,
         }
-        turntable = atlas.turntable
-        if turntable is not None:
-            sides = turntable.turns.sides()
-            self.uniforms |= {
-                'ibr_turn_level': SIDE_ELEVATION,
-                'ibr_turn_axis': tuple(map(float, sides[2])),
-                'ibr_turn_start': tuple(map(float, sides[0])),
-            }
         self.unit = unit
-        draw_counts = draw_counts or slab_counts(capacity, 1, turntable is not None)
+        draw_counts = draw_counts or slab_counts(capacity, 1, atlas.turntable is not None)
         #: Cards per draw.
         self.chunk = min(chunk(capacity), max(1, -(-capacity // unit)) * unit)
         shaders = [p for p in ALL_CARD_SHADERS if p.name in draw_counts]
@@ -217,10 +203,6 @@ class Cards:
         """Note shaders that failed to draw."""
         for layer in self.layers.values():
             layer.check()
-
-    def shaders(self) -> list:
-        """Return the card shaders in use, cheapest first."""
-        return [layer.shader for layer in self.layers.values()]
 
     def order(self) -> list:
         """Return pairs of sort key and actor, in drawing order."""
@@ -259,7 +241,7 @@ class Cards:
     def look(self, looks):
         """Schedule the upload of instance colours, (n, 4) uint8 or None."""
         self.set(ibr_has_looks=int(looks is not None))
-        self._looks = np.zeros((1, 1, 4), np.uint8) if looks is None else pack(looks, ROW, 4)
+        self._looks = None if looks is None else pack(looks, ROW, 4)
         self._stale['ibr_looks'] = None
 
     def upload(self, window):
@@ -267,8 +249,13 @@ class Cards:
         if self.window is None:
             self._begin(window)
         images = {'ibr_poses': self._poses, 'ibr_looks': self._looks}
+        images_of_atlas = self._images
+        if ('ibr_looks' in self._textures) != (self._looks is not None) and images_of_atlas:
+            self._switch_looks(images_of_atlas)
         for name, stale_rows in self._stale.items():
             texture, image = self.textures[name], images[name]
+            if image is None:
+                continue
             if stale_rows is None:
                 texture.upload(image)
             else:
@@ -280,12 +267,23 @@ class Cards:
         if self.atlas.animated:
             self._textures['ibr_moves'] = Texture(window)
             self.set(ibr_pages=self.atlas.pages)
-        self._textures |= {name: Texture(window) for name in ('ibr_poses', 'ibr_looks')}
-        self.textures = self._images.views | self._textures
-        for layer in self.layers.values():
-            layer.refresh()
+        self._textures['ibr_poses'] = Texture(window)
+        self._use_textures(self._images)
         self._stale = dict.fromkeys(('ibr_poses', 'ibr_looks'))
         self.window = window  # last: after a failure all is made again
+
+    def _use_textures(self, images):
+        """Draw with the images of the atlas and with what are the set's own textures."""
+        self.textures = images.views | self._textures
+        for layer in self.layers.values():
+            layer.refresh()
+
+    def _switch_looks(self, images):
+        """Use a texture of looks while instances have any, else one that sets share."""
+        release(self._textures.pop('ibr_looks', None))
+        if self._looks is not None:
+            self._textures['ibr_looks'] = Texture(self.window)
+        self._use_textures(images)
 
     def move(self, moves):
         """Upload the motion of instances of an animated atlas."""
@@ -295,25 +293,7 @@ class Cards:
         """Set the uniforms of a frame's camera; `depth` if an effect reads that of soft edges."""
         self.solid = frame.picking or frame.casting
         self.deep = depth and not self.solid
-        view = frame.view
-        clip = view.clip_from_view
-        self.set(
-            ibr_parallel=int(view.parallel),
-            ibr_pixel_scale=frame.pixel_scale,
-            ibr_eye_from_world=view.view_from_world[:3, :3],
-            ibr_clip_from_eye=clip,
-            ibr_clip_depth=(clip[2, 2], clip[2, 3], clip[3, 2], clip[3, 3]),
-            ibr_fades=int(not self.solid),
-            ibr_dither=frame.vary('levels')[0],
-            ibr_error=1.0 / frame.quality,
-        )
-
-    def show(self, name, blocks, cuts, *, ranges=(ALWAYS, ALWAYS), unit=None, cored=0):
-        """Draw blocks by a shader from far to near; those before `cored` have no core."""
-        layer = self.layers[name]
-        layer.ranges, layer.side_ranges = ranges
-        layer.unit = unit or self.unit
-        layer.show(blocks, cuts, cored)
+        self.view_uniforms = frame.once(_view_uniforms)
 
     def show_only(self, names):
         """Draw nothing by shaders of other names."""
@@ -335,3 +315,19 @@ class Cards:
         if self._images is not None:
             self._images.give_back()
         self.textures, self._textures, self._images, self.window = {}, {}, None, None
+
+
+def _view_uniforms(frame) -> dict:
+    """Return the uniforms of a frame's view."""
+    view = frame.view
+    clip = view.clip_from_view
+    return {
+        'ibr_parallel': int(view.parallel),
+        'ibr_pixel_scale': frame.pixel_scale,
+        'ibr_eye_from_world': view.view_from_world[:3, :3],
+        'ibr_clip_from_eye': clip,
+        'ibr_clip_depth': (clip[2, 2], clip[2, 3], clip[3, 2], clip[3, 3]),
+        'ibr_fades': int(not (frame.picking or frame.casting)),
+        'ibr_dither': frame.vary('levels')[0],
+        'ibr_error': 1.0 / frame.quality,
+    }

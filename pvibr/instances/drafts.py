@@ -56,7 +56,7 @@ class Draft(LodModel):
         """True: its levels have no measured errors."""
         return True
 
-    def limits(self, _max_error) -> Limits:
+    def limits(self, _max_error, _driver=None) -> Limits:
         """Return limits at which triangles are about as many as pixels."""
         count = len(self.levels)
         if count == 1:

@@ -65,8 +65,8 @@ class CardBlocks:
     @property
     def cored(self) -> int:
         """The first block that may have a core."""
-        may_have_core = self.sizes > 0.99 * self.core_size  # the shader decides
-        return int(may_have_core.argmax()) if may_have_core.any() else len(may_have_core)
+        (may_have_core,) = (self.sizes > 0.99 * self.core_size).nonzero()  # the shader decides
+        return int(may_have_core[0]) if may_have_core.size else self.sizes.size
 
     def fits(self, sizes, patches) -> np.ndarray:
         """Return which sizes may be drawn, a little generously: the shader decides."""
@@ -257,10 +257,11 @@ class InstanceGroup:
 
     def select(self, frame, limits, *, depth=False):
         """Return the blocks that each card shader draws, by its name, where there are any."""
-        seen = visible_blocks, origins, _, largest = self.placement.blocks.seen(frame)
-        self.visible_blocks, block_count = visible_blocks, len(visible_blocks)
+        blocks = self.placement.blocks
+        seen = visible_blocks, origins, _, largest, _ = blocks.seen(frame)
+        self.visible_blocks, block_count = visible_blocks, visible_blocks.size
         self.cards.view(frame, depth=depth)
-        total = {'blocks': block_count, 'of blocks': len(self.placement.blocks.centers)}
+        total = {'blocks': block_count, 'of blocks': blocks.reach.size}
         self.counts = total | {'hidden': 0} | self._no_cards | self.near.no_counts
         block_table = np.empty((block_count, 4), np.float32)
         block_table[:, :3], block_table[:, 3] = origins, visible_blocks
@@ -274,15 +275,18 @@ class InstanceGroup:
 
     def _card_blocks(self, frame, limits, seen, block_table, patches):
         """Return the blocks of each card shader that draws any."""
-        visible_blocks, origins, smallest, largest = seen
-        depths = origins[:, 2] if frame.parallel else -_lengths(origins.T)
-        elevations = self._elevations(frame, visible_blocks, origins)
+        visible_blocks, origins, smallest, largest, depths = seen
+        elevations = None
+        if self.atlas.turntable is not None and self.unit == 1:
+            elevations = self._elevations(frame, visible_blocks, origins)
         radii, choices = self.blocks.bounding_radii[visible_blocks], {}
-        for name in limits.drawn_cards:
-            layer, spans = self.cards.layers.get(name), limits.spans[name]
-            if layer is not None:
+        extreme_sizes = np.minimum.reduce(smallest), np.maximum.reduce(largest)
+        layers = self.cards.layers
+        for name, spans in limits.drawn_between(*extreme_sizes):
+            if name in layers:
+                layer = layers[name]
                 in_span = _which_fit(spans, elevations, patches, smallest, largest)
-                if len(in_span):
+                if in_span.size:
                     choices[name] = CardBlocks(
                         table=block_table[in_span],
                         depths=depths[in_span],
@@ -309,8 +313,10 @@ class InstanceGroup:
 
     def _counted(self, choices):
         self.counts |= self._no_cards
+        item_count = self.placement.ids.size
         for name, blocks in choices.items():
-            self.counts[name] = min(len(blocks.table) * blocks.unit, len(self))
+            count = blocks.depths.size * blocks.unit
+            self.counts[name] = count if count < item_count else item_count
         return choices
 
     def patches(self, frame, limits, slots, centers, sizes):
@@ -320,9 +326,10 @@ class InstanceGroup:
         if min_size > max_size:
             return patches
         (undecided,) = ((sizes >= min_size) & (sizes < max_size * FADE)).nonzero()
-        if len(undecided):
-            toward = np.array([[0.0], [0.0], [1.0]]) if frame.parallel else -centers[:, undecided]
-            toward = np.einsum('ji,jn->in', frame.view_from_world[:3, :3], toward)
+        if undecided.size:
+            view = frame.view
+            toward = np.array([[0.0], [0.0], [1.0]]) if view.parallel else -centers[:, undecided]
+            toward = view.view_from_world[:3, :3].T @ toward
             directions = self.placement.directions(slots[undecided], toward)
             directions = directions / np.maximum(_lengths(directions.T), 1e-30)[:, None]
             cells, cell_margin = octahedral.cells(directions, PATCH_SIDE, self.atlas.half)
@@ -330,11 +337,8 @@ class InstanceGroup:
         return patches
 
     def _elevations(self, frame, index, origins):
-        """Return sines of the eye's elevation over instances; None without a turntable."""
-        turntable = self.atlas.turntable
-        if turntable is None or self.unit > 1:
-            return None
-        turntable_axes = np.broadcast_to(turntable.turns.axis, origins.shape)
+        """Return sines of the eye's elevation over the horizons of instances' turntables."""
+        turntable_axes = np.broadcast_to(self.atlas.turntable.turns.axis, origins.shape)
         poses = self.poses[self.ids[index]]
         if poses.ndim == 3:
             turntable_axes = np.einsum('nij,nj->ni', poses[:, :3, :3], turntable_axes)

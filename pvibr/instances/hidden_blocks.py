@@ -174,11 +174,15 @@ class _HidingCards(ShaderDraws):
         return actor
 
     def _inputs(self):
-        textures, uniforms = self._layer.inputs()
-        return textures, uniforms | range_uniforms(self._blocks.ranges) | {
-            'ibr_unit': self._blocks.unit,
-            'ibr_part': _OPAQUE,
-            'ibr_nearest_first': 0,
-            'ibr_back': 0.0,
-            'ibr_fades': 0,
-        }
+        textures, view_uniforms, uniforms = self._layer.inputs()
+        uniforms = (
+            uniforms
+            | range_uniforms(self._blocks.ranges)
+            | {
+                'ibr_unit': self._blocks.unit,
+                'ibr_part': _OPAQUE,
+                'ibr_nearest_first': 0,
+                'ibr_back': 0.0,
+            }
+        )
+        return textures, view_uniforms | {'ibr_fades': 0}, uniforms

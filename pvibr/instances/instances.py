@@ -248,7 +248,7 @@ class Instances(ItemSet):
     _nan_rows = property(lambda self: self._items.nan_rows)
 
     def __len__(self):
-        return len(self._items)
+        return len(self._items.index)
 
     @property
     def n_instances(self) -> int:
@@ -323,13 +323,13 @@ class Instances(ItemSet):
         return [choice.limits(group.model) for group in self.groups]
 
     def _level_choice(self) -> LevelChoice:
-        rules = {
-            'shaders failed': self._failure,
-            'translucent': self.is_translucent,
-            'clipped': self._planes is not None,
-            'forced': self._forced,
-        }
-        rule = next((rule for rule, applies in rules.items() if applies), '')
+        rule = 'forced' if self._forced else ''
+        if self._planes is not None:
+            rule = 'clipped'
+        if self._colors is not None and self.is_translucent:
+            rule = 'translucent'
+        if self._failure:
+            rule = 'shaders failed'
         return LevelChoice(self.max_error, self._forced, rule)
 
     @property
@@ -440,15 +440,17 @@ class Instances(ItemSet):
 
     def prepare(self, frame):
         """Choose levels again if the camera, size, settings, meshes or materials changed."""
-        if self._models.pending and is_deterministic():
+        models = self._models
+        if models.has_drafts and is_deterministic():
             self.wait()
         self._follow_meshes()
         super().prepare(frame)
-        if self._models.pending and frame.own:
+        if models.pending and frame.own:
             self._rank_bakes(frame)
 
     def _upload(self, frame):
-        self._check_shaders()
+        if self.groups.has_failed:
+            self._check_shaders()
         covered = self.covered if frame.own else None
         if covered is not self._applied_cover:
             self._apply_looks(covered)

@@ -74,13 +74,14 @@ class LodModel:
         """Points on the convex hull of the mesh, model space."""
         return hull_corners(_drawn_points(self.levels[0].parts))
 
-    def limits(self, max_error) -> Limits:
+    def limits(self, max_error, driver=None) -> Limits:
         """Return the sizes at which levels change for a `max_error` in pixels."""
-        limits_key = max_error, driver_of()
+        driver = driver or driver_of()
+        limits_key = max_error, driver
         if limits_key not in self._limits:
             accurate = limits_of(self.atlas.errors, len(self.levels), max_error)
             triangles = [level.triangles for level in self.levels]
-            self._limits[limits_key] = by_cost(accurate, triangles, driver_of())
+            self._limits[limits_key] = by_cost(accurate, triangles, driver)
         return self._limits[limits_key]
 
     def depth_limits(self, max_error, aspect) -> Limits:

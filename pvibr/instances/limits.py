@@ -9,9 +9,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from pvibr.gl.driver import driver_of
 from pvibr.instances.card_layers import PATCHES
 from pvibr.instances.card_spans import NOWHERE, CardSpan
-from pvibr.instances.cards import ALL_CARD_SHADERS, CARD_SHADERS, SPLAT
+from pvibr.instances.cards import ALL_CARD_SHADERS, CARD_SHADERS, FADE, SPLAT
 from pvibr.instances.cost_model import negligible_from, saved_by_meshes
 from pvibr.instances.measure import card_needs, mesh_needs, worst
 
@@ -53,10 +54,18 @@ class Limits:
         return {n: (above.get(n, NOWHERE), side.get(n, NOWHERE)) for n in {**above, **side}}
 
     @cached_property
-    def drawn_cards(self) -> list[str]:
-        """The shaders that draw at some size."""
-        spans = self.spans.items()
-        return [n for n, (above, side) in spans if not (above.is_empty and side.is_empty)]
+    def drawn_cards(self) -> list[tuple]:
+        """Name, spans, and least and largest size of each shader that draws at some size."""
+        return [
+            (name, spans, min(s.low[-1] for s in spans), FADE * max(s.high[-1] for s in spans))
+            for name, spans in self.spans.items()
+            if not all(s.is_empty for s in spans)
+        ]
+
+    def drawn_between(self, smallest, largest) -> list[tuple]:
+        """Return name and spans of each shader that draws at some size of a range."""
+        cards = self.drawn_cards
+        return [(n, s) for n, s, low, high in cards if largest >= low and smallest < high]
 
     @cached_property
     def mesh_from_at(self) -> np.ndarray:
@@ -313,19 +322,28 @@ class LevelChoice:
     #: ``forced``, or why all are meshes at every size; empty if errors and costs decide.
     rule: str
 
-    def limits(self, model) -> Limits:
+    def limits(self, model, driver=None) -> Limits:
         """Return the limits of a mesh's model."""
+        if not self.rule and model.atlas.errors:
+            return model.limits(self.max_error, driver)
         level_count = len(model.levels)
         has_levels = model.is_draft or model.atlas.errors
         if self.rule not in ('', 'forced') or not has_levels:
             return limits_of({}, level_count, 1)
         if self.rule and not (model.is_draft and needs_images(self.forced)):
             return forced_limits(self.forced, level_count)
-        return model.limits(self.max_error)
+        return model.limits(self.max_error, driver)
 
     def limits_in(self, frame, models) -> list[Limits]:
         """Return the limits of models in a frame, which may be a depth map or of low quality."""
         if frame.depth_map and not self.rule:
             low, high = sorted(frame.pixel_scales)
             return [model.depth_limits(self.max_error, high / low) for model in models]
-        return [self.limits(model).coarser(frame.quality) for model in models]
+        driver = frame.once(_driver_in)
+        found = [self.limits(model, driver) for model in models]
+        return found if frame.quality == 1 else [x.coarser(frame.quality) for x in found]
+
+
+def _driver_in(frame):
+    """Return the kind of driver that draws a frame."""
+    return driver_of(frame.window)

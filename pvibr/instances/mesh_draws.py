@@ -53,10 +53,10 @@ class MeshDraws:
         for draws in self._parts:
             draws.check()
 
-    def set_inputs(self, entries, textures, uniforms):
-        """Set the inputs that all parts share."""
+    def set_inputs(self, entries, *inputs):
+        """Set the textures and uniforms that all parts share."""
         for draws in self._parts:
-            draws.set_inputs(entries, textures, uniforms)
+            draws.set_inputs(entries, *inputs)
 
     def bound(self, half):
         """Set the half sides of the bounds around the actors' position."""
@@ -128,9 +128,10 @@ class MeshPartDraws(ShaderDraws):
         self._tint: dict = {}
         self._depths: _DepthDraws | None = None
 
-    def set_inputs(self, entries, textures, uniforms):
+    def set_inputs(self, entries, textures, view_uniforms, uniforms):
         """Set the entries, and the textures and uniforms of all parts."""
-        self.entries, self.textures, self._shared_uniforms = entries, textures, uniforms
+        self.entries, self.textures = entries, textures
+        self.view_uniforms, self._shared_uniforms = view_uniforms, uniforms
         self.uniforms = uniforms | self._tint if self._tint else uniforms
         alpha_cutoff = cutoff(self.part)
         if self.own_uniforms.get('ibr_cutoff') != alpha_cutoff:
@@ -234,9 +235,10 @@ class _DepthDraws(ShaderDraws):
         self.mapper.SetInputDataObject(mesh)
         self._new_actor = new_actor
 
-    def set_inputs(self, entries, textures, uniforms):
+    def set_inputs(self, entries, textures, view_uniforms, uniforms):
         """Set the inputs of the draws for colour."""
-        self.entries, self.textures, self.uniforms = entries, textures, uniforms
+        self.entries, self.textures = entries, textures
+        self.view_uniforms, self.uniforms = view_uniforms, uniforms
 
     def show(self, spans) -> list:
         """Return the actors that draw spans of entries."""

@@ -226,20 +226,20 @@ class MeshGroups:
         for group, choice in zip(self._groups, choices, strict=True):
             group.cards.show_only(choice)
         shader_names = {name for choice in choices for name in choice}
-        for shader in self[0].cards.shaders() if shader_names else ():
-            if shader.name in shader_names:
+        for name in self._groups[0].cards.layers if shader_names else ():
+            if name in shader_names:
                 pairs = zip(self._groups, choices, strict=True)
-                drawn = [(g, c[shader.name]) for g, c in pairs if shader.name in c]
-                self._show_layer(shader, *zip(*drawn, strict=True))
+                drawn = [(group, choice[name]) for group, choice in pairs if name in choice]
+                self._show_layer(name, *zip(*drawn, strict=True))
 
-    def _show_layer(self, shader, groups, choices):
-        """Draw the blocks of some groups by a shader."""
-        unit = choices[0].unit
-        capacity = groups[0].cards.chunk // unit
-        cuts = slabs([choice.depths for choice in choices], shader.turns, capacity)
+    def _show_layer(self, name, groups, choices):
+        """Draw the blocks of some groups by the shader of a name."""
+        unit, cards = choices[0].unit, groups[0].cards
+        turns, capacity = cards.layers[name].shader.turns, cards.chunk // unit
+        cuts = slabs([choice.depths for choice in choices], turns, capacity)
         for group, choice, group_cuts in zip(groups, choices, cuts, strict=True):
             options = {'ranges': choice.ranges, 'unit': unit, 'cored': choice.cored}
-            group.cards.show(shader.name, choice.table, group_cuts, **options)
+            group.cards.layers[name].show(choice.table, group_cuts, **options)
 
     def draw_order(self) -> tuple:
         """Return pairs of sort key and actor, meshes first, whichever was needed first."""
@@ -267,6 +267,11 @@ class MeshGroups:
                 group.cards.check()
             self.card_failure = next((g.cards.failure for g in self if g.cards.failure), None)
             self._mesh_failure = next((g.near.failure for g in self if g.near.failure), None)
+
+    @property
+    def has_failed(self) -> bool:
+        """Whether a shader of cards or of meshes has an error."""
+        return self.card_failure is not None or self._mesh_failure is not None
 
     def mesh_failure(self) -> str | None:
         """Return a new error of a mesh shader, or None; groups built from then on use none."""

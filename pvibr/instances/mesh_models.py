@@ -168,7 +168,7 @@ class MeshModels:
     @property
     def has_news(self) -> bool:
         """Whether the bake of a draft is over, or has come to its lighter meshes."""
-        if not self.pending:
+        if not self.has_drafts or self._is_paused:
             return False
         QUEUE.poll()
         return any(draft.is_over or draft.better_levels for draft in self.drafts().values())
@@ -292,9 +292,9 @@ class MeshModels:
             if k in self.by_mesh:
                 replaced[k] = self._changed(k, self.by_mesh[k], index)
                 self._materials[k] = BakedMaterial(parts)
-        for k, model in self.by_mesh.items():
-            material = self._materials.get(k)
-            if material is not None and k not in replaced and material.changed():
+        models, materials = self._by_mesh, self._materials
+        for k, model in models.items():
+            if k in materials and k not in replaced and (material := materials[k]).changed():
                 is_draft = model.is_draft
                 shown_model = self._made(k, index) if is_draft else _shown_model(material, model)
                 relit_meshes.append(k)
@@ -302,7 +302,8 @@ class MeshModels:
                     replaced[k] = shown_model
                 if is_draft and shown_model is not model:
                     self._materials[k] = BakedMaterial(self.meshes[k])
-        self.by_mesh |= replaced
+        if replaced:
+            self.by_mesh |= replaced
         return relit_meshes, bool(replaced)
 
     # -- culling of faces --------------------------------------------------------------------

@@ -7,6 +7,7 @@ from functools import partial
 import pyvista as pv
 
 from pvibr.core import _vtk
+from pvibr.core._vtk import method
 from pvibr.instances.levels import content_key
 
 #: Why a mesh has no images once it has changed.
@@ -18,7 +19,8 @@ class Sources:
 
     def __init__(self, meshes, parts_of, parts):
         self._meshes, self._parts_of = meshes, parts_of
-        self._times = [_times_of(mesh) for mesh in meshes]
+        self._get_times = [_getter_of_times(mesh) for mesh in meshes]
+        self._times = [get() for get in self._get_times]
         # Computed now: parts share arrays with their meshes.
         pairs = zip(parts, self._times, strict=True)
         self._keys = [content_key(mesh_parts) if times else '' for mesh_parts, times in pairs]
@@ -30,7 +32,7 @@ class Sources:
     def changed(self) -> dict[int, list]:
         """Return the new parts of meshes whose points, cells or shown arrays have changed."""
         changed_parts: dict[int, list] = {}
-        times = [_times_of(mesh) for mesh in self._meshes]
+        times = [get() for get in self._get_times]
         if times == self._times:
             return changed_parts
         keys = list(self._keys)
@@ -44,10 +46,15 @@ class Sources:
         return changed_parts
 
 
+def _getter_of_times(mesh):
+    """Return what returns VTK's modification times of a mesh, quickly for a dataset."""
+    if isinstance(mesh, _vtk.vtkDataSet):
+        return method(mesh, 'GetMTime')
+    return partial(_times_of, mesh)
+
+
 def _times_of(mesh) -> tuple:
     """Return VTK's modification times of a dataset, none if it has none."""
-    if isinstance(mesh, _vtk.vtkDataSet):  # most are
-        return (mesh.GetMTime(),)
     if isinstance(mesh, _vtk.vtkActor):
         mapper = mesh.GetMapper()
         return mapper.GetMTime(), *_times_of(mapper.GetInputDataObject(0, 0))

@@ -43,7 +43,8 @@ def follow_meshes(self):
         self.groups.follow_materials(relit_meshes)
         self._touch()
     # Afterwards: what has changed is being baked again.
-    has_new_models |= self._models.pending and self._models.adopt_bakes(self._items.index)
+    if self._models.has_drafts:
+        has_new_models |= self._models.adopt_bakes(self._items.index)
     if has_new_models:
         self._show_models()
         self._show_bar()

@@ -16,10 +16,7 @@ from pvibr.things.shader_draws import ROW
 _SHARE_BITS = 6  # of the dithered share of an instance's pixels
 #: Those of the cards that meshes need, too.
 _TEXTURES = 'ibr_poses', 'ibr_looks'
-_UNIFORMS = (
-    *('ibr_texels', 'ibr_has_looks', 'ibr_multiply', 'ibr_radius'),
-    *('ibr_eye_from_world', 'ibr_clip_from_eye', 'ibr_dither'),
-)
+_UNIFORMS = 'ibr_texels', 'ibr_has_looks', 'ibr_multiply', 'ibr_radius'
 NO_TINT = {'ibr_tint': (0.0, 0.0, 0.0, 0.0)}
 
 
@@ -107,7 +104,7 @@ class NearMeshes:
 
     def select(self, group, frame, limits) -> list:
         """Draw the instances too large for cards; return new actors."""
-        if not (len(group.mesh_blocks) or len(self._slots)):
+        if not (group.mesh_blocks.size or self._slots.size):
             return []
         slots, centers, sizes, patches = self._large(group, frame, limits)
         # From the view alone, without hysteresis: a picture does not depend on earlier ones.
@@ -165,7 +162,7 @@ class NearMeshes:
                 pool.show_sides(set(slots[(levels == k) & outside].tolist()))
             slot_shares = zip(level_slots, shares[levels == k].tolist(), strict=True)
             fading = {slot: share for slot, share in slot_shares if share < 1}
-            pool.fade(fading, group.cards.uniforms['ibr_dither'])
+            pool.fade(fading, group.cards.view_uniforms['ibr_dither'])
         return new_actors
 
     def _show_batches(self, group, frame, slots, centers, levels, shares, outside):
@@ -183,12 +180,13 @@ class NearMeshes:
             self._entries.upload(entries)
         textures = {name: group.cards.textures[name] for name in _TEXTURES}
         uniforms = {name: group.cards.uniforms[name] for name in _UNIFORMS} | NO_TINT
+        inputs = textures, group.cards.view_uniforms, uniforms
         new_actors, end = [], 0
         level_counts = np.bincount(levels, minlength=len(self.draws)).tolist()
         for draws, count in zip(self.draws, level_counts, strict=True):
             first, end = end, end + count
             if count:
-                draws.set_inputs(self._entries, textures, uniforms)
+                draws.set_inputs(self._entries, *inputs)
                 are_outside = np.logical_and.reduce(outside[level_order[first:end]])
                 new_actors += draws.show(first, end, are_outside)
             elif draws.is_shown:

@@ -123,9 +123,9 @@ class Placement:
         return slots[_may_be_outermost(slot_centers, slot_centers, radii)]
 
     def directions(self, slots, toward) -> np.ndarray:
-        """Return directions, (3, n) or (3, 1), in model axes, of any length, (n, 3)."""
+        """Return directions, (3, n) or (3, 1), in model axes, of any length, (n, 3) or (1, 3)."""
         if self.texels_per_pose == 1:
-            return np.broadcast_to(toward.T, (len(slots), 3))
+            return toward.T
         matrices = self.pose_texture.reshape(-1, 12).take(slots, 0).T
         (a, b, c), (d, e, f), (g, h, i) = matrices[:3], matrices[4:7], matrices[8:11]
         x, y, z = toward

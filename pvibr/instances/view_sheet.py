@@ -10,6 +10,7 @@ from pvibr.core import _vtk
 from pvibr.core.errors import ShaderError
 from pvibr.gl.binder import Binder
 from pvibr.gl.hidden_window import hidden_window, read_pixels
+from pvibr.instances.cards import ALWAYS
 from pvibr.instances.group import InstanceGroup
 from pvibr.instances.mesh_pool import MeshPool
 from pvibr.instances.view_pictures import CELL, SAMPLES, fractions
@@ -77,9 +78,10 @@ class Sheet:
         cards.hide()
         frame = Frame.of(self.renderer)
         cards.view(frame)
-        index, origins, _, _ = self.group.blocks.seen(frame)
+        index, origins = self.group.blocks.seen(frame)[:2]
         blocks = np.column_stack([origins, index]).astype(np.float32)
-        cards.show(shader, blocks, np.array([0, len(blocks)]))
+        options = {'ranges': (ALWAYS, ALWAYS), 'unit': cards.unit, 'cored': 0}
+        cards.layers[shader].show(blocks, [0, len(blocks)], **options)
         picture = fractions(self._picture())
         cards.hide()
         if not cards.layers[shader].landed:

@@ -110,7 +110,7 @@ class Blocks:
     def seen(self, frame):
         """Return the blocks in the frustum, farthest first, and the sizes of their instances.
 
-        Indices (k,), origins in view space (k, 3), bounds of on-screen diameters in pixels (k,).
+        Indices, origins in view space (k, 3), bounds of diameters in pixels, depths, negative.
         """
         view = frame.view
         view_from_world, planes, parallel = view.view_from_world, view.side_planes, view.parallel
@@ -135,7 +135,7 @@ class Blocks:
             far = eye_distances + center_reach
         small = self.smallest[visible] / far
         large = self.largest[visible] / near
-        return visible, origins, scale * small, scale * large
+        return visible, origins, scale * small, scale * large, depths
 
     def _near(self, view_from_world, planes, parallel):
         """Return the blocks whose neighbourhoods are in view."""

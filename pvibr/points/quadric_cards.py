@@ -179,7 +179,7 @@ class VisibleBlocks:
 def visible_blocks(blocks, frame, shape) -> VisibleBlocks:
     """Return the blocks in view, nearest first, with their draw modes."""
     with np.errstate(divide='ignore', invalid='ignore'):  # the eye may be in a centre
-        block_ids, origins, smallest_px, largest_px = (a[::-1] for a in blocks.seen(frame))
+        block_ids, origins, smallest_px, largest_px = (a[::-1] for a in blocks.seen(frame)[:4])
     block_radii = blocks.bounding_radii[block_ids]
     planes = frustum_planes(frame.clip_from_view)
     is_inside = (planes[:, :3] @ origins.T + planes[:, 3:]).min(0) > block_radii

@@ -66,22 +66,25 @@ class Frame:
     quality: float = 1.0
     #: The sample of a still picture, or None for a picture by itself.
     sample: Sample | None = None
+    #: What `once` has made, by what makes it.
+    _made: dict = field(default_factory=dict, init=False, repr=False)
 
     @classmethod
     def of(cls, renderer, *, index=0, time=0.0, quality=1.0) -> Frame:
         """Return the frame that a renderer is about to draw."""
-        camera, window = renderer.GetActiveCamera(), renderer.GetRenderWindow()
-        if bool(camera.GetStereo()) != bool(window.GetStereoRender()):
+        get = object.__getattribute__  # PyVista's lookup is in Python
+        camera, window = get(renderer, 'GetActiveCamera')(), get(renderer, 'GetRenderWindow')()
+        if bool(get(camera, 'GetStereo')()) != bool(window.GetStereoRender()):
             camera.Render(renderer)  # updates the camera's stereo state
-        clip_matrix = camera.GetProjectionTransformMatrix(renderer.GetTiledAspectRatio(), -1, 1)
-        near, far = camera.GetClippingRange()
+        aspect_ratio = get(renderer, 'GetTiledAspectRatio')()
+        near, far = get(camera, 'GetClippingRange')()
         view = View(
-            _matrix(camera.GetModelViewTransformMatrix()),
-            _matrix(clip_matrix),
+            _matrix(get(camera, 'GetModelViewTransformMatrix')()),
+            _matrix(get(camera, 'GetProjectionTransformMatrix')(aspect_ratio, -1, 1)),
             near,
             far,
-            bool(camera.GetParallelProjection()),
-            _frozen(camera.GetPosition()),
+            bool(get(camera, 'GetParallelProjection')()),
+            _frozen(get(camera, 'GetPosition')()),
         )
         scale = tuple(window.GetTileScale())
         origin, size, tile = _whole(renderer) if scale == (1, 1) else _tile(renderer, window)
@@ -93,7 +96,7 @@ class Frame:
             view=view,
             index=index,
             time=time,
-            picking=renderer.GetSelector() is not None,
+            picking=get(renderer, 'GetSelector')() is not None,
             tile=tile,
             scale=scale[1],
             quality=quality,
@@ -163,6 +166,12 @@ class Frame:
             return points + _BEFORE * (self.eye - points)
         eye_distances = -(points @ self.view_from_world[2, :3] + self.view_from_world[2, 3])
         return points + _BEFORE * eye_distances[:, None] * self.view_from_world[2, :3]
+
+    def once(self, make):
+        """Return what a function makes of the frame, made once for all things."""
+        if make not in self._made:
+            self._made[make] = make(self)
+        return self._made[make]
 
     def vary(self, name) -> tuple[float, float]:
         """Return two numbers, 0 to 1, that jitter an effect's sampling; 0 without samples."""

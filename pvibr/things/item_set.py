@@ -344,8 +344,7 @@ class ItemSet(Thing):
         other_depths: list[float] = []
         if self.blends and frame.own and not frame.casting:
             other_depths = self.pipeline.order.others(frame, self, self.pipeline.things)
-        camera_key = frame.view_from_world.tobytes(), frame.clip_from_view.tobytes(), frame.size
-        choice_key = *camera_key, frame.casting, other_depths, *self._choice_key(frame)
+        choice_key = frame.once(_view_key), other_depths, *self._choice_key(frame)
         if choice_key != self._content_key:
             self._choose(frame, other_depths)
             self._content_key = choice_key
@@ -412,3 +411,8 @@ class ItemSet(Thing):
         """Choose the items again in the next frame."""
         self._content_key = None
         self._changes += 1
+
+
+def _view_key(frame) -> tuple:
+    """Return what of a frame's view determines the choice of items."""
+    return frame.view.key(), frame.size, frame.casting

@@ -8,6 +8,7 @@ import numpy as np
 import pyvista as pv
 
 from pvibr.core import _vtk
+from pvibr.core._vtk import method
 from pvibr.core.observers import tell_programs, weakly
 from pvibr.gl import Texture, set_shared_uniforms
 from pvibr.gl import enums as gl
@@ -40,16 +41,21 @@ class ShaderDraws:
         self.chunk = chunk
         #: Shared if given as a `CardMaterial`, else a copy.
         self.material = prop if isinstance(prop, CardMaterial) else CardMaterial(prop)
-        self.actors = [draw_actor(self.mapper, self.material, translucent) for _ in range(draws)]
+        self.actors: list = []
+        self._set_visible: list = []  # looked up once: PyVista's lookup is in Python
         self.textures: dict[str, Texture] = {}
-        #: Replaced with every change, as are `own_uniforms`, which have no name in common.
+        #: Replaced with every change, as are the others, which have no name in common.
         self.uniforms: dict = {}
+        #: Uniforms of the frame's view, shared by many draws.
+        self.view_uniforms: dict = {}
         #: Uniforms in which these draws differ from others of the same program.
         self.own_uniforms: dict = {}
         self.entries: Texture | None = None
         self.failure: str | None = None
         self._binder = binder or Binder()
-        self._spans, self._span_count = [(0, 0)] * draws, 0
+        self._spans: list[tuple[int, int]] = []
+        self.span_count = 0  # of actors that draw
+        self.grow(draws, lambda: draw_actor(self.mapper, self.material, translucent))
         self._corners = self._start_observer = 0
         self.feature: Feature | None = None
         self.landed = self._was_drawn = False
@@ -86,7 +92,7 @@ class ShaderDraws:
 
     def upload(self, window, entries):
         """Upload the table of entries, shape (n, channels), unless it is empty."""
-        if len(entries):
+        if entries.size:
             self.entries = self.entries or Texture(window)
             self.entries.upload(pack(entries, ROW, entries.shape[1]))
 
@@ -94,18 +100,19 @@ class ShaderDraws:
         """Grow the pool to at least `count` actors; return the new ones."""
         new_actors = [make_actor() for _ in range(count - len(self.actors))]
         self.actors += new_actors
+        self._set_visible += [method(actor, 'SetVisibility') for actor in new_actors]
         self._spans += [(0, 0)] * len(new_actors)
         return new_actors
 
     def show_spans(self, spans):
         """Draw one span (first item, end entry) per actor; the other actors draw nothing."""
-        hidden = self._span_count - len(spans)  # the rest is hidden already
-        self._span_count = len(spans)
-        spans = [*spans, *[(0, 0)] * hidden]
-        for k, (actor, span) in enumerate(zip(self.actors, spans, strict=False)):
-            actor.SetVisibility(span[1] > 0)
+        last_count, self.span_count = self.span_count, len(spans)
+        if last_count > self.span_count:  # the rest is hidden already
+            spans = [*spans, *[(0, 0)] * (last_count - self.span_count)]
+        for k, (set_visible, span) in enumerate(zip(self._set_visible, spans, strict=False)):
+            set_visible(span[1] > 0)
             if span != self._spans[k]:  # most persist while the camera moves
-                uniforms = actor.GetShaderProperty().GetVertexCustomUniforms()
+                uniforms = method(self.actors[k], 'GetShaderProperty')().GetVertexCustomUniforms()
                 uniforms.SetUniformi('ibr_first', span[0])
                 uniforms.SetUniformi('ibr_end', span[1])
                 self._spans[k] = span
@@ -139,18 +146,18 @@ class ShaderDraws:
         self._was_drawn = True
         self.mapper.RemoveObserver(self._start_observer)
 
-    def _inputs(self) -> tuple[dict, dict]:
+    def _inputs(self) -> tuple[dict, ...]:
         """Return the textures and uniforms of a program about to draw."""
-        return self.textures, self.uniforms
+        return self.textures, self.view_uniforms, self.uniforms
 
     def _set_shader(self, program):
-        textures, uniforms = self._inputs()
+        textures, *uniforms = self._inputs()
         if self.entries is not None:
             textures = {**textures, 'ibr_entries': self.entries}
             if self._corners == 1:
                 self.entries.window.GetState().SetEnumState(gl.PROGRAM_POINT_SIZE, True)
         units = self._binder.bind(textures)
-        set_shared_uniforms(program, units, uniforms, self.own_uniforms)
+        set_shared_uniforms(program, units, *uniforms, self.own_uniforms)
         if not self.landed:
             self.landed = True
             if self.feature is not None and not self.feature.landed(program):
@@ -215,7 +222,7 @@ def card_mesh(card_count, corners, bounds):
 def pack(values, row_length, channel_count) -> np.ndarray:
     """Return values as an image, zero-padded."""
     flat_values = values.reshape(-1, channel_count)
-    height = max(1, -(-len(flat_values) // row_length))
-    padded = np.zeros((height * row_length, channel_count), values.dtype)
-    padded[: len(flat_values)] = flat_values
-    return padded.reshape(height, row_length, channel_count)
+    count = len(flat_values)
+    padded = np.zeros((-(-count // row_length) or 1, row_length, channel_count), values.dtype)
+    padded.reshape(-1, channel_count)[:count] = flat_values
+    return padded

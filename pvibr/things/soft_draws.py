@@ -78,7 +78,7 @@ class SoftDraws:
         self.fringe = PartDraws(self, feature=fringe or feature, **look)
         self.depth = PartDraws(self, feature=feature, **look)
 
-    @property
+    @cached_property
     def every(self) -> list:
         """The draws of all parts."""
         return [draws for draws in (self.core, self.fringe, self.depth) if draws is not None]
