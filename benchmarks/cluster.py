@@ -52,7 +52,8 @@ def _movies(settings, results):
     """Yield how much faster two workers draw a movie, and its CPU beside that of one process."""
     cameras, scene = _cameras(settings.frames), (settings.size, settings.resolution)
     with tempfile.TemporaryDirectory() as folder, _clients(folder) as clients:
-        path, walls, costs = Path(folder) / 'movie', {1: [], 2: []}, []
+        path, costs = Path(folder) / 'movie', []
+        walls: dict[int, list[float]] = {1: [], 2: []}
         for turn in range(settings.turns + 1):
             for count, client in enumerate(clients, 1):
                 shutil.rmtree(path, ignore_errors=True)

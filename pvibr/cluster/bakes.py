@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pyvista as pv
@@ -20,16 +20,15 @@ from pvibr.cluster.clients import Cluster
 from pvibr.core.params import checked_flag
 from pvibr.core.progress import baking
 from pvibr.instances.bake_jobs import do_job, packed_job
-from pvibr.instances.cache import SUFFIX, AtlasCache, pack, unpack
+from pvibr.instances.cache import SUFFIX, AtlasCache, pack
 from pvibr.instances.levels import BakePlan, plan_of
-from pvibr.large.build import TriangleMesh, build_hierarchy
-from pvibr.large.sources import source_of
+from pvibr.large.build import build_hierarchy
+from pvibr.large.sources import checked_texture, source_of
 from pvibr.large.stored import cache_of, hierarchy_key
 from pvibr.meshes.parts import as_parts
 
 #: How names of files begin that tell whether a worker sees a folder.
 _PROBE = '.probe-'
-_NAMES = 'points', 'faces', 'mesh_cells', 'normals'
 
 
 class Baked(NamedTuple):
@@ -57,7 +56,8 @@ def bake(meshes, *, client=None, large=False, cache=True, progress=None, **look)
     client : distributed.Client, optional
         The cluster, by default the client that is open.
     large : bool
-        Build the hierarchies of :meth:`plotter.ibr.add_large_mesh` instead.
+        Build the hierarchies of :meth:`plotter.ibr.add_large_mesh` instead, for meshes without
+        ``texture=``.
     cache : bool or path
         The folder of the cache, by default that of the user.
     progress : bool, optional
@@ -104,7 +104,7 @@ def bake(meshes, *, client=None, large=False, cache=True, progress=None, **look)
     jobs = {job.key: job for job in plans if isinstance(job, _Job)}
     done: dict[str, Baked] = {}
     with baking(progress, 'Baking on the cluster') as advance, _probe(store) as probe:
-        work = ((job.work, key, job.packed()) for key, job in jobs.items())
+        work = ((job.work, key, job.made()) for key, job in jobs.items())
         for (_, key, _), result in cluster.results(_do, work, (str(store.path), probe)):
             done[key] = _kept(store, key, *result)
             advance(len(done) / len(jobs))
@@ -119,11 +119,11 @@ def _cache_of(cache) -> AtlasCache:
 
 
 class _Job(NamedTuple):
-    """What one worker does: `work` of a file's bytes, which `packed` returns."""
+    """What one worker does: `work` of what `made` returns, and of a folder."""
 
     key: str
-    work: Callable[[bytes, Path], bytes]
-    packed: Callable[[], bytes]
+    work: Callable[[Any, Path], bytes]
+    made: Callable[[], Any]
 
 
 def _plan(store, look, mesh) -> _Job | Baked:
@@ -137,12 +137,9 @@ def _plan(store, look, mesh) -> _Job | Baked:
 
 
 def _large_plan(store, mesh) -> _Job | Baked:
-    triangles = source_of(mesh).mesh
+    triangles = checked_texture(source_of(mesh), False).mesh
     key = hierarchy_key(triangles)
-    if key in store:
-        return Baked('in the cache')
-    arrays = {n: getattr(triangles, n) for n in _NAMES if getattr(triangles, n) is not None}
-    return _Job(key, _build, lambda: b''.join(pack(arrays, {})))
+    return Baked('in the cache') if key in store else _Job(key, _build, lambda: triangles)
 
 
 def _kept(store, key, seconds, data, why) -> Baked:
@@ -187,6 +184,5 @@ def _bake(job, folder) -> bytes:
     return next(folder.glob(f'*{SUFFIX}')).read_bytes()
 
 
-def _build(job, _folder) -> bytes:
-    arrays = unpack(np.frombuffer(job, np.uint8))
-    return b''.join(pack(build_hierarchy(TriangleMesh(**arrays)).to_arrays(), {}))
+def _build(mesh, _folder) -> bytes:
+    return b''.join(pack(build_hierarchy(mesh).to_arrays(), {}))

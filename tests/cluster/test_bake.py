@@ -29,7 +29,10 @@ def states(baked):
 def test_large_meshes(client, tmp_path, monkeypatch, is_shared):
     if not is_shared:  # the disk of the workers is another one
         monkeypatch.setattr(bakes, '_PROBE', ELSEWHERE)
-    meshes = balls(3, 120)
+    meshes = [
+        *balls(2, 120),
+        pv.Plane(i_resolution=90, j_resolution=90),
+    ]  # with texture coordinates
     options = {'client': client, 'large': True, 'cache': tmp_path}
     baked = pvibr.cluster.bake([*meshes, meshes[1].copy()], **options)
     assert states(baked) == ['baked'] * 4
@@ -38,7 +41,7 @@ def test_large_meshes(client, tmp_path, monkeypatch, is_shared):
     assert states(pvibr.cluster.bake(meshes, **options)) == ['in the cache'] * 3
     monkeypatch.setattr('pvibr.large.stored.build_hierarchy', None)  # it is not built here
     pl = pv.Plotter(off_screen=True)
-    assert pl.ibr.add_large_mesh(meshes[2], cache=tmp_path).n_triangles == meshes[2].n_cells
+    assert pl.ibr.add_large_mesh(meshes[2], cache=tmp_path).n_triangles == 2 * meshes[2].n_cells
     assert [file.suffix for file in tmp_path.iterdir()] == ['.atlas'] * 3
 
 
