@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import itertools
 import os
 import subprocess
 import sys
@@ -20,6 +21,7 @@ from benchmarks.common import plots
 from benchmarks.common.harness import Bench, Row
 from benchmarks.common.timing import timed
 from benchmarks.common.whole_frames import real_plotter, turning
+from benchmarks.moving import Mouse
 from pvibr.cli.timing import spent
 from pvibr.large.build import build_draft, build_hierarchy
 from pvibr.large.sources import source_of
@@ -36,6 +38,8 @@ _AT_REST: dict = {
     ('normals', 1.0): {'terrain': 1.6, 'folded': 2.0},
     ('normals', 0.25): {'terrain': 1.15, 'folded': 1.15},
 }
+#: Frames of a flight in which patches change a few at a time.
+_SLOW_FRAMES = 2000
 #: Random points of the mesh whose distance from a cut is measured.
 _PROBES = 20_000
 
@@ -173,11 +177,7 @@ def _flight(settings, name, mesh, samples) -> dict:
     plotters = {key: _plotter(settings, samples) for key in ('patches', 'plane', 'whole')}
     large = plotters['patches'].ibr.add_large_mesh(mesh, detail='none', **_LOOK)  # as it moves
     plotters['whole'].add_mesh(mesh, **_LOOK)
-    plane = pv.Plane(i_size=50, j_size=50, i_resolution=4, j_resolution=2)
-    plane['pattern'] = plane.points[:, 0]
-    plotters['plane'].add_mesh(plane, **_LOOK)
-    plotters['plane'].camera_position = 'xy'
-    plotters['plane'].camera.zoom(20)
+    _fill_with_plane(plotters['plane'])
     found: dict = {key: [] for key in (*plotters, 'triangles')}
     for plotter in plotters.values():
         plotter.show(auto_close=False)
@@ -195,6 +195,65 @@ def _flight(settings, name, mesh, samples) -> dict:
         key: values[2:] if key != 'whole' else values[1:] or values
         for key, values in found.items()
     }
+
+
+def _fill_with_plane(plotter):
+    plane = pv.Plane(i_size=50, j_size=50, i_resolution=4, j_resolution=2)
+    plane['pattern'] = plane.points[:, 0]
+    plotter.add_mesh(plane, **_LOOK)
+    plotter.camera_position = 'xy'
+    plotter.camera.zoom(20)
+
+
+def _drags(settings, results):
+    """Yield times and errors of drags within a budget of one and a half such planes."""
+    with contextlib.closing(_plotter(settings, 8)) as plotter:
+        _fill_with_plane(plotter)
+        plotter.show(auto_close=False)
+        spent(plotter.render_window)
+        plane_ms = 1e3 * np.median([spent(plotter.render_window)[1] for _ in range(5)])
+    for name, make in MESHES.items():
+        with contextlib.closing(_plotter(settings, 8)) as plotter:
+            large = plotter.ibr.add_large_mesh(make(settings.triangles), **_LOOK)
+            plotter.show(auto_close=False)
+            plotter.enable_trackball_style()
+            plotter.ibr.interactive_frame_ms = budget_ms = 1.5 * plane_ms
+            mouse, times, errors = Mouse(plotter), [], []
+            for camera in flight(name, settings.views):
+                found = mouse.drag(camera, settings.drag_frames)
+                times += found['ms']
+                errors += [1 / quality for quality in found['quality'][:-1]]
+            late = np.mean(np.array(times) > 1.5 * budget_ms)
+        title = f'{name}, dragged within {budget_ms:.0f} ms'
+        yield Row(f'{title}: a frame, median', np.median(times), 'ms')
+        yield Row(f'{title}: frames of more than 1.5 times that', 100 * late, '%', 2)
+        yield Row(f'{title}: largest error', large.max_error * max(errors), 'px', 2)
+        yield Row(f'{title}: error, median', large.max_error * np.median(errors), 'px')
+
+
+def _pops(settings, results):
+    """Yield how much frames of slow flights differ from the ones before, beside the mesh's own."""
+    for name, make in MESHES.items():
+        mesh = make(settings.triangles)
+        plotters = [_plotter(settings, 0) for _ in range(3)]
+        plotters[2].enable_anti_aliasing('ssaa')
+        plotters[0].ibr.add_large_mesh(mesh, **_LOOK)
+        for plotter in plotters[1:]:
+            plotter.add_mesh(mesh, **_LOOK)
+        cameras, changes = flight(name, _SLOW_FRAMES), []
+        for first in np.linspace(0.1, 0.9, settings.views):
+            start = round(first * _SLOW_FRAMES)
+            pictures = [
+                [_picture(plotter, camera) for plotter in plotters]
+                for camera in cameras[start : start + settings.slow_frames]
+            ]
+            for before, after in itertools.pairwise(pictures):
+                changes.append([flip(a, b).mean() for a, b in zip(before, after, strict=True)])
+        own, of_mesh, truth = np.mean(changes, axis=0)
+        yield Row(f'{name}: change a frame over that of the mesh', own / of_mesh, 'x', 1.2)
+        yield Row(f'{name}: the same over those of the supersampled mesh', own / truth, 'x', 1.2)
+        for plotter in plotters:
+            plotter.close()
 
 
 def _plotter(settings, samples):
@@ -283,7 +342,14 @@ def _over_terrain(settings, size, on):
 
 
 BENCH = Bench(
-    parts={'build': _builds, 'file': _files, 'flight': _flights, 'error': _errors},
+    parts={
+        'build': _builds,
+        'file': _files,
+        'flight': _flights,
+        'drag': _drags,
+        'pops': _pops,
+        'error': _errors,
+    },
     plot=plot,
     outside={'large mesh': _over_terrain},
     settings={
@@ -292,5 +358,7 @@ BENCH = Bench(
         'file_triangles': (20_000_000, 40_000),
         'frames': (60, 6),
         'views': (8, 2),
+        'drag_frames': (25, 4),
+        'slow_frames': (6, 2),
     },
 )

@@ -25,7 +25,7 @@ _forest = cache(landscape)  # drawn in several plotters
 def _drags(settings, results):
     """Yield the rows of drags at all places, with each limit in turns."""
     scene = _forest(settings.trees)
-    mouse = _Mouse(_dragged(scene, settings.size))
+    mouse = Mouse(_dragged(scene, settings.size))
     plotter = mouse.plotter
     plotter.show(auto_close=False)
     shares = (np.arange(settings.places) + 0.5) / settings.places
@@ -52,7 +52,7 @@ def _dense_drags(settings, results):
         plotter.ibr.add(pvibr.AmbientOcclusion())
         plotter.enable_trackball_style()
         plotter.ibr.interactive_frame_ms = limit
-        ms = _Mouse(plotter).drag(plotter.camera_position, settings.frames)['ms']
+        ms = Mouse(plotter).drag(plotter.camera_position, settings.frames)['ms']
     title = f'{settings.dense**3} polyhedra, shadows and occlusion, {_name(limit)}'
     yield Row(f'{title}: first frame', ms[0], 'ms', 2 * limit)
     yield Row(f'{title}: a frame, median', np.median(ms), 'ms', limit)
@@ -87,7 +87,7 @@ def _name(limit):
     return f'interactive_frame_ms {limit:g}' if limit else 'full quality'
 
 
-class _Mouse:
+class Mouse:
     """Drags as a hand does: events to the interactor, one at a time."""
 
     def __init__(self, plotter):
@@ -147,7 +147,7 @@ def plot(points, figure):
 
 def _drag(settings, size, on):
     """Return a forest that is dragged, with the limit or without."""
-    mouse = _Mouse(_dragged(_forest(settings.trees), size))
+    mouse = Mouse(_dragged(_forest(settings.trees), size))
     mouse.plotter.ibr.interactive_frame_ms = settings.limits[-1] if on else 0.0
 
     def draw(k):
