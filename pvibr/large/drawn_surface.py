@@ -8,6 +8,7 @@ import numpy as np
 
 from pvibr.large.cut import ModelView
 from pvibr.large.cut_mesh import CutLook
+from pvibr.large.detail import Detail
 from pvibr.large.hierarchy import Hierarchy
 from pvibr.large.original_cells import (
     VISIBLE_CELL,
@@ -26,6 +27,7 @@ class DrawnSurface:
 
     def __init__(self, built: Hierarchy, coloring, prop):
         self._built, self.coloring, self._prop = built, coloring, prop
+        self._detail = Detail()
 
     @cached_property
     def _values(self):
@@ -49,6 +51,13 @@ class DrawnSurface:
         if self.coloring.is_of_cells:
             return self._with_visible_cells
         return self._with_visible_lines if self._prop.GetEdgeVisibility() else self._built
+
+    def chosen(self, thing, is_detailed=True) -> Hierarchy:
+        """Return the hierarchy with the errors by which patches are chosen."""
+        if thing.detail == 'none' or not is_detailed:
+            return self.hierarchy
+        value_range, is_lit = thing.GetMapper().GetScalarRange(), bool(self._prop.GetLighting())
+        return self._detail.of(self.hierarchy, self._values, value_range, is_lit=is_lit)
 
     def look(self, patches, view: ModelView | None = None, max_error=0.0) -> CutLook:
         """Return the look of patches, with edges as a view shows them."""

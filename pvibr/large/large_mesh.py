@@ -59,6 +59,8 @@ class LargeMesh(Thing):
         Maximum distance of the drawn surface from the mesh, in pixels.
     moving : float, optional
         Frame time in ms that is met while the view moves, by a larger error.
+    detail : {'normals', 'none'}
+        Draw at rest as many triangles as normals and colours need, or only those of `max_error`.
     scalars : str or array_like, shape (n,), (n, 3) or (n, 4), optional
         Values of points or cells that `cmap` colours, or colours with ``rgb=True``; by default
         the active scalars. Simplified patches show means by area, or what most of it has if they
@@ -130,6 +132,13 @@ class LargeMesh(Thing):
         kind=float,
     )
 
+    detail = Param(
+        'normals',
+        'Whether a view at rest is refined where normals or colours would be blurred, to about a '
+        'vertex per pixel; none draws fewer triangles: for movies and shapes without relief.',
+        choices=('normals', 'none'),
+    )
+
     frame_ms: Any = property(attrgetter('moving'))
 
     @takes(look=as_parts, without=REFUSED)
@@ -139,6 +148,7 @@ class LargeMesh(Thing):
         *,
         max_error=1.0,
         moving=None,
+        detail='normals',
         scalars=None,
         cmap=None,
         clim=None,
@@ -153,7 +163,7 @@ class LargeMesh(Thing):
         user_matrix=None,
         **look,
     ):
-        super().__init__(max_error=max_error, moving=moving)
+        super().__init__(max_error=max_error, moving=moving, detail=detail)
         if user_matrix is not None:
             self.user_matrix = user_matrix
         self.name, self.pickable = name, pickable
@@ -303,7 +313,7 @@ class LargeMesh(Thing):
         self._take_result()
         cut, surface = CutMesh(), self._surface
         view = self._view(self.pipeline.view())
-        _, patches = cut_of(surface.hierarchy, view, max_error)
+        _, patches = cut_of(surface.chosen(self), view, max_error)
         look = replace(surface.look(patches, view, max_error), has_normals=True)
         cut.show(surface.hierarchy, patches, look)
         mesh = pv.wrap(cut.data)
@@ -450,7 +460,8 @@ class LargeMesh(Thing):
             return
         self._tolerance, self._own_view = self._tolerance_of(frame), frame.view
         view = self._view(frame)
-        whole, patches = cut_of(self._surface.hierarchy, view, self._tolerance)
+        chosen = self._surface.chosen(self, frame.quality >= 1)
+        whole, patches = cut_of(chosen, view, self._tolerance)
         self._surface.show(self._cut, patches, view, np.inf if self.is_draft else self._tolerance)
         if not np.array_equal(whole, self._whole):
             self._whole = whole
@@ -479,7 +490,7 @@ class LargeMesh(Thing):
         patches, view = self._whole, None
         if not frame.depth_map:
             view = self._view(frame)
-            _, patches = cut_of(self._surface.hierarchy, view, self.max_error)
+            _, patches = cut_of(self._surface.chosen(self, not depth), view, self.max_error)
         self._surface.show(self._other_cut, patches, view, self.max_error)
         self._other_actor.SetUserMatrix(self.GetMatrix())
         return [self._other_actor]

@@ -8,14 +8,14 @@ SIZE = (320, 240)
 OVER = {'eye': (0.4, -1.0, 0.9), 'focus': (0.5, 0.5, 0.0)}
 NEAR = {'eye': (0.45, 0.3, 0.12), 'focus': (0.5, 0.5, 0.03)}
 FAR = {'eye': (0.4, -4.0, 3.4), 'focus': (0.5, 0.5, 0.0)}
-_LARGE = 'max_error', 'cache', 'moving'
+_LARGE = 'max_error', 'cache', 'moving', 'detail'
 
 
 def drawn(mesh, *, view=OVER, size=SIZE, large=True, **kwargs):
-    """Return a plotter that shows a mesh, and what was added."""
+    """Return a plotter that shows a mesh, within an error of places, and what was added."""
     pl = plotter(size)
     pl.set_background('magenta')
-    kwargs = {'show_scalar_bar': False} | kwargs
+    kwargs = {'show_scalar_bar': False, 'detail': 'none'} | kwargs
     if not large:
         kwargs = {name: value for name, value in kwargs.items() if name not in _LARGE}
     # add_mesh stores arrays passed by value in the mesh.

@@ -17,14 +17,15 @@ LOOK = {'show_scalar_bar': False}
 
 
 def drawn(mesh=None, *, view=OVER, size=SIZE, large=True, **kwargs):
-    """Return a plotter that shows a mesh, and what was added."""
+    """Return a plotter that shows a mesh, within an error of places, and what was added."""
     pl = plotter(size)
     pl.set_background('magenta')
     mesh = terrain() if mesh is None else mesh
     kwargs = LOOK | kwargs
-    # add_mesh stores arrays passed by value in the mesh.
-    plain = mesh if large else mesh.copy(deep=False)
-    added = pl.ibr.add_large_mesh(mesh, **kwargs) if large else pl.add_mesh(plain, **kwargs)
+    if large:
+        added = pl.ibr.add_large_mesh(mesh, **{'detail': 'none'} | kwargs)
+    else:  # add_mesh stores arrays passed by value in the mesh
+        added = pl.add_mesh(mesh.copy(deep=False), **kwargs)
     place(pl, **view)
     pl.show(auto_close=False)
     return pl, added
