@@ -170,7 +170,9 @@ class _Simplification:
         }
         if self._wedges is not None:
             unit_length = block.texture_unit
-            _, coordinates = self._wedges.samples(self._points, self._faces, unit_length)
+            # On the side of a seam where they have these coordinates.
+            owners, coordinates = self._wedges.samples(self._points, self._faces, unit_length)
+            block.samples['sample_faces'] = owners
             block.samples['sample_coordinates'] = coordinates.astype(np.float32)
 
     def result(self) -> SimplifiedBlock:

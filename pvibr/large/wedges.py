@@ -29,10 +29,12 @@ class Wedges:
         self.coordinates = drawn[first].astype(float)
 
     def samples(self, points, faces, unit) -> tuple[np.ndarray, np.ndarray]:
-        """Return vertices, and texture coordinates with the lengths of their units, (n, 5)."""
-        # As the symmetric matrix of the squared length, three numbers; that of the mesh is `unit`.
+        """Return a face at each vertex, and its coordinates with their metric, (n, 5)."""
+        # The symmetric matrix of the squared length, three numbers; that of the mesh is `unit`.
         # One of each vertex: at a pole there may be hundreds.
-        vertices, used = np.unique(self.vertices, return_index=True)
+        _, used = np.unique(self.vertices, return_index=True)
+        owners = np.empty(len(self.vertices), np.int32)
+        owners[self.of_corners.ravel()] = np.repeat(np.arange(len(faces), dtype=np.int32), 3)
         squares, areas = _squared_lengths(points[faces], self.coordinates[self.of_corners])
         sums = [
             np.bincount(self.of_corners.ravel(), np.repeat(v, 3), len(self.vertices))[used]
@@ -43,7 +45,7 @@ class Wedges:
         metric[~is_known] = unit**2 * np.array([1, 0, 1])
         excess = (metric[:, 0] + metric[:, 2]) / (_STRETCH * unit) ** 2
         metric /= np.maximum(excess, 1)[:, None]
-        return vertices, np.c_[self.coordinates[used], metric]
+        return owners[used], np.c_[self.coordinates[used], metric]
 
     def cell(self, ids, samples) -> tuple[np.ndarray, CellTexture]:
         """Return the wedges of a cell's faces, and their texture coordinates."""

@@ -1,5 +1,7 @@
 """Textures by the mesh's own coordinates: seams stay, and nothing slides on the surface."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import pyvista as pv
@@ -66,6 +68,17 @@ def test_triangles_stay_in_their_charts(max_error):
         tile = np.floor(places.mean(1))
         inside = (np.abs(places - tile[:, None] - 0.5) <= 0.5).all((1, 2))
         assert inside.all()
+
+
+@pytest.mark.parametrize('triangles', [2**17, 2**13], ids=['one block', 'blocks'])
+def test_seams_cost_little(triangles, monkeypatch):
+    """Samples are compared on their own side of a seam, also where cells and blocks end."""
+    for name in ('build', 'distribution'):
+        monkeypatch.setattr(f'pvibr.large.{name}.BLOCK_TRIANGLES', triangles)
+    mesh = source_of(charts()).mesh
+    textured, plain = (build_hierarchy(m) for m in (mesh, replace(mesh, texture_coordinates=None)))
+    assert np.median(textured.errors) < 2 * np.median(plain.errors)
+    assert textured.errors.max() < 4 * plain.errors.max()
 
 
 def test_nothing_slides():
