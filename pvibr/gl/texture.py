@@ -190,6 +190,10 @@ class Texture:
         """Free the GPU's memory; the context must be alive."""
         self.object.ReleaseGraphicsResources(self.window)
         self.nbytes = 0
+        # Another one may get its name from GL: see Binder.
+        bound: list = getattr(self.window, 'ibr_bound', [])
+        if self in bound:
+            bound[bound.index(self)] = None
 
 
 class PendingTexels:
