@@ -18,7 +18,8 @@ def test_draft_first_then_the_mesh(monkeypatch, tmp_path):
     monkeypatch.setattr(module, '_SMALL', 1000)
     monkeypatch.setattr('pvibr.large.build._DRAFT_POINTS', 4000)
     pl = plotter(SIZE)
-    thing = pl.ibr.add_large_mesh(terrain(), wait=False, cache=tmp_path, max_error=0.5, **LOOK)
+    look = LOOK | {'detail': 'none', 'max_error': 0.5}
+    thing = pl.ibr.add_large_mesh(terrain(), wait=False, cache=tmp_path, **look)
     place(pl, **OVER)
     pl.show(auto_close=False)
     assert thing.is_draft

@@ -171,7 +171,7 @@ def test_key_follows_content():
 
 
 def test_command_builds_a_file(tmp_path, capsys):
-    terrain().save(tmp_path / 'a.ply')
+    terrain().copy().save(tmp_path / 'a.ply')
     out = tmp_path / 'a.pvl'
     assert cli.main(['build', str(tmp_path / 'a.ply'), '-o', str(out)]) == 0
     assert 'wrote' in capsys.readouterr().out
