@@ -20,6 +20,8 @@ class Binder:
     def bind(self, textures) -> dict[str, int]:
         """Bind textures and return their units, the same dict for the same names."""
         bound = self._bound
+        if bound is None and not textures:  # of what has none yet
+            return _units_of(())
         if bound is None:
             bound = self._bound = _bound_in(next(iter(textures.values())).window)
         state = None

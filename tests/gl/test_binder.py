@@ -47,3 +47,7 @@ def test_what_was_released_is_bound_again(window, textures):
     a.upload(np.zeros((2, 2, 4), np.uint8))
     unit = binder.bind({'x': a})['x']
     assert bound_to(window, unit) == a.object.GetHandle()
+
+
+def test_draws_without_textures():
+    assert Binder().bind({}) == {}
