@@ -37,6 +37,7 @@ SLOW = {
     'from-glyph.md',
     'inspect.md',
     'instances.md',
+    'large-meshes.md',
     'projection.md',
     'web.md',
 }
