@@ -32,6 +32,7 @@ SLOW = {
     OF_CELLS,
     'billboard-clouds.md',
     'billboards.md',
+    'clusters.md',
     'effects.md',
     'figures.md',
     'from-glyph.md',
