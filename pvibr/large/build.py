@@ -306,7 +306,7 @@ class Builder:
     # -- arrays by vertex, from rows in any order ------------------------------------------------
 
     def _append_spread(self, kind, vertices, arrays):
-        """Add values of vertices, in the order of these, to be summed by `_summed`."""
+        """Add values of vertices, in the order of these, for `_joined`."""
         if len(vertices):
             start = self._columns.length(f'{kind}.vertices')
             row = [start, start + len(vertices), vertices[0], vertices[-1] + 1]
@@ -315,26 +315,27 @@ class Builder:
             for name, values in arrays.items():
                 self._columns.append(f'{kind}.{name}', values)
 
-    def _summed(self, kind, name, count, like) -> Iterator[np.ndarray]:
-        """Yield pieces of the sums by vertex of what `_append_spread` wrote."""
+    def _joined(self, kind, name, count, like, join=np.add) -> Iterator[np.ndarray]:
+        """Yield pieces of the sums, or else, by vertex of what `_append_spread` wrote."""
         segments = self._all_of(f'{kind}.segments', np.zeros((0, 4), np.int64))
         for start, stop in spans(count, self._rows):
-            sums = np.zeros((stop - start, *like.shape[1:]), like.dtype)
+            joined = np.zeros((stop - start, *like.shape[1:]), like.dtype)
             is_inside = (segments[:, 2] < stop) & (segments[:, 3] > start)
             for a, b in segments[is_inside, :2].tolist():
                 vertices = self._columns[f'{kind}.vertices'][a:b]
                 i, j = np.searchsorted(vertices, (start, stop))
                 values = self._columns[f'{kind}.{name}'][a + i : a + j]
-                sums[vertices[i:j] - start] += values
-            yield sums
+                places = vertices[i:j] - start
+                joined[places] = join(joined[places], values)
+            yield joined
 
     def _set_vertices(self):
         """Sum what blocks of the full mesh know of their vertices."""
         columns, count = self._columns, self._state['level_starts'][1]
-        for areas in self._summed('own', 'areas', count, np.zeros(0, np.float32)):
+        for areas in self._joined('own', 'areas', count, np.zeros(0, np.float32)):
             columns.append('base.areas', areas)
         if 'own.normals' in columns:
-            for normals in self._summed('own', 'normals', count, np.zeros((0, 3), np.float32)):
+            for normals in self._joined('own', 'normals', count, np.zeros((0, 3), np.float32)):
                 columns.append('base.normals', unit(normals))
         columns.drop(*(f'own.{n}' for n in ('segments', 'vertices', 'areas', 'normals')))
 
@@ -342,7 +343,9 @@ class Builder:
         columns, state = self._columns, self._state
         vertex_count = state['level_starts'][-1]
         columns.drop('parents', 'unit_normals')
-        for parents in self._summed('merges', 'parents', vertex_count, np.zeros(0, np.int32)):
+        # Cells that meet at a vertex alone, as between two holes, may each merge it: one counts.
+        like = np.zeros(0, np.int32)
+        for parents in self._joined('merges', 'parents', vertex_count, like, np.maximum):
             columns.append('parents', parents - 1)
         for kind in ('base', 'new'):
             for start, stop in spans(columns.length(f'{kind}.normals'), self._rows):

@@ -55,7 +55,7 @@ def lost_lengths(hierarchy, values, value_range, *, is_lit) -> np.ndarray:
         by_vertex = values.by_vertex
         # What is beyond the range has its first or last colour.
         low, high = (0, 255) if by_vertex.ndim == 2 else value_range
-        scale = max(high - low, 1e-300) * _VALUE_SPREAD
+        scale = max(high - low, 1e-30) * _VALUE_SPREAD  # in single precision
         by_vertex = np.clip(by_vertex, low, high).reshape(len(areas), -1)
         shares += spread_of(hierarchy, areas, by_vertex, scale)
     squares = areas * np.minimum(shares, 1) / _AREA_PARTS

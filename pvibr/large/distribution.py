@@ -156,7 +156,7 @@ def _planes(columns, mesh, rows, rng) -> np.ndarray:
     if block_count < 2:
         return kd_planes(np.zeros((0, 3)), 1, rng)
     stride = max(len(mesh.faces) // (block_count * _PROBES), 1)
-    centers = []
+    centers = [np.zeros((0, 3), np.float32)]
     for start, faces, is_area, _ in _faces_of(columns, mesh, rows):
         # The same ones whatever the pieces are.
         is_probe = (start + np.flatnonzero(is_area)) % stride == 0

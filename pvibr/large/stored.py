@@ -19,7 +19,7 @@ from pvibr.large.workers import worker_count
 
 SUFFIX = '.pvl'
 #: Raise it whenever another hierarchy is built of the same mesh.
-VERSION = 4
+VERSION = 5
 _KIND = 'large mesh'
 #: Prefixes of the names of arrays of points and of cells.
 _SCALARS, _OF_CELLS = 'scalars:', 'cells:'

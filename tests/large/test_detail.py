@@ -128,6 +128,13 @@ def test_what_is_even_is_not_refined():
     assert thing.report()['triangles'] == other.report()['triangles']
 
 
+def test_values_that_are_all_equal_add_nothing():
+    hierarchy = hierarchy_of(terrain)
+    values = Values('v', np.full(len(hierarchy.points), 442.0, np.float32))
+    lost = lost_lengths(hierarchy, values, (442.0, 442.0), is_lit=True)
+    assert np.array_equal(lost, lost_lengths(hierarchy, None, None, is_lit=True))
+
+
 def test_values_set_anew_and_their_range():
     flat = np.ones((240, 240))
     flat[0, 0] = 0

@@ -182,6 +182,30 @@ def test_soup_is_welded_and_faces_without_area_are_left_out():
     assert hierarchy.triangle_counts[coarsest].sum() < 0.3 * mesh.n_cells
 
 
+def test_vertices_where_holes_meet_have_one_parent():
+    """Two cells that share such a vertex alone may both merge it."""
+    x, y = np.meshgrid(np.arange(120.0), np.arange(120.0))
+    grid = pv.StructuredGrid(x, y, 5 * np.sin(x / 9))
+    is_left = np.random.default_rng(0).random(grid.n_cells) < 0.6
+    mesh = source_of(grid.extract_cells(is_left).extract_surface(algorithm=None)).mesh
+    hierarchy = build_hierarchy(mesh)
+    hierarchy.check()
+    levels = np.searchsorted(hierarchy.level_starts, np.arange(len(hierarchy.points)), 'right')
+    is_merged = hierarchy.parents >= 0
+    assert (levels[hierarchy.parents[is_merged]] > levels[is_merged]).all()
+    # Heights of vertices are those of what was merged into them.
+    heights = hierarchy.averaged(mesh.points[:, 2])[:, 0]
+    off = np.abs(heights - hierarchy.points[:, 2] - hierarchy.origin[2])
+    assert np.nanmax(off) < 4
+    assert np.isnan(off).mean() < 2e-4
+
+
+def test_many_triangles_and_none_with_an_area():
+    mesh = TriangleMesh(np.ones((9, 3)), np.zeros((150_000, 3), int), np.arange(150_000))
+    with pytest.raises(ValueError, match='none with an area'):
+        build_hierarchy(mesh)
+
+
 def test_triangles_that_share_nothing_go_only_where_they_are_small():
     rng = np.random.default_rng(0)
     corners = rng.random((30_000, 1, 3)) + 0.01 * rng.random((30_000, 3, 3))
