@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import lru_cache
 
 from pvibr.gl import enums as gl
-from pvibr.gl.texture import SPARE_UNIT
+from pvibr.gl.texture import BOUND, SPARE_UNIT
 
 #: VTK hands out units from 0 on, of at least 48 in all; those from here to the spare one are ours.
 _FIRST = 32
@@ -23,7 +23,8 @@ class Binder:
         if bound is None and not textures:  # of what has none yet
             return _units_of(())
         if bound is None:
-            bound = self._bound = _bound_in(next(iter(textures.values())).window)
+            window = next(iter(textures.values())).window
+            bound = self._bound = BOUND.setdefault(window, list(_NOTHING))
         state = None
         for k, texture in enumerate(textures.values()):
             if bound[k] is not texture:
@@ -43,14 +44,6 @@ class Binder:
 
 
 _NOTHING = [None] * (SPARE_UNIT - gl.TEXTURE0 - _FIRST)
-
-
-def _bound_in(window) -> list:
-    """Return what is bound in a window, by unit."""
-    # VTK keeps an object's attributes while its C++ lives.
-    if not hasattr(window, 'ibr_bound'):
-        window.ibr_bound = list(_NOTHING)
-    return window.ibr_bound
 
 
 @lru_cache

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from contextlib import contextmanager
+from typing import Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -30,6 +32,8 @@ _FITS = 1024  # texels a side that core profile 3.2 guarantees
 # Passes that allocate textures bind them to the unit used last: make it the last one that core
 # profile 3.2 guarantees. VTK hands out the first ones.
 SPARE_UNIT = gl.TEXTURE0 + 47
+#: Textures that draws have bound by window, in the order of their units: see Binder.
+BOUND: WeakKeyDictionary[Any, list] = WeakKeyDictionary()
 
 
 def texture_limit(window) -> int:
@@ -191,7 +195,7 @@ class Texture:
         self.object.ReleaseGraphicsResources(self.window)
         self.nbytes = 0
         # Another one may get its name from GL: see Binder.
-        bound: list = getattr(self.window, 'ibr_bound', [])
+        bound = BOUND.get(self.window, [])
         if self in bound:
             bound[bound.index(self)] = None
 

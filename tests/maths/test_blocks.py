@@ -130,7 +130,7 @@ def test_nothing_seen_is_left_out(seed, parallel, inside, unit, n):
     eye = np.random.default_rng(seed + 1).uniform(-1, 1, 3) * (5 if inside else 40)
     frame = frame_of(eye, (0, 0, 0), parallel=parallel, scale=6, size=(160, 60))
     blocks = Blocks.of(points, radii, unit)
-    index, origins, small, large = blocks.seen(frame)
+    index, origins, small, large, depths = blocks.seen(frame)
     seen, sizes = truth(points, radii, frame)
     assert set(np.flatnonzero(seen) // unit) <= set(index.tolist())
     low = dict(zip(index.tolist(), np.broadcast_to(small, len(index)), strict=True))
@@ -139,8 +139,9 @@ def test_nothing_seen_is_left_out(seed, parallel, inside, unit, n):
         assert low[i // unit] <= sizes[i] * (1 + 1e-9)
         assert high[i // unit] >= sizes[i] * (1 - 1e-9)
     # The farthest first, and where they are said to be.
-    depth = -origins[:, 2] if parallel else np.linalg.norm(origins, axis=1)
-    assert (np.diff(depth) <= 1e-9).all()
+    distances = -origins[:, 2] if parallel else np.linalg.norm(origins, axis=1)
+    assert (np.diff(distances) <= 1e-9).all()
+    np.testing.assert_allclose(depths, -distances, atol=1e-9)
     view = blocks.centers[index] @ frame.view_from_world[:3, :3].T + frame.view_from_world[:3, 3]
     np.testing.assert_allclose(origins, view, atol=1e-9)
 
