@@ -158,7 +158,7 @@ def test_only_at_rest():
     pl, thing = drawn(terrain(), detail='normals', scalars='pattern')
     fine = thing.report()['triangles']
     view = pl.ibr.pipeline.view()
-    thing.prepare(type(view)(**vars(view) | {'quality': 0.999}))
+    thing.prepare(replace(view, quality=0.999))
     moving = thing.report()['triangles']
     thing.detail = 'none'
     shot(pl)
@@ -173,7 +173,7 @@ def test_pictures_from_other_cameras_have_it():
     pl, thing = drawn(terrain(), detail='normals', color='white', smooth_shading=True)
     here = thing.report()['triangles']
     frame = pl.ibr.pipeline.view()
-    other = type(frame)(**vars(frame) | {'view': copy(frame.view)})
+    other = replace(frame, view=copy(frame.view))
     thing.draws(other, depth=True)
     assert thing._other_cut.n_triangles < 0.8 * here
     thing.draws(other)

@@ -1,5 +1,7 @@
 """A large mesh looks like the mesh, in whatever it is shown with."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import pyvista as pv
@@ -274,7 +276,7 @@ def test_coarser_while_it_moves_and_exact_at_rest():
     pl, thing = drawn(max_error=1.0, scalars='height')
     at_rest = thing.report()['triangles']
     view = pl.ibr.pipeline.view()
-    moving = type(view)(**vars(view) | {'quality': 0.25})
+    moving = replace(view, quality=0.25)
     thing.prepare(moving)
     assert thing.report()['error'] == 4.0
     assert thing.report()['triangles'] < 0.6 * at_rest
