@@ -180,9 +180,9 @@ class Builder:
         new_count = columns.length('base.points') + columns.length('new.points')
         state |= {'level': level + 1, 'blocks_done': 0, 'triangles': count, 'is_built': is_last}
         state['level_starts'] = [*state['level_starts'], *([] if is_last else [new_count])]
-        columns.commit(state)
         names = *TRIANGLE_ARRAYS, *SAMPLE_ARRAYS, 'segments'
         columns.drop(*(f'{level}.{name}' for name in names))
+        columns.commit(state)
 
     def _all_of(self, name, otherwise) -> np.ndarray:
         return self._columns.all_of(name) if name in self._columns else otherwise

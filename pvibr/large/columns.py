@@ -125,6 +125,9 @@ class Columns:
         #: Called before rows are added; it may raise.
         self._tick = tick
         self._columns: dict[str, Any] = {}
+        #: Names of columns in the journal, and the files of those of them that were dropped since.
+        self._noted: set[str] = set()
+        self._dropped: dict[str, Path] = {}
 
     def __contains__(self, name) -> bool:
         """Return True if there is such a column."""
@@ -149,6 +152,7 @@ class Columns:
         if self.folder is None:
             return _InMemory(rows)
         path = self.folder / f'{name}{_SUFFIX}'
+        self._dropped.pop(name, None)
         path.unlink(missing_ok=True)
         return _InFile(path, rows.dtype, rows.shape[1:])
 
@@ -166,14 +170,15 @@ class Columns:
         return self[name][:]
 
     def drop(self, *names):
-        """Let go of columns, where they are."""
+        """Let go of columns, where they are; of those in the journal once the next is written."""
         for name in names:
             column = self._columns.pop(name, None)
             if column is not None:
                 column.close()
-                if self.folder is not None:
-                    with contextlib.suppress(OSError):  # mapped, on Windows
-                        column.path.unlink()
+                if name in self._noted:  # from which the work may have to go on
+                    self._dropped[name] = column.path
+                elif self.folder is not None:
+                    _unlink(column.path)
 
     def commit(self, state: dict[str, Any]):
         """Note how far the work is: it goes on from here."""
@@ -186,6 +191,10 @@ class Columns:
         temporary = journal.with_suffix('.new')
         temporary.write_text(json.dumps({'state': state, 'columns': columns}))
         temporary.replace(journal)
+        self._noted = {*columns}
+        for path in self._dropped.values():
+            _unlink(path)
+        self._dropped.clear()
 
     def resumed(self) -> dict[str, Any] | None:
         """Return the state that was committed last, with the columns as they were, else None."""
@@ -196,6 +205,7 @@ class Columns:
             state = self._read_journal(self.folder)
         if state is None:
             self.close()
+        self._noted = {*self._columns}
         # What came after it is done again.
         for path in self.folder.glob(f'*{_SUFFIX}'):
             if path.name.removesuffix(_SUFFIX) not in self._columns:
@@ -217,3 +227,8 @@ class Columns:
         for column in self._columns.values():
             column.close()
         self._columns.clear()
+
+
+def _unlink(path):
+    with contextlib.suppress(OSError):  # mapped, on Windows
+        path.unlink()

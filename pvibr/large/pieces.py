@@ -107,8 +107,10 @@ def _ply(path) -> Source | None:
         return None
     start, names = len(head) + len(end), vertex.names or ()
     face_start = start + point_count * vertex.itemsize
-    # Of another size, it has faces with more corners, or is cut: to be read, or refused, whole.
-    if path.stat().st_size != face_start + face_count * face.itemsize or not face_count:
+    size, least = path.stat().st_size, face_start + face_count * face.itemsize
+    if size < least:  # which VTK's reader does not survive
+        raise ValueError(f'{path}: it is cut: it has {size} bytes instead of at least {least}')
+    if size > least or not face_count:  # faces with more corners
         return None
 
     def of_points(fields):

@@ -90,7 +90,10 @@ def _found(source, scalars, preference) -> tuple[str, np.ndarray, bool]:
         homes = [on_cells for on_cells in (False, True) if scalars in arrays[on_cells]]
         if not homes:
             names = ', '.join(map(repr, {**arrays[0], **arrays[1]})) or 'none'
-            raise KeyError(f'scalars: the mesh has no array {scalars!r}; it has: {names}')
+            raise KeyError(
+                f'scalars: the mesh has no array {scalars!r}; it has: {names}; pass the values of '
+                'one that was added since'
+            )
         on_cells = prefers_cells if prefers_cells in homes else homes[0]
         return scalars, np.asarray(arrays[on_cells][scalars]), on_cells
     values = np.atleast_1d(scalars)

@@ -212,6 +212,8 @@ def test_wrong_faces_of_a_ply_are_refused(tmp_path):
     refused('of its 4 points', build_file.write_large, path, out)
     path.write_bytes(content[:-13] + b'\x04' + content[-12:])
     refused('must be triangles', build_file.write_large, path, out)
+    path.write_bytes(content[:-1])
+    refused('a.ply: it is cut', build_file.write_large, path, out)
     mesh.points[0, 0] = np.nan
     refused(r'points\[0\] must be finite', build_file.write_large, write_ply(path, mesh), out)
     assert sorted(p.name for p in tmp_path.iterdir()) == ['a.ply']
@@ -254,6 +256,43 @@ def test_stopped_build_goes_on(commits, tmp_path, monkeypatch):
     assert len(counts) == total - commits, 'what was done was not done again'
     assert out.read_bytes() == whole
     assert sorted(p.name for p in tmp_path.iterdir()) == ['a.ply', 'a.pvl', 'b.pvl']
+
+
+def test_columns_stay_while_the_journal_has_them(tmp_path):
+    """A build that is killed once a level is done, and let go of, does not start over."""
+    columns = Columns(tmp_path)
+    columns.append('a', np.arange(3))
+    columns.append('b', np.arange(4))
+    columns.commit({'level': 1})
+    columns.drop('a')
+    columns.close()
+    again = Columns(tmp_path)
+    assert again.resumed() == {'level': 1}
+    assert again.all_of('a').tolist() == [0, 1, 2]
+    again.drop('a')
+    again.commit({'level': 2})
+    again.close()
+    assert sorted(p.name for p in tmp_path.iterdir()) == ['b.column', 'journal.json']
+
+
+@pytest.mark.parametrize('level', [0, 1])
+def test_build_killed_after_a_level_goes_on(level, tmp_path, monkeypatch):
+    path = write_ply(tmp_path / 'a.ply', terrain())
+    out = tmp_path / 'a.pvl'
+    whole = build_file.write_large(path, tmp_path / 'b.pvl', workers=1).read_bytes()
+    drop = Columns.drop
+
+    def killed(self, *names):
+        drop(self, *names)
+        if f'{level}.faces' in names:
+            raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Columns, 'drop', killed)
+        with pytest.raises(KeyboardInterrupt):
+            build_file.write_large(path, out, workers=1)
+    monkeypatch.setattr(Builder, '_read', None)  # it would start over
+    assert build_file.write_large(path, out, workers=1).read_bytes() == whole
 
 
 @pytest.mark.parametrize('harm', ['flip', 'cut', 'journal', 'other'])
