@@ -73,10 +73,10 @@ def vertex_areas(hierarchy) -> np.ndarray:
 
 def spread_of(hierarchy, areas, values, scale=1.0) -> np.ndarray:
     """Return the variance of what was merged into each vertex, by area, from values (v, k)."""
-    sums = np.zeros(len(areas), np.float32)
+    sums, kind = np.zeros(len(areas), np.float32), np.result_type(values, np.float32)
     for children, parents in _merges(hierarchy):
-        ends = values[children].astype(np.float32), values[parents].astype(np.float32)
-        differences = (ends[0] - ends[1]) / scale
+        ends = values[children].astype(kind), values[parents].astype(kind)
+        differences = ((ends[0] - ends[1]) / scale).astype(np.float32)
         is_unknown = np.isnan(differences)
         if is_unknown.any():  # what is known ends there
             is_end = np.isnan(ends[0]) != np.isnan(ends[1])

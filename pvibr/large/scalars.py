@@ -46,7 +46,7 @@ class Scalars:
             finite = self.values[np.isfinite(self.values)]
             look = look | {'categories': max(len(np.unique(finite)), 1)}
         if look.get('clim') is None:
-            look = look | {'clim': _range_of(self.values)}
+            look = look | {'clim': range_of(self.values)}
         return look | {'rgb': False}
 
 
@@ -149,7 +149,7 @@ def _checked_numbers(argument, name, values, component) -> tuple[np.ndarray, str
     return values[:, component], f'{name}-{component}'
 
 
-def _range_of(values):
+def range_of(values):
     """Return the range of finite values, None if there are none."""
     finite = values[np.isfinite(values)]
     return [float(finite.min()), float(finite.max())] if finite.size else None

@@ -7,10 +7,16 @@ from dataclasses import dataclass
 import numpy as np
 import scipy  # whose modules load when they are first used
 
+from pvibr.large.scalars import range_of
+
+#: Largest value that is kept in single precision, and least range of values relative to it: of
+#: large ones, such as times and map coordinates, it would leave steps.
+_LARGEST_SINGLE, _LEAST_EXTENT = 1e38, 1e-3
+
 
 @dataclass(frozen=True, eq=False)
 class Values:
-    """Scalars, float32, or colours, uint8, of vertices and of triangles of the full mesh."""
+    """Scalars, floats, or colours, uint8, of vertices and of triangles of the full mesh."""
 
     name: str
     by_vertex: np.ndarray
@@ -29,10 +35,28 @@ def vertex_values(hierarchy, scalars) -> Values:
         weights = hierarchy.areas[vertices]
     if scalars.are_categories:
         means = _most(hierarchy, vertices, values[:, 0], weights)[:, None]
+    elif not scalars.are_colors and _needs_double(values):
+        return _precise_values(hierarchy, scalars, vertices, values.astype(float), weights)
     else:
         means = hierarchy.means(vertices, values, weights)
     by_triangle = _as_drawn(values, scalars) if scalars.on_cells else None
     return Values(scalars.name, _as_drawn(means, scalars), by_triangle)
+
+
+def _needs_double(values) -> bool:
+    """Return True for scalars that single precision does not hold, or hardly tells apart."""
+    low, high = range_of(values) or (0.0, 0.0)
+    largest = max(abs(low), abs(high))
+    return largest > _LARGEST_SINGLE or 0 < high - low < _LEAST_EXTENT * largest
+
+
+def _precise_values(hierarchy, scalars, vertices, values, weights) -> Values:
+    """Return values in double precision, with means of their places in their range."""
+    low, high = range_of(values)
+    unit = high - low or 1.0
+    means = hierarchy.means(vertices, (values - low) / unit, weights)
+    by_vertex = means[:, 0].astype(float) * unit + low
+    return Values(scalars.name, by_vertex, values[:, 0] if scalars.on_cells else None)
 
 
 def _as_drawn(values, scalars) -> np.ndarray:

@@ -201,6 +201,20 @@ def test_scalars_set_anew():
     refused('no array .* added since', thing.set_scalars, 'other', kind=KeyError)
 
 
+@pytest.mark.parametrize('of', ['point', 'cell'])
+@pytest.mark.parametrize('place', ['times', 'huge'])
+def test_scalars_that_single_precision_does_not_hold(of, place):
+    mesh = terrain()
+    values = (mesh if of == 'point' else mesh.cell_centers()).points[:, 2].astype(float)
+    precise = {'times': 1.7e9 + values, 'huge': 1e300 * values}[place]
+    pl, _ = drawn(max_error=0.0, scalars=precise, show_scalar_bar=False)
+    other, _ = drawn(max_error=0.0, scalars=values, show_scalar_bar=False)
+    assert (off(shot(pl), shot(other)) > 3).mean() < 2e-3
+    pl, _ = drawn(scalars=precise, show_scalar_bar=False)
+    other, _ = drawn(scalars=values, show_scalar_bar=False)
+    assert (off(shot(pl), shot(other)) > 3).mean() < 2e-3
+
+
 def test_scalar_bar_and_its_range():
     pl, thing = drawn(scalars='height', show_scalar_bar=True)
     assert list(pl.scalar_bars.keys()) == ['height']
