@@ -9,7 +9,7 @@ import pyvista as pv
 
 from pvibr.large.scalars import Scalars, scalars_of
 from pvibr.large.vertex_values import Values, vertex_values
-from pvibr.meshes.parts import Part, as_parts
+from pvibr.meshes.parts import Part, as_parts, copy_look
 
 _TRIANGLE = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]])
 #: Arguments that choose scalars, which are no longer in the look of what shows them.
@@ -66,6 +66,15 @@ class Coloring:
     def values_of(self, hierarchy) -> Values | None:
         """Return the values of a hierarchy's vertices and triangles."""
         return None if self.scalars is None else vertex_values(hierarchy, self.scalars)
+
+    def dress(self, actor):
+        """Give an actor this look."""
+        copy_look(actor, self.part.actor)
+        shader = actor.GetShaderProperty()
+        # What VTK draws beside a triangle, for lines on its border, is half dark at hidden edges.
+        shader.AddGeometryShaderReplacement(
+            '.z = lineWidth;', False, '.z = 2.0 * lineWidth + 1.0;', True
+        )
 
 
 def _triangle() -> pv.PolyData:

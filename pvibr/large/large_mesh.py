@@ -29,7 +29,7 @@ from pvibr.large.given_mesh import given_mesh
 from pvibr.large.solid_cut import SolidCut
 from pvibr.large.sources import NO_COORDINATES, checked_texture, source_of
 from pvibr.large.stored import SUFFIX, built, cache_of, hierarchy_key, load
-from pvibr.meshes.parts import as_parts, copy_look
+from pvibr.meshes.parts import as_parts
 from pvibr.textures.material_textures import copy_property
 from pvibr.things.clipping import ClippingPlanes, set_planes
 from pvibr.things.picking import Hit, pixel_ray
@@ -225,7 +225,7 @@ class LargeMesh(Thing):
         """Let the mappers have the look of the colouring."""
         pairs = (self, self._cut), (self._other_actor, self._other_cut)
         for actor, cut in pairs:
-            copy_look(actor, self._coloring.part.actor)
+            self._coloring.dress(actor)
             mapper = actor.GetMapper()
             planes = list(mapper.GetClippingPlanes() or ())
             mapper.ShallowCopy(self._coloring.part.actor.mapper)

@@ -57,6 +57,19 @@ def test_edges_fade_out_where_faces_are_small():
     assert dark(truth, np.s_[:]) > 0.01
 
 
+@pytest.mark.parametrize('samples', [0, 8])
+def test_hidden_edges_leave_no_dots(samples):
+    shown = []
+    for edges in (True, False):
+        pl, _ = drawn(quads(), color='white', lighting=False, view=FAR, show_edges=edges)
+        pl.render_window.SetMultiSamples(samples)
+        shown.append(shot(pl))
+    edged, plain = shown
+    is_inside = (plain == 255).all(-1)
+    assert is_inside.mean() > 0.04
+    assert edged[is_inside].min() > 250
+
+
 def test_flat_faces_show_their_edges():
     plane = pv.Plane(i_resolution=100, j_resolution=100)
     view = {'eye': (0.0, -0.2, 0.3), 'focus': (0.0, 0.0, 0.0)}
