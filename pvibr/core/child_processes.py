@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import pickle
 import subprocess
 import sys
 import tempfile
@@ -51,6 +52,14 @@ class ChildProcess:
         self.stdout: Any = self._process.stdout
         self.poll, self.wait = self._process.poll, self._process.wait
 
+    def ask(self, question) -> Any:
+        """Return what it answers, by `send`; raise a RuntimeError with its last words."""
+        try:
+            send(question, self.stdin)
+            return pickle.load(self.stdout)  # noqa: S301 - from a child of ours
+        except (OSError, EOFError, ValueError, pickle.UnpicklingError) as error:
+            raise RuntimeError(self.last_words()) from error
+
     def last_words(self) -> str:
         """Return how it ended, and the last line that it wrote about it."""
         status = self._process.wait()
@@ -69,6 +78,12 @@ class ChildProcess:
         for stream in (self.stdin, self.stdout, self._stderr):
             with contextlib.suppress(OSError):
                 stream.close()
+
+
+def send(value, pipe):
+    """Write a value to a pipe of bytes."""
+    pickle.dump(value, pipe, pickle.HIGHEST_PROTOCOL)
+    pipe.flush()
 
 
 def pipes_of_child(niceness=0):

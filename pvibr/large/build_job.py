@@ -10,7 +10,13 @@ from typing import Any
 
 import numpy as np
 
-from pvibr.core.child_processes import NICENESS, ChildProcess, end_with_parent, pipes_of_child
+from pvibr.core.child_processes import (
+    NICENESS,
+    ChildProcess,
+    end_with_parent,
+    pipes_of_child,
+    send,
+)
 from pvibr.instances.cache import AtlasCache
 from pvibr.large.build import TriangleMesh, build_hierarchy
 from pvibr.large.hierarchy import Hierarchy
@@ -78,11 +84,9 @@ class _Work:
     def _talk(self, job):
         child: Any = self.child
         try:
-            pickle.dump(job, child.stdin, pickle.HIGHEST_PROTOCOL)
-            child.stdin.flush()
-            self.hierarchy = Hierarchy(**pickle.load(child.stdout))  # noqa: S301 - from a child of ours
-        except (OSError, EOFError, ValueError, TypeError, pickle.UnpicklingError):
-            self.failure = child.last_words()
+            self.hierarchy = Hierarchy(**child.ask(job))
+        except (RuntimeError, TypeError) as error:
+            self.failure = str(error)
 
     @property
     def is_over(self) -> bool:
@@ -113,5 +117,4 @@ def main():
             hierarchy = build_hierarchy(mesh, workers=worker_count(None))
             if cache is not None:
                 cache.put(key, hierarchy.to_arrays())
-        pickle.dump(hierarchy.to_arrays(), target, pickle.HIGHEST_PROTOCOL)
-        target.flush()
+        send(hierarchy.to_arrays(), target)

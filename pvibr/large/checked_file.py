@@ -12,13 +12,12 @@ import numpy as np
 
 from pvibr.core.files import replacing
 from pvibr.instances.cache import Entry
+from pvibr.large.columns import PIECE_BYTES
 
 _MAGIC = b'pvibrL01'
 #: Of the magic, place, length and checksum of the table.
 _HEAD = struct.Struct('<8sQQI')
 _ALIGN = 64
-#: Bytes that are read or written at once.
-_PIECE_BYTES = 1 << 24
 
 
 def write_checked(path: Path, arrays: dict[str, list], meta: dict[str, Any]):
@@ -40,7 +39,7 @@ def _written(file, parts) -> tuple:
     """Write an array; return its type, shape, place and checksum."""
     place, checksum, length, first = file.tell(), 0, 0, np.asarray(parts[0][:0])
     row_bytes = first.dtype.itemsize * int(np.prod(first.shape[1:], dtype=np.int64))
-    step = max(_PIECE_BYTES // max(row_bytes, 1), 1)
+    step = max(PIECE_BYTES // max(row_bytes, 1), 1)
     for rows in parts:
         for start in range(0, len(rows), step):
             piece = np.ascontiguousarray(rows[start : start + step])
@@ -82,7 +81,7 @@ def _checksum_of(file, place, size) -> int:
     checksum = 0
     file.seek(place)
     while size > 0:
-        content = file.read(min(size, _PIECE_BYTES))
+        content = file.read(min(size, PIECE_BYTES))
         if not content:
             return -1
         checksum, size = zlib.crc32(content, checksum), size - len(content)

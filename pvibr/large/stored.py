@@ -96,20 +96,23 @@ def load(path) -> tuple[Hierarchy, Source]:
 def _check(source, hierarchy):
     """Raise a ValueError unless the arrays of a source are of the mesh of a hierarchy."""
     count, cells = len(hierarchy.vertex_of_point), hierarchy.mesh_cells
-    points = np.array([source.point_count - 1]) if source.points is None else source.points
-    by_point = list(source.arrays.values())
     is_whole = (
-        all(len(values) == count for values in by_point)
-        and (len(points) == count or source.points is None)
-        and (source.point_count == count or source.points is not None)
+        all(len(values) == count for values in source.arrays.values())
+        and _are_numbers_of(source.points, source.point_count, count)
         and all(len(values) == source.cell_count for values in source.cell_arrays.values())
         and 0 <= cells.min() <= cells.max() < source.cell_count
-        and points.dtype.kind == 'i'
-        and 0 <= points.min() <= points.max() < source.point_count
         and source.active in (None, *source.arrays, *source.cell_arrays)
     )
     if not is_whole:
         raise ValueError('its arrays do not belong together')
+
+
+def _are_numbers_of(points, point_count, count) -> bool:
+    """Return True if these are numbers of the user's points, None for all of them."""
+    if points is None:
+        return point_count == count
+    is_kind = len(points) == count and points.dtype.kind == 'i'
+    return is_kind and 0 <= points.min() <= points.max() < point_count
 
 
 def _stored_source(entry) -> Source:

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 
 from pvibr.core.arguments import checked_number
-from pvibr.core.child_processes import ChildProcess, can_start, pipes_of_child
+from pvibr.core.child_processes import ChildProcess, can_start, pipes_of_child, send
 from pvibr.large.block import Block, SimplifiedBlock, simplified_block
 
 #: Blocks beyond those being simplified that are held in memory, read or done.
@@ -70,11 +70,9 @@ class Workers:
             child = ChildProcess(__name__)
             self._all.append(child)
         try:
-            pickle.dump(block, child.stdin, pickle.HIGHEST_PROTOCOL)
-            child.stdin.flush()
-            result = pickle.load(child.stdout)  # noqa: S301 - from a child of ours
-        except (OSError, EOFError, ValueError, pickle.UnpicklingError) as error:
-            raise RuntimeError(f'a block cannot be simplified: {child.last_words()}') from error
+            result = child.ask(block)
+        except RuntimeError as error:
+            raise RuntimeError(f'a block cannot be simplified: {error}') from error
         if isinstance(result, Exception):
             raise result
         self._idle.append(child)
@@ -103,5 +101,4 @@ def main():
                 result = simplified_block(block)
             except Exception as error:
                 result = error
-            pickle.dump(result, target, pickle.HIGHEST_PROTOCOL)
-            target.flush()
+            send(result, target)
