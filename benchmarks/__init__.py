@@ -28,7 +28,7 @@ BENCHES = {
 SURVEYS = ('instances',)
 
 
-def main(name, *, out=Path('out'), quick=False, survey=None, heavy=False) -> list:
+def main(name, *, out=Path('out'), quick=False, survey=None, heavy=False):
     """Run a benchmark, or its survey of a seed: print the tables and write them with a plot."""
     if name not in BENCHES:
         raise ValueError(f'name must be one of {", ".join(BENCHES)}, got {name!r}')

@@ -51,16 +51,19 @@ class Results:
     points: dict = field(default_factory=dict)
     whole_frames: dict = field(default_factory=dict)
 
-    def to_json(self) -> str:
-        """Return everything as JSON."""
-        found = {
+    def as_dict(self) -> dict:
+        """Return everything as files hold it."""
+        return {
             'driver': self.driver,
             **self.settings,
             'rows': [asdict(row) | {'ok': row.ok} for row in self.rows],
             'points': self.points,
             'whole_frames': self.whole_frames,
         }
-        return json.dumps(found, indent=1)
+
+    def to_json(self) -> str:
+        """Return everything as JSON."""
+        return json.dumps(self.as_dict(), indent=1)
 
     def table(self) -> Table:
         """Return a table to print."""
@@ -89,7 +92,7 @@ class Bench:
         """Return how much is measured."""
         return SimpleNamespace(**{name: pair[quick] for name, pair in self.settings.items()})
 
-    def run(self, name, out, *, quick=False) -> list[Row]:
+    def run(self, name, out, *, quick=False) -> Results:
         """Measure every part, then whole frames; write and print everything."""
         settings = self.extent(quick=quick)
         with Stage((64, 64)) as stage:
@@ -102,7 +105,7 @@ class Bench:
             console.print(f'{part}: {time.perf_counter() - start:.0f} s')
         self.write(name, results, out)
         Console().print(*self.tables(results.points), results.table())
-        return results.rows
+        return results
 
     def _whole_frames(self, settings, results):
         """Yield the rows of whole frames with and without the capability."""

@@ -269,9 +269,14 @@ def build(
 
 
 def _bench_command(name):
-    def command(*, out: _Folder = Path('out'), quick: bool = False) -> None:
-        """Measure, and write a table and a plot."""
-        _measure(name, out, quick)
+    def command(
+        *, out: _Folder = Path('out'), quick: bool = False, compare: ExistingFile | None = None
+    ) -> int:
+        """Measure, and write a table and a plot; --compare an earlier bench_NAME.json of these.
+
+        Exit code 1: something is slower or less accurate than then, beyond the noise.
+        """
+        return _measure(name, out, compare, quick=quick)
 
     return command
 
@@ -281,14 +286,16 @@ def _surveyed_command(name):
         *,
         out: _Folder = Path('out'),
         quick: bool = False,
+        compare: ExistingFile | None = None,
         survey: Annotated[int | None, Parameter(validator=_seed)] = None,
         heavy: bool = False,
-    ) -> None:
+    ) -> int:
         """Measure, and write tables and a plot; or survey random scenes from a seed.
 
-        --heavy surveys meshes of 20 000 to 110 000 triangles.
+        --heavy surveys meshes of 20 000 to 110 000 triangles; --compare an earlier bench_NAME.json
+        of the same. Exit code 1: something is slower or less accurate than then, beyond the noise.
         """
-        _measure(name, out, quick, survey=survey, heavy=heavy)
+        return _measure(name, out, compare, quick=quick, survey=survey, heavy=heavy)
 
     return command
 
@@ -305,11 +312,14 @@ else:
     bench.default(_no_benchmarks)
 
 
-def _measure(name, out, quick, **survey):
+def _measure(name, out, compare, **how):
     from benchmarks import main
+    from benchmarks.common.comparison import is_no_worse, read_run
 
+    earlier = read_run(compare) if compare else None
     _require_gl()
-    main(name, out=out, quick=quick, **survey)
+    results = main(name, out=out, **how)
+    return OK if earlier is None or is_no_worse(earlier, results.as_dict()) else WANTING
 
 
 def main(tokens: Sequence[str] | None = None) -> int:

@@ -111,6 +111,6 @@ def test_single_meshes_are_triangles(name):
 
 @pytest.mark.bench
 def test_quick_bench_runs(tmp_path):
-    rows = main('instances', out=tmp_path, quick=True)
+    rows = main('instances', out=tmp_path, quick=True).rows
     assert len(rows) > 15
     assert {file.suffix for file in tmp_path.iterdir()} == {'.json', '.png', '.txt'}

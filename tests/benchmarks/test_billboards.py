@@ -36,6 +36,6 @@ def test_discs_are_round():
 
 @pytest.mark.bench
 def test_quick_bench_runs(tmp_path):
-    rows = main('billboards', out=tmp_path, quick=True)
+    rows = main('billboards', out=tmp_path, quick=True).rows
     assert len(rows) > 30
     assert {file.suffix for file in tmp_path.iterdir()} == {'.json', '.png', '.txt'}

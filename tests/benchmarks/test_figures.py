@@ -77,7 +77,7 @@ def test_linear_blending_loses_its_cross_section(degrees, left):
 
 @pytest.mark.bench
 def test_quick_bench_runs(tmp_path):
-    rows = main('figures', out=tmp_path, quick=True)
+    rows = main('figures', out=tmp_path, quick=True).rows
     assert len(rows) > 30
     found = json.loads((tmp_path / 'bench_figures.json').read_text())
     assert len(found['points']['poses']) == len(figures.BENCH.extent(quick=True).figures)

@@ -88,7 +88,7 @@ def test_points_are_a_plot(tmp_path):
 
 @pytest.mark.bench
 def test_quick_bench_runs(tmp_path):
-    rows = main('shadows', out=tmp_path, quick=True)
+    rows = main('shadows', out=tmp_path, quick=True).rows
     assert len(rows) > 50
     assert np.isfinite([row.value for row in rows]).all()
     assert json.loads((tmp_path / 'bench_shadows.json').read_text())['points']['plot']
