@@ -76,7 +76,8 @@ def _frame_change(name, old_ratios, new_ratios) -> Change:
     )
     limits = np.quantile(new_medians - old_medians, [1 - _CONFIDENCE, _CONFIDENCE])
     value = np.median(new_ratios) - np.median(old_ratios)
-    return Change(name, *np.exp([value, *limits]).tolist(), _NOISE)
+    times_worse, low, high = np.exp([value, *limits]).tolist()
+    return Change(name, times_worse, low, high, _NOISE)
 
 
 def _errors(old, new) -> Iterator[Change]:
