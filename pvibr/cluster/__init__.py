@@ -1,10 +1,11 @@
-"""Movies and bakes by many processes or machines: those of a Dask cluster."""
+"""Movies, bakes and scenes by many processes or machines: those of a Dask cluster."""
 
 from __future__ import annotations
 
 from pvibr import lazy_exports
 
 _EXPORTS = {
+    'Distributed': 'pvibr.cluster.distributed',
     'bake': 'pvibr.cluster.bakes',
     'movie': 'pvibr.cluster.movies',
 }
