@@ -36,7 +36,7 @@ class ShardPicture(NamedTuple):
         low, high = (columns[0], rows[0]), (columns[-1] + 1, rows[-1] + 1)
         part = np.s_[low[1] : high[1], low[0] : high[0]]
         color, depth = color[part], depth[part]
-        origin, depth = (int(low[0]), int(low[1])), _reaching(color, depth)
+        origin, depth = (int(low[0]), int(low[1])), reaching(color, depth)
         return cls((width, height), origin, color, depth, is_sampled)
 
     @property
@@ -97,7 +97,7 @@ class ShardPicture(NamedTuple):
         return self._replace(origin=(low_x, low_y), color=color, depth=depth)
 
 
-def _reaching(color, depth) -> np.ndarray:
+def reaching(color, depth) -> np.ndarray:
     """Return depths that soft edges have from the surface beside them."""
     padded = np.pad(depth, 1, constant_values=np.inf)
     height, width = depth.shape

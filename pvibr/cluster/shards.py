@@ -87,31 +87,49 @@ class _Reader(Effect):
     draws_background = True  # samples of pixels are averaged as they are composited later
     color: Any = None
     depth: Any = None
+    normal: Any = None
+
+    def __init__(self, has_normals=False):
+        super().__init__()
+        self._has_normals = has_normals
+
+    @property
+    def surfaces(self) -> bool:
+        """Whether it reads normals."""
+        return self._has_normals
 
     def render(self, frame, picture):
-        """Read both."""
+        """Read all."""
         texels = picture.color.download()
         if texels.dtype != np.uint8:
             texels = np.rint(255 * np.clip(np.nan_to_num(texels), 0, 1)).astype(np.uint8)
         self.color = texels
         buffers = self.pipeline.buffers
         self.depth = buffers.array('depth', frame, picture, self.pipeline.things)[::-1]
+        if self._has_normals:
+            self.normal = buffers.array('normal', frame, picture, self.pipeline.things)[::-1]
+
+
+def drawn_view(plotter, view, has_normals=True) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return colour, distance along the view and normals in view space, lowest row first."""
+    view.show(plotter)
+    plotter.ibr.wait()
+    with _reading(plotter, has_normals) as reader:
+        plotter.render_window.Render()
+    if reader.color is None:
+        raise RuntimeError('the picture of a plotter could not be read')
+    return reader.color, reader.depth, reader.normal
 
 
 def drawn_picture(plotter, view) -> ShardPicture:
-    """Return a plotter's picture of a view."""
-    view.show(plotter)
-    plotter.ibr.wait()
-    with _reading(plotter) as reader:
-        plotter.render_window.Render()
-    if reader.color is None:
-        raise RuntimeError('the picture of a shard could not be read')
-    return ShardPicture.of(reader.color, reader.depth, view.samples > 1)
+    """Return a plotter's picture of a view, as far as it is covered."""
+    color, depth, _ = drawn_view(plotter, view, has_normals=False)
+    return ShardPicture.of(color, depth, view.samples > 1)
 
 
 @contextmanager
-def _reading(plotter):
-    reader = _Reader()
+def _reading(plotter, has_normals):
+    reader = _Reader(has_normals)
     plotter.ibr.add(reader)
     try:
         yield reader
