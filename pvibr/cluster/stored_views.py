@@ -21,8 +21,8 @@ from pvibr.maths import octahedral
 from pvibr.maths.views import corners
 from pvibr.things.appearance import color_table, map_scalars
 
-#: One view, moved by its depth: blends of three are no more accurate at these angles.
-_LEVEL = 'parallax'
+#: Three views: a single one misses what is hidden from it.
+_LEVEL = 'blended'
 
 
 class _Step(NamedTuple):
@@ -75,8 +75,8 @@ def read_views(path) -> StoredViews:
 class StoredViews(Instances):
     """Views of a scene from all around, drawn as cards from any side.
 
-    The lights of the plotter light them. ``force_level='blended'`` blends the three nearest
-    views, which is smoother in motion. Of the times that are stored, that nearest to
+    Each pixel blends the three nearest views where their depths agree, lit by the lights of the
+    plotter. Of the times that are stored, that nearest to
     ``plotter.ibr.time`` is shown.
 
     Parameters

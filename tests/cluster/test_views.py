@@ -99,7 +99,7 @@ def test_drawn_from_other_sides(database):
             each.render()
             pictures.append(each.screenshot())
         errors.append(flip(pictures[1] / 255, pictures[0] / 255).mean())
-    assert np.mean(errors) <= 0.07  # 86 views of 128 px; 146 of 256 px have 0.046
+    assert np.mean(errors) <= 0.08  # 76 views of 128 px; 146 of 256 px have 0.052
     before = pl.screenshot().astype(int)
     stored.color_by('height', cmap='plasma')
     pl.render()
