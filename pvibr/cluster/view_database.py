@@ -254,8 +254,8 @@ class _unlit:
 def _scalars(plotter, shown) -> dict[str, np.ndarray]:
     """Return the values that actors show, to 1/255 of their range, NaN elsewhere."""
     mappers = [a.GetMapper() for a in plotter.renderer.GetActors() if a.GetVisibility()]
-    mappers = [m for m in mappers if m.GetScalarVisibility() and m.GetLookupTable() is not None]
-    names = sorted({m.GetArrayName() or 'scalars' for m in mappers})
+    mappers = [m for m in mappers if m.GetScalarVisibility() and m.GetArrayName()]
+    names = sorted({m.GetArrayName() for m in mappers})
     return {
         name: _values(plotter, shown, [m for m in mappers if m.GetArrayName() == name])
         for name in names
