@@ -13,6 +13,8 @@ from pvibr.cluster.shard_recipes import divided
 from pvibr.core.errors import PvibrError
 from pvibr.maths.flip import flip
 
+distributed = pytest.importorskip('distributed', reason='needs distributed')
+
 CAMERAS = [((9, 7, 5), (0, 0, 0), (0, 0, 1)), ((-4, 2, -6), (0.5, 0, 0), (0, 1, 0))]
 
 
@@ -187,3 +189,39 @@ def test_what_cannot_be_sent(client, tmp_path):
     with pytest.raises(FileNotFoundError, match=r'must be there for all workers'):
         pl.ibr.distribute(client, lambda *_: None, args=(tmp_path / 'none',))
     pl.close()
+
+
+@pytest.mark.slow
+def test_a_scene_of_three_times_the_memory_of_a_worker():
+    limit, count, points = 3 * 2**29, 4, 8_000_000
+
+    def make(index, count, points):
+        import numpy as np
+        import pyvista as pv
+
+        places = np.random.default_rng(index).uniform(-3, 3, (points, 3)).astype(np.float32)
+        places[:, 0] = (places[:, 0] + 3) / count - 3 + 6 * index / count
+        pl = pv.Plotter(off_screen=True)
+        pl.add_mesh(pv.PolyData(places), style='points', point_size=1, color='tan')
+        return pl
+
+    def memory():
+        import psutil
+
+        return psutil.Process().memory_info().rss
+
+    options = {'threads_per_worker': 1, 'dashboard_address': ':0', 'memory_limit': limit}
+    with (
+        distributed.LocalCluster(n_workers=count, **options) as cluster,
+        distributed.Client(cluster) as own,
+    ):
+        bare, here = min(own.run(memory).values()), memory()
+        pl = plotter()
+        shards = pl.ibr.distribute(own, make, args=(points,))
+        assert (shot(pl) < 250).any(-1).mean() > 0.1
+        held = [used - bare for used in own.run(memory).values()]
+        assert shards.report()['deaths'] == 0
+        assert max(held) < limit
+        assert sum(held) + bare > 3 * limit
+        assert memory() - here < limit / 4
+        pl.close()
