@@ -30,7 +30,7 @@ def _shard(index, count, spheres):
 def _frames(client, count, spheres, size, turns) -> tuple[float, float]:
     """Return the median seconds and the bytes of a frame."""
     pl = pv.Plotter(off_screen=True, window_size=size)
-    pl.render_window.SetMultiSamples(0)
+    pl.disable_anti_aliasing()
     shards = pl.ibr.distribute(client, _shard, count=count, args=(spheres,))
     pl.show(auto_close=False)
     seconds = []
