@@ -96,6 +96,7 @@ _EXPORTS = {
     'read_city': 'pvibr.io.cities',
     'read_gltf': 'pvibr.animation.read_gltf',
     'read_poses': 'pvibr.meshes.pose_files',
+    'read_views': 'pvibr.cluster.stored_views',
     'ShaderError': 'pvibr.core.errors',
     'shadow_mask': 'pvibr.visibility.visibility',
     'shadowed_area': 'pvibr.visibility.visibility',

@@ -335,6 +335,7 @@ class IBRComponent(metaclass=Complete):
     )
     add_large_mesh: AddMethod[LargeMesh] = AddMethod('pvibr.large.large_mesh.LargeMesh')
     add_photos: AddMethod[PhotoMesh] = AddMethod('pvibr.photos.photo_mesh.PhotoMesh')
+    distribute: AddMethod[Thing] = AddMethod('pvibr.cluster.distributed.Distributed')
 
     def remove(self, thing):
         """Remove an effect or a thing from its subplot.

@@ -48,6 +48,10 @@ class Cluster:
         """Number of workers now, at least 1: others may come."""
         return max(1, len(self.client.scheduler_info(n_workers=-1)['workers']))
 
+    def workers(self) -> list[str]:
+        """Return the addresses of the workers that are there now."""
+        return sorted(self.client.nthreads())
+
     def sent(self, name, value, remedy) -> bytes:
         """Return a value as it is sent to the workers; raise a TypeError if it cannot be."""
         from distributed.protocol.pickle import dumps
@@ -76,13 +80,13 @@ class Cluster:
 
         What a worker did when it died is done by another one.
         """
-        sent = [self._submit(_same, value) for value in shared]
+        sent = [self.submit(same, value) for value in shared]
         waiting, running = iter(jobs), {}
         done = self._as_completed()
 
         def submit(count):
             for job in islice(waiting, max(count, 0)):
-                future = self._submit(function, *job, *sent)
+                future = self.submit(function, *job, *sent)
                 running[future.key] = future, job
                 done.add(future)
 
@@ -99,10 +103,11 @@ class Cluster:
             with contextlib.suppress(Exception):  # a cluster that is gone does nothing anyway
                 self.client.cancel([future for future, _ in running.values()] + sent, force=True)
 
-    def _submit(self, function, *args):
+    def submit(self, function, *args, **options):
+        """Submit a task whose result is not looked up by its arguments."""
         # Meshes go with their job, which is done again where it is lost: Dask warns of their size.
         with self._config.set({'distributed.admin.large-graph-warning-threshold': '1TiB'}):
-            return self.client.submit(function, *args, pure=False)
+            return self.client.submit(function, *args, pure=False, **options)
 
     def _result(self, future, job):
         try:
@@ -119,7 +124,7 @@ class Cluster:
             ) from error
 
 
-def _same(value):
+def same(value):
     """Return a value: what a task returns is done again where it is lost."""
     return value
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
-import inspect
 from collections.abc import Iterator
 from contextlib import suppress
 from numbers import Real
@@ -13,12 +11,11 @@ import numpy as np
 import pyvista as pv
 
 from pvibr.capture.movies import Film, write_movie
-from pvibr.capture.tiled_screenshot import check_samples
 from pvibr.cluster import stages
 from pvibr.cluster.clients import Cluster
-from pvibr.cluster.stages import Moment, Scene
+from pvibr.cluster.sent_scenes import scene_of
+from pvibr.cluster.stages import Moment
 from pvibr.core.arguments import checked_number, checked_numbers, checked_positive
-from pvibr.core.determinism import is_deterministic
 from pvibr.core.errors import PvibrError
 from pvibr.core.params import checked_flag
 
@@ -109,7 +106,7 @@ def movie(
     'cone.gif'
     """
     cluster = Cluster(client)
-    scene = _scene(cluster, make_scene, args, kwargs, samples)
+    scene = scene_of(cluster, make_scene, args, kwargs, samples)
     moments = _moments(cameras_or_times)
     marks = {'scene': scene.key, 'moments': [list(map(repr, vars(m).values())) for m in moments]}
     film = Film(
@@ -135,37 +132,6 @@ def movie(
         with suppress(Exception):  # a cluster that is gone has closed it
             cluster.client.run(stages.leave, scene.key, on_error='ignore')
     return film.path
-
-
-def _scene(cluster, make_scene, args, kwargs, samples) -> Scene:
-    """Return the scene, checked, with a key that is the same in other processes."""
-    if not callable(make_scene):
-        # An open plotter, above all.
-        raise TypeError(
-            f'make_scene must be a function that returns a plotter, got '
-            f'{type(make_scene).__name__}: workers make their own'
-        )
-    check_samples(samples)
-    args, kwargs = _arguments(args, kwargs)
-    cluster.check_paths('args and kwargs', [*args, *kwargs.values()])
-    remedy = 'pass numbers, arrays, paths or meshes, and make plotters and actors in make_scene'
-    digest = hashlib.blake2b(digest_size=20)
-    for name, value in (('make_scene', make_scene), ('args', args), ('kwargs', kwargs)):
-        digest.update(cluster.sent(name, value, remedy))
-    with suppress(OSError, TypeError):  # what is imported is sent by its name alone
-        digest.update(inspect.getsource(make_scene).encode())
-    theme, fixed = pv.global_theme.to_dict(), is_deterministic()
-    theme.pop('trame', None)  # of notebooks, and not for others to set
-    digest.update(repr((theme, samples, fixed)).encode())
-    return Scene(digest.hexdigest(), make_scene, args, kwargs, theme, samples, fixed)
-
-
-def _arguments(args, kwargs) -> tuple[tuple, dict]:
-    if isinstance(args, str) or not isinstance(args, (tuple, list)):
-        raise TypeError(f'args must be a tuple of arguments, got {args!r:.80}')
-    if kwargs is not None and not isinstance(kwargs, dict):
-        raise TypeError(f'kwargs must be a dict of arguments, got {kwargs!r:.80}')
-    return tuple(args), dict(kwargs or {})
 
 
 def _moments(cameras_or_times) -> list[Moment]:

@@ -57,37 +57,39 @@ class Scene:
     theme: dict = field(default_factory=dict)
     samples: int = 1
     is_deterministic: bool = False
+    #: Name of `make` in messages.
+    name: str = 'make_scene'
 
 
 class _Stage:
     """The plotter of a scene."""
 
-    def __init__(self, scene):
+    def __init__(self, scene, args=()):
         self._scene = scene
         pv.OFF_SCREEN = True
         pv.global_theme.load_theme(pv.themes.Theme.from_dict(scene.theme))
         with deterministic(scene.is_deterministic):
-            self._plotter = scene.make(*scene.args, **scene.kwargs)
-        if not isinstance(self._plotter, pv.Plotter):
+            self.plotter = scene.make(*scene.args, *args, **scene.kwargs)
+        if not isinstance(self.plotter, pv.Plotter):
             raise TypeError(
-                f'make_scene must return a pyvista.Plotter, got {type(self._plotter).__name__}'
+                f'{scene.name} must return a pyvista.Plotter, got {type(self.plotter).__name__}'
             )
-        self._cameras = [_begun(renderer).copy() for renderer in self._plotter.renderers]
+        self._cameras = [_begun(renderer).copy() for renderer in self.plotter.renderers]
         self.used = time.monotonic()
 
     def draw(self, moment) -> bytes:
         """Return the picture of a moment, encoded: it depends on no other moment."""
-        for renderer, camera in zip(self._plotter.renderers, self._cameras, strict=True):
+        for renderer, camera in zip(self.plotter.renderers, self._cameras, strict=True):
             renderer.camera = camera.copy()
         with deterministic(self._scene.is_deterministic):
-            moment.show(self._plotter)
-            picture = self._plotter.ibr.screenshot(samples=self._scene.samples)
+            moment.show(self.plotter)
+            picture = self.plotter.ibr.screenshot(samples=self._scene.samples)
         self.used = time.monotonic()
         return encoded(picture)
 
     def close(self):
         """Close the plotter."""
-        self._plotter.close()
+        self.plotter.close()
 
 
 def _begun(renderer) -> pv.Camera:
@@ -115,33 +117,48 @@ def _drawing_thread() -> ThreadPoolExecutor:
     return _thread
 
 
+def told(doing, function, *args, failed) -> tuple[Any, str]:
+    """Return what a function returns in the thread that draws, and what went wrong, as text."""
+    # Errors go back as text: Dask would print them here as well, and not all can be sent.
+    try:
+        return drawing(function, *args), ''
+    except Exception as error:
+        return failed, failure_of(doing, error)
+
+
+def failure_of(doing, error) -> str:
+    """Return what failed, and the traceback."""
+    last = traceback.format_exception_only(type(error), error)[-1].strip()
+    trace = ''.join(traceback.format_exception(error))
+    return f'{doing} failed: {last}\n\nOn the worker:\n{trace}'
+
+
 def draw_frames(numbers, moments, scene) -> tuple[list[bytes], str]:
     """Return pictures of a scene, which is made where it is not there yet, and what went wrong."""
     return drawing(_draw_frames, numbers, moments, scene)
 
 
 def _draw_frames(numbers, moments, scene) -> tuple[list[bytes], str]:
-    # Errors go back as text: Dask would print them here as well, and not all can be sent.
     pictures: list[bytes] = []
     doing = 'make_scene'
     try:
-        stage = _stage_of(scene)
+        stage = stage_of(scene)
         for number, moment in zip(numbers, moments, strict=True):
             doing = f'frame {number}'
             pictures.append(stage.draw(moment))
     except Exception as error:
-        last = traceback.format_exception_only(type(error), error)[-1].strip()
-        told = ''.join(traceback.format_exception(error))
-        return pictures, f'{doing} failed: {last}\n\nOn the worker:\n{told}'
+        return pictures, failure_of(doing, error)
     return pictures, ''
 
 
-def _stage_of(scene) -> _Stage:
+def stage_of(scene, *args) -> _Stage:
+    """Return the plotter of a scene, made with further arguments where it is not there yet."""
+    now = time.monotonic()
     if scene.key not in _stages:
-        now = time.monotonic()
         for key in [k for k, s in _stages.items() if now - s.used > _FORGOTTEN_SECONDS]:
             _stages.pop(key).close()
-        _stages[scene.key] = _Stage(scene)
+        _stages[scene.key] = _Stage(scene, args)
+    _stages[scene.key].used = now
     return _stages[scene.key]
 
 

@@ -53,6 +53,8 @@ class Quadrics(ItemSet):
     is_cut_out = False
     #: Positions and sizes of the items by name, a row per item, in its own space.
     _arranged: dict
+    #: The same, as users gave them.
+    _given: dict
     #: Number of items for which the layers have room.
     room = 0
     #: Of the items in world space.
@@ -118,6 +120,10 @@ class Quadrics(ItemSet):
     def _arranged_from(self, given, nan_rows) -> dict:
         """Return checked positions and sizes by name, a row per item."""
         raise NotImplementedError
+
+    def given(self) -> dict:
+        """Return the user's positions and sizes by name."""
+        return self._given
 
     def _arranged_values(self, name):
         return self._arranged[name]
