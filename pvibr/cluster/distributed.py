@@ -53,8 +53,9 @@ class Distributed(Thing):
     make_shard : callable, optional
         Called on the workers as ``make_shard(index, count, *args, **kwargs)``; it returns a
         plotter with shard `index` of `count`. Nothing of it is in this process. By default the
-        things of the subplot that can be divided are sent away: instances, spheres, cylinders,
-        ellipsoids and large meshes.
+        things of the subplot that can be divided are sent away: instances, spheres, cylinders
+        and ellipsoids, with their poses, colours and materials; their labels and scalar bars are
+        not, nor are large meshes: make these by `make_shard`.
     count : int, optional
         Number of shards, by default that of the workers.
     args : tuple

@@ -21,7 +21,8 @@ _MATERIAL = (
 
 def recipes_of(present, chosen, count) -> tuple[list, list[bytes]]:
     """Return the things to send, and what each shard is made of."""
-    things = [t for t in present if isinstance(t, (Quadrics, Instances))]
+    # Kinds of instances of their own are made of other things than meshes and poses.
+    things = [t for t in present if isinstance(t, Quadrics) or type(t) is Instances]
     if chosen is not None:
         refused = [t for t in chosen if t not in present or t not in things]
         if refused:
@@ -37,6 +38,11 @@ def recipes_of(present, chosen, count) -> tuple[list, list[bytes]]:
             'before, or pass make_shard'
         )
     for thing in things:
+        if thing.mapper.GetClippingPlanes():
+            raise ValueError(
+                f'things must have no clipping planes, got {thing!r:.80}; remove them, or pass '
+                'make_shard'
+            )
         thing.wait()
     centers = [np.asarray(thing.item_spheres()[0]) for thing in things]
     shards = divided(np.concatenate(centers), count)

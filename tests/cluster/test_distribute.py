@@ -10,6 +10,7 @@ import pyvista as pv
 import pvibr
 from pvibr.cluster.shard_pictures import ShardPicture, composited
 from pvibr.cluster.shard_recipes import divided
+from pvibr.core import _vtk
 from pvibr.core.errors import PvibrError
 from pvibr.maths.flip import flip
 
@@ -188,6 +189,16 @@ def test_what_cannot_be_sent(client, tmp_path):
         pl.ibr.distribute(client, lambda *_: pl)
     with pytest.raises(FileNotFoundError, match=r'must be there for all workers'):
         pl.ibr.distribute(client, lambda *_: None, args=(tmp_path / 'none',))
+    pl.close()
+
+
+def test_clipped_things_are_not_sent(client):
+    pl = plotter()
+    balls = pl.ibr.add_spheres(np.eye(3))
+    balls.mapper.AddClippingPlane(_vtk.vtkPlane())
+    with pytest.raises(ValueError, match=r'things must have no clipping planes.*make_shard'):
+        pl.ibr.distribute(client)
+    assert list(pl.ibr) == [balls]
     pl.close()
 
 
