@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import functools
 import math
+from collections.abc import Callable
 from contextlib import contextmanager
 from operator import attrgetter
 from time import perf_counter
 
 from pvibr.capture.clock import Loop, Timer, draw, filming, ticks
+from pvibr.capture.load_budget import LoadBudget
 from pvibr.core import _vtk
 from pvibr.core._vtk import method
 from pvibr.core.costs import RunningMean
@@ -140,11 +142,15 @@ class AdaptiveQuality:
         self._plotter, self._budget_ms, self._playing = plotter, budget_ms, playing
         self._effects = effects
         self.budget = Budget()
+        #: That of scenes whose triangles are known.
+        self.load_budget = LoadBudget()
         self.lowered = False
         self.why = ''
         #: Quality of the current or last frame.
         self.latest = 1.0
         self._is_moving_frame = self._is_full = self._draw_pending = False
+        #: Triangles of the current frame by its quality, None where not known.
+        self._triangles: Callable[[float], float] | None = None
         self._window: _vtk.vtkRenderWindow | None = None
         self._observers: list = []
         self._is_asked = False
@@ -211,12 +217,39 @@ class AdaptiveQuality:
         last_ms = self._timer.start(window)
         if last_ms is not None:
             self._record(last_ms)
+        self._triangles = self._count_triangles(window)
         self._is_moving_frame = self._is_moving(window)
-        self.latest = self.budget.quality if self._is_moving_frame else 1.0
+        self.latest = self._choose()
         if self.latest < 1:
             # Multisamples are expensive on CPUs, and least visible in motion.
             self._multi_samples = window.GetMultiSamples()
             window.SetMultiSamples(0)
+
+    def _count_triangles(self, window):
+        """Return the triangles of the frame by its quality, None unless an effect knows them."""
+        if _is_picking(window) or tuple(window.GetTileScale()) != (1, 1):
+            return None
+        counts = []
+        for effect in self._effects():
+            if effect.triangles_of is not None and effect.enabled:
+                frame = effect.pipeline.view()
+                if effect.needed(frame) is True:
+                    counts.append(effect.triangles_of(frame))
+        return (lambda quality: sum(count(quality) for count in counts)) if counts else None
+
+    def _choose(self) -> float:
+        """Return the quality of the frame that begins."""
+        if not self._is_moving_frame:
+            return self.load_budget.finer(self._triangles) if self._is_refining() else 1.0
+        if self._triangles is None:
+            return self.budget.quality
+        return self.load_budget.choose(self.budget.ms, self._triangles)
+
+    def _is_refining(self) -> bool:
+        """Return True if a frame at rest, after lowered ones, is not the last of this view."""
+        if self._triangles is None or not self.lowered or self._stays_full():
+            return False
+        return self._start_ticks()
 
     def _on_end(self, window, _event):
         self._restore_samples(window)
@@ -244,17 +277,28 @@ class AdaptiveQuality:
     def _record(self, frame_ms):
         quality = self.latest
         if not self._is_moving_frame:
-            self.budget.rested(frame_ms)
+            self._record_rest(frame_ms)
             return
-        self.budget.moved(frame_ms)
+        if self._triangles is None:
+            self.budget.moved(frame_ms)
+        else:
+            self.load_budget.drawn(frame_ms)
         if quality < 1 or frame_ms > self.budget.ms > 0:
             budget_text = f'interactive_frame_ms is {self.budget.ms:g}'
             self.why = f'{quality:.2g} while moving: {frame_ms:.0f} ms, {budget_text}'
 
+    def _record_rest(self, frame_ms):
+        if self._triangles is None:
+            self.budget.rested(frame_ms)
+        elif self.latest < 1:
+            self.load_budget.drawn(frame_ms)
+        else:
+            self.load_budget.rested(frame_ms, self._triangles)
+
     # -- motion ----------------------------------------------------------------------------------
 
     def _is_moving(self, window) -> bool:
-        if self._is_full or not self.budget.ms or filming(self._plotter) or is_deterministic():
+        if self._stays_full() or not self.budget.ms:
             return False
         if _is_picking(window) or tuple(window.GetTileScale()) != (1, 1):
             return False
@@ -263,11 +307,14 @@ class AdaptiveQuality:
             self._stop()
             return True
         is_moving = self._wheel_turned or self._playing()
-        is_lowered = is_moving and self.budget.quality < 1
+        is_lowered = is_moving and (self._triangles is not None or self.budget.quality < 1)
         # No style renders a still at the end: lower quality only if a timer will.
         has_timer = is_lowered and self._start_ticks()
         self._wheel_turned = self._wheel_turned and has_timer
         return has_timer if is_lowered else is_moving
+
+    def _stays_full(self) -> bool:
+        return self._is_full or filming(self._plotter) or is_deterministic()
 
     def _on_wheel(self, *_):
         self._wheel_turned = True
@@ -285,12 +332,15 @@ class AdaptiveQuality:
     def _tick(self):
         if perf_counter() - self._last_move < SETTLE:
             return
-        if self.lowered or not (self._may_refine() or self._is_pending()):
-            self._stop()
         self._wheel_turned = False
-        if self.lowered:
+        if self.lowered and self._triangles is None:
+            self._stop()
             self._draw_full()
-        elif self._may_refine() and not self._draw_pending:  # pages may draw later, or never
+            return
+        may_refine = self.lowered or self._may_refine()
+        if not (may_refine or self._is_pending()):
+            self._stop()
+        if may_refine and not self._draw_pending:  # pages may draw later, or never
             self._draw_pending = True
             draw(self._plotter)
 

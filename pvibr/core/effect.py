@@ -97,6 +97,8 @@ class Effect(metaclass=Complete):
     reads_depth = True
     #: Frame time in ms that it asks for while the view moves, None for the plotter's.
     frame_ms: Any = None
+    #: Returns the triangles of a frame about to be drawn, as a function of its quality.
+    triangles_of: Callable[[Any], Callable[[float], float]] | None = None
     #: Class passed by the user, if that created a subclass with additional settings.
     _class: type | None = None
     __signature__: ClassVar[Signature]

@@ -23,7 +23,7 @@ _PIECE = 1 << 22
 
 
 class Detail:
-    """The errors of a hierarchy with those of its shading, kept while neither has changed."""
+    """What the cells of a hierarchy lose of its shading, kept while neither has changed."""
 
     # Vertices, and no textures: by 16 samples of the mesh in each triangle of a cut at 1 pixel,
     # FLIP was still 1.8 (terrain) to 3.7 (a scan) times that of the mesh, as outlines are off.
@@ -31,17 +31,16 @@ class Detail:
     def __init__(self):
         self._shown: tuple = (None, None)
         self._look: tuple = ()
-        self._detailed: Any = None
+        self._errors: Any = None
 
-    def of(self, hierarchy, values, value_range, *, is_lit) -> Hierarchy:
+    def of(self, hierarchy, values, value_range, factor=1.0, *, is_lit) -> Hierarchy:
         """Return a hierarchy whose errors also tell what it loses of normals and values."""
         shown, look = (hierarchy, values), (value_range, is_lit)
         if look != self._look or not all(map(operator.is_, shown, self._shown)):
             self._shown, self._look = shown, look
             lengths = lost_lengths(hierarchy, values, value_range, is_lit=is_lit)
-            errors = np.maximum(hierarchy.errors, lengths / _SPACING)
-            self._detailed = replace(hierarchy, errors=errors)
-        return self._detailed
+            self._errors = lengths / _SPACING
+        return replace(hierarchy, errors=np.maximum(hierarchy.errors, self._errors / factor))
 
 
 def lost_lengths(hierarchy, values, value_range, *, is_lit) -> np.ndarray:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from functools import cached_property
 
 import numpy as np
 
-from pvibr.large.cut import ModelView
+from pvibr.large.cut import ModelView, triangles_in_view
 from pvibr.large.cut_mesh import CutLook
 from pvibr.large.detail import Detail
 from pvibr.large.hierarchy import Hierarchy
@@ -52,12 +53,18 @@ class DrawnSurface:
             return self._with_visible_cells
         return self._with_visible_lines if self._prop.GetEdgeVisibility() else self._built
 
-    def chosen(self, thing, is_detailed=True) -> Hierarchy:
+    def chosen(self, thing, factor=1.0) -> Hierarchy:
         """Return the hierarchy with the errors by which patches are chosen."""
-        if thing.detail == 'none' or not is_detailed:
+        if thing.detail == 'none' or factor == math.inf:
             return self.hierarchy
         value_range, is_lit = thing.GetMapper().GetScalarRange(), bool(self._prop.GetLighting())
-        return self._detail.of(self.hierarchy, self._values, value_range, is_lit=is_lit)
+        values = self._values
+        return self._detail.of(self.hierarchy, values, value_range, factor, is_lit=is_lit)
+
+    def triangles(self, thing, view, tolerance) -> int:
+        """Return how many triangles are drawn within a tolerance."""
+        chosen = self.chosen(thing, tolerance.detail_factor)
+        return triangles_in_view(chosen, view, tolerance.error)
 
     def look(self, patches, view: ModelView | None = None, max_error=0.0) -> CutLook:
         """Return the look of patches, with edges as a view shows them."""

@@ -29,6 +29,7 @@ from pvibr.large.given_mesh import given_mesh
 from pvibr.large.solid_cut import SolidCut
 from pvibr.large.sources import NO_COORDINATES, checked_texture, source_of
 from pvibr.large.stored import SUFFIX, built, cache_of, hierarchy_key, load
+from pvibr.large.tolerance import Tolerance
 from pvibr.meshes.parts import as_parts
 from pvibr.textures.material_textures import copy_property
 from pvibr.things.clipping import ClippingPlanes, set_planes
@@ -37,8 +38,6 @@ from pvibr.things.thing import Thing
 
 #: Triangles up to which a mesh is built at once, even in a window.
 _SMALL = 100_000
-#: Least error while the view moves at quality 1, pixels: less is for stills.
-_MOVING_ERROR = 1.0
 
 #: Arguments of add_mesh that have no effect here, or are not there.
 REFUSED = (
@@ -174,7 +173,7 @@ class LargeMesh(Thing):
         self._job: BuildJob | None = None
         self._changes = 0
         self._own_view: Any = None
-        self._tolerance = max_error
+        self._tolerance = Tolerance(max_error)
         self._cut, self._other_cut = CutMesh(), CutMesh()
         self._other_actor = pv.Actor()
         self._solid = SolidCut()
@@ -257,7 +256,7 @@ class LargeMesh(Thing):
     @property
     def refined(self) -> bool:
         """Whether the last frame kept `max_error`."""
-        return self._job is None and self._tolerance <= self.max_error
+        return self._job is None and self._tolerance == Tolerance(self.max_error)
 
     def set_scalars(self, scalars, *, clim=None, preference='point'):
         """Colour by other values of points or cells.
@@ -327,9 +326,8 @@ class LargeMesh(Thing):
         start, direction = pixel_ray(self.pipeline.renderer, x, y)
         first, last = ClippingPlanes(self.GetMapper().GetClippingPlanes()).reach(start, direction)
         model_from_world = np.linalg.inv(self._matrix())
-        local_start = model_from_world[:3, :3] @ start + model_from_world[:3, 3]
-        local_direction = model_from_world[:3, :3] @ direction
-        found = nearest_triangle(self._built, local_start, local_direction, first, last)
+        axes, shift = model_from_world[:3, :3], model_from_world[:3, 3]
+        found = nearest_triangle(self._built, axes @ start + shift, axes @ direction, first, last)
         if found is None:
             return None
         index, distance = found
@@ -348,7 +346,7 @@ class LargeMesh(Thing):
             'triangles': self._cut.n_triangles,
             'triangles of the mesh': self.n_triangles,
             'patches': len(self._cut.patches),
-            'error': 'draft' if self.is_draft else round(self._tolerance, 3),
+            'error': 'draft' if self.is_draft else round(self._tolerance.error, 3),
         }
 
     # -- as a thing ----------------------------------------------------------------------------
@@ -458,20 +456,21 @@ class LargeMesh(Thing):
         if not frame.own:  # VTK draws a shadow map
             self._surface.show(self._cut, self._whole)
             return
-        self._tolerance, self._own_view = self._tolerance_of(frame), frame.view
-        view = self._view(frame)
-        chosen = self._surface.chosen(self, frame.quality >= 1)
-        whole, patches = cut_of(chosen, view, self._tolerance)
-        self._surface.show(self._cut, patches, view, np.inf if self.is_draft else self._tolerance)
+        self._tolerance, self._own_view = self._tolerance_of(frame.quality), frame.view
+        view, error, factor = self._view(frame), *self._tolerance
+        whole, patches = cut_of(self._surface.chosen(self, factor), view, error)
+        self._surface.show(self._cut, patches, view, np.inf if self.is_draft else error)
         if not np.array_equal(whole, self._whole):
             self._whole = whole
             self._changes += 1
 
-    def _tolerance_of(self, frame) -> float:
-        """Return the error of a frame in pixels."""
-        if frame.quality >= 1 or self.moving == 0:
-            return self.max_error
-        return max(self.max_error, _MOVING_ERROR) / frame.quality
+    def _tolerance_of(self, quality) -> Tolerance:
+        return Tolerance.of(1.0 if self.moving == 0 else quality, self.max_error)
+
+    def triangles_of(self, frame):
+        """Return the triangles in view as a function of the quality."""
+        view = self._view(frame)
+        return lambda quality: self._surface.triangles(self, view, self._tolerance_of(quality))
 
     def _matrix(self) -> np.ndarray:
         """Return the world from the space about the hierarchy's origin."""
@@ -490,7 +489,8 @@ class LargeMesh(Thing):
         patches, view = self._whole, None
         if not frame.depth_map:
             view = self._view(frame)
-            _, patches = cut_of(self._surface.chosen(self, not depth), view, self.max_error)
+            factor = np.inf if depth else 1.0
+            _, patches = cut_of(self._surface.chosen(self, factor), view, self.max_error)
         self._surface.show(self._other_cut, patches, view, self.max_error)
         self._other_actor.SetUserMatrix(self.GetMatrix())
         return [self._other_actor]

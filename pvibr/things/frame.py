@@ -15,6 +15,8 @@ from pvibr.maths.views import View
 
 #: Ratio of their sides above which pixels count as oblong.
 _OBLONG = 1.01
+#: Ratio of quality from one step to the next: what is dropped entirely goes with the first.
+STEP = 2**-0.25
 #: Offset of lines from their surface toward the eye, as a fraction of the distance.
 _BEFORE = 2e-3
 

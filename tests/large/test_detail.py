@@ -13,6 +13,7 @@ from pvibr.large.detail import lost_lengths, spread_of, vertex_areas
 from pvibr.large.hierarchy import NO_CELL
 from pvibr.large.vertex_values import Values
 from pvibr.maths.flip import flip
+from pvibr.things.frame import STEP
 from tests.large.looks import OVER, drawn
 from tests.large.surfaces import folded, hierarchy_of, terrain
 from tests.pictures import place, shot
@@ -158,7 +159,7 @@ def test_only_at_rest():
     pl, thing = drawn(terrain(), detail='normals', scalars='pattern')
     fine = thing.report()['triangles']
     view = pl.ibr.pipeline.view()
-    thing.prepare(replace(view, quality=0.999))
+    thing.prepare(replace(view, quality=STEP))
     moving = thing.report()['triangles']
     thing.detail = 'none'
     shot(pl)
