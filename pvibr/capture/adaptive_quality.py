@@ -227,11 +227,12 @@ class AdaptiveQuality:
 
     def _count_triangles(self, window):
         """Return the triangles of the frame by its quality, None unless an effect knows them."""
-        if _is_picking(window) or tuple(window.GetTileScale()) != (1, 1):
+        counting = [effect for effect in self._effects() if effect.triangles_of is not None]
+        if not counting or _is_picking(window) or tuple(window.GetTileScale()) != (1, 1):
             return None
         counts = []
-        for effect in self._effects():
-            if effect.triangles_of is not None and effect.enabled:
+        for effect in counting:
+            if effect.enabled:
                 frame = effect.pipeline.view()
                 if effect.needed(frame) is True:
                     counts.append(effect.triangles_of(frame))
