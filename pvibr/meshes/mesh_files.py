@@ -74,9 +74,9 @@ def _read_pyvista(path):
 def _check_cells(mesh):
     """Raise a ValueError unless cells are of the points of a mesh, and arrays are as long."""
     if isinstance(mesh, pv.PolyData):
-        arrays = mesh.GetVerts(), mesh.GetLines(), mesh.GetPolys(), mesh.GetStrips()
+        arrays = [mesh.GetVerts(), mesh.GetLines(), mesh.GetPolys(), mesh.GetStrips()]
     else:
-        arrays = (mesh.GetCells(),)
+        arrays = [mesh.GetCells()]
     for cells in arrays:
         ids, starts = (
             _vtk.vtk_to_numpy(a) for a in (cells.GetConnectivityArray(), cells.GetOffsetsArray())
