@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -11,19 +10,10 @@ import numpy as np
 
 from pvibr.core.errors import require
 from pvibr.core.files import existing
+from pvibr.io.ply_headers import CORNERS, PLY_TYPES, ply_header
 from pvibr.large.build import TriangleMesh
 from pvibr.large.sources import Source
 
-#: Names of types in PLY headers, old and new, as numpy's.
-_PLY_TYPES = {
-    'char': 'i1', 'uchar': 'u1', 'short': 'i2', 'ushort': 'u2', 'int': 'i4', 'uint': 'u4',
-    'float': 'f4', 'double': 'f8', 'int8': 'i1', 'uint8': 'u1', 'int16': 'i2', 'uint16': 'u2',
-    'int32': 'i4', 'uint32': 'u4', 'float32': 'f4', 'float64': 'f8',
-}  # fmt: skip
-_PLY_ORDERS = {b'binary_little_endian': '<', b'binary_big_endian': '>'}
-#: Bytes at most in which the header of a PLY file ends.
-_PLY_HEADER_BYTES = 1 << 16
-_PLY_LIST = re.compile(r'property list (\S+) (\S+) vertex_ind(?:ices|ex)')
 #: Properties of PLY files that are one array, as VTK names it.
 _PLY_ARRAYS = {'RGBA': ('red', 'green', 'blue', 'alpha'), 'RGB': ('red', 'green', 'blue')}
 _POINT, _NORMAL = ('x', 'y', 'z'), ('nx', 'ny', 'nz')
@@ -86,31 +76,21 @@ def _fields(path, dtype, offset, count, names) -> Rows:
 
 def _ply(path) -> Source | None:
     """Return the triangles of a binary PLY file, None where it has other faces or more."""
-    with path.open('rb') as file:
-        head, end, _ = file.read(_PLY_HEADER_BYTES).partition(b'end_header\n')
-    words = head.split(b'\n')[1].split() if head.startswith(b'ply\n') and end else []
-    if len(words) < 2 or words[1] not in _PLY_ORDERS:
+    try:
+        header = ply_header(path)
+    except ValueError:  # which is told where it is read
         return None
-    order = _PLY_ORDERS[words[1]]
-    elements: list[tuple[str, int, list[str]]] = []
-    for line in head.decode('ascii', 'replace').splitlines():
-        words_of_line = line.split()
-        if line.startswith('element ') and len(words_of_line) == 3:
-            elements.append((words_of_line[1], int(words_of_line[2]), []))
-        elif line.startswith('property ') and elements:
-            elements[-1][2].append(' '.join(words_of_line))
-    if [name for name, _, _ in elements] != ['vertex', 'face']:
+    order, elements = header.order, header.elements
+    if not order or [element.name for element in elements] != ['vertex', 'face']:
         return None
-    (_, point_count, properties), (_, face_count, face_properties) = elements
-    vertex, face = _record(properties, order), _record(face_properties, order)
+    vertex, face = (_record(element.properties, order) for element in elements)
     if vertex is None or face is None or not {*_POINT} <= {*(vertex.names or ())}:
         return None
-    start, names = len(head) + len(end), vertex.names or ()
+    point_count, face_count = (element.count for element in elements)
+    start, names = header.size, vertex.names or ()
     face_start = start + point_count * vertex.itemsize
     size, least = path.stat().st_size, face_start + face_count * face.itemsize
-    if size < least:  # which VTK's reader does not survive
-        raise ValueError(f'{path}: it is cut: it has {size} bytes instead of at least {least}')
-    if size > least or not face_count:  # faces with more corners
+    if size != least or not face_count:  # it is cut, or faces have more corners
         return None
 
     def of_points(fields):
@@ -137,13 +117,12 @@ def _ply(path) -> Source | None:
 def _record(properties, order) -> np.dtype | None:
     """Return the records of an element of a PLY file, None where they are not of one size."""
     fields: list[tuple] = []
-    for line in properties:
-        words, of_list = line.split(), _PLY_LIST.fullmatch(line)
-        if of_list and {*of_list.groups()} <= {*_PLY_TYPES}:
-            count, corner = (order + _PLY_TYPES[name] for name in of_list.groups())
-            fields += [('corner_count', count), ('corners', corner, 3)]
-        elif len(words) == 3 and words[1] in _PLY_TYPES:
-            fields.append((words[2], order + _PLY_TYPES[words[1]]))
+    for words in properties:
+        kinds = [order + PLY_TYPES[name] for name in words[words[0] == 'list' : -1]]
+        if words[0] != 'list':
+            fields.append((words[-1], kinds[0]))
+        elif words[-1] in CORNERS:
+            fields += [('corner_count', kinds[0]), ('corners', kinds[1], 3)]
         else:
             return None
     try:

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pyvista as pv
 
+from pvibr.core import _vtk
 from pvibr.core.files import existing
 from pvibr.io.cities import is_city, read_city
+from pvibr.io.ply_headers import check_ply
 from pvibr.io.trimesh_meshes import is_trimesh, read_trimesh, trimesh_instances
 
 _GLTF = ('.gltf', '.glb')
@@ -23,6 +26,11 @@ def read_mesh(path):
     path = existing(path, 'mesh file')
     if is_city(path):
         return _city_blocks(path)
+    if path.suffix.lower() == '.ply':
+        try:
+            check_ply(path)
+        except ValueError as error:
+            raise ValueError(f'{path}: {error}') from error
     reasons = []
     for reader in (_read_pyvista, read_trimesh):
         # After any exception of a third-party reader, try the next one.
@@ -57,7 +65,31 @@ def _read_pyvista(path):
     mesh = pv.read(path)
     if not isinstance(mesh, pv.MultiBlock) and not mesh.n_points:
         raise ValueError('it has no points')
+    for block in mesh.recursive_iterator() if isinstance(mesh, pv.MultiBlock) else [mesh]:
+        if isinstance(block, pv.PolyData | pv.UnstructuredGrid):
+            _check_cells(block)
     return mesh
+
+
+def _check_cells(mesh):
+    """Raise a ValueError unless cells are of the points of a mesh, and arrays are as long."""
+    if isinstance(mesh, pv.PolyData):
+        arrays = [mesh.GetVerts(), mesh.GetLines(), mesh.GetPolys(), mesh.GetStrips()]
+    else:
+        arrays = [mesh.GetCells()]
+    for cells in arrays:
+        ids, starts = (
+            _vtk.vtk_to_numpy(a) for a in (cells.GetConnectivityArray(), cells.GetOffsetsArray())
+        )
+        if len(ids) and not 0 <= ids.min() <= ids.max() < mesh.n_points:
+            raise ValueError(f'its cells must be of its {mesh.n_points} points, got others')
+        if len(starts) and ((np.diff(starts) < 0).any() or starts[0] or starts[-1] > len(ids)):
+            raise ValueError('its cells do not follow each other')
+    for data, count in ((mesh.GetPointData(), mesh.n_points), (mesh.GetCellData(), mesh.n_cells)):
+        for k in range(data.GetNumberOfArrays()):
+            array = data.GetAbstractArray(k)
+            if array.GetNumberOfTuples() != count:
+                raise ValueError(f'its array {array.GetName()!r} must have {count} values')
 
 
 def _city_blocks(path):

@@ -319,3 +319,15 @@ def test_copies_of_a_property_share_its_textures():
     assert picture.GetReferenceCount() == before + 9
     del copies, copy
     assert picture.GetReferenceCount() == before
+
+
+@pytest.mark.parametrize('is_binary', [True, False])
+def test_cut_files_of_quads_are_refused_before_vtk_reads_them(tmp_path, is_binary):
+    path = tmp_path / 'quads.ply'
+    pv.Plane(i_resolution=12, j_resolution=9).save(path, binary=is_binary)
+    content = path.read_bytes()
+    assert as_parts(path)[0].mesh.n_cells == 216
+    for share in (0.9, 0.5, 0.3):
+        path.write_bytes(content[: int(share * len(content))])
+        with pytest.raises(ValueError, match=r'quads.ply: .*it is cut|quads.ply: .*is wrong'):
+            as_parts(path)
