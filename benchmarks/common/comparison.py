@@ -141,7 +141,9 @@ def main(folder: Path, *, keep=False) -> bool:
         return True
     kept = json.loads(_KEPT.read_text(encoding='utf-8'))
     changes = [
-        change for name, run in runs.items() for change in _errors({'rows': kept[name]}, run)
+        change
+        for name, run in runs.items()
+        for change in _errors({'rows': kept.get(name, [])}, run)
     ]
     Console().print(table(changes))
     return all(change.verdict != 'worse' for change in changes)

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-import mmap
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
+from struct import calcsize, unpack_from
+from struct import error as struct_error
 
 import numpy as np
 
@@ -18,6 +19,7 @@ PLY_TYPES = {
 _ORDERS = {'binary_little_endian': '<', 'binary_big_endian': '>', 'ascii': ''}
 #: Bytes at most in which a header ends.
 _HEADER_BYTES = 1 << 16
+_OTHER_CORNERS = 'its faces must be of its {} points, got others'
 #: Names of the list of a face's corners.
 CORNERS = 'vertex_indices', 'vertex_index'
 
@@ -50,6 +52,11 @@ class PlyHeader:
     elements: list[PlyElement]
     #: Bytes of the header.
     size: int
+
+    @property
+    def n_points(self) -> int:
+        """Number of points that faces may have as corners."""
+        return sum(element.count for element in self.elements if element.name == 'vertex')
 
 
 def ply_header(path: Path) -> PlyHeader:
@@ -92,44 +99,86 @@ def check_ply(path: Path):
 
 
 def _check_bytes(path, header):
-    with path.open('rb') as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content:
-        size, at = len(content), header.size
-        for element in header.elements:
-            at = _end_of(content, at, element, header.order)
-            if at > size:
-                raise ValueError(
-                    f'it is cut: it has {size} bytes, too few for each {element.name}'
-                )
+    content, at = np.memmap(path, mode='r'), header.size
+    for element in header.elements:
+        at = _end_of(content, at, element, header)
 
 
-def _end_of(content, start, element, order) -> int:
-    """Return where the records of an element end, or a place beyond the file."""
-    # Between lists, the bytes of other properties; a list is the type of its count, and a size.
-    steps, gap, size = [], 0, len(content)
-    for words in element.properties:
-        if words[0] == 'list':
-            count_type = np.dtype(order + PLY_TYPES[words[1]])
-            steps.append((gap, count_type, np.dtype(PLY_TYPES[words[2]]).itemsize))
-            gap = 0
-        else:
-            gap += np.dtype(PLY_TYPES[words[0]]).itemsize
-    if not steps:
-        return start + element.count * gap
+def _end_of(content, start, element, header) -> int:
+    """Return where the records of an element end, once they are found to be right."""
+    record = _record_at(content, start, element, header.order)
+    end = start + element.count * record.itemsize
+    if element.count and record.itemsize and end <= len(content):
+        rows = np.frombuffer(content, record, element.count, start)
+        if _are_alike(rows):  # as in most files
+            _check_corners(rows, element, header.n_points)
+            return end
+    return _end_of_each(content.data, start, element, header)
+
+
+def _end_of_each(content, start, element, header) -> int:
+    """Return the same of records of several sizes."""
+    steps = [
+        (
+            [header.order + np.dtype(PLY_TYPES[n]).char for n in words[words[0] == 'list' : -1]],
+            words[0] == 'list',
+            header.n_points if element.name == 'face' and words[-1] in CORNERS else None,
+        )
+        for words in element.properties
+    ]
     at = start
-    for _ in range(element.count):
-        for before, count_type, item_bytes in steps:
-            at += before
-            if at + count_type.itemsize > size:
-                return size + 1
-            if count_type.itemsize == 1:
-                count = content[at]
-            else:
-                count = int(np.frombuffer(content[at : at + count_type.itemsize], count_type)[0])
-            if count < 0:
-                raise ValueError(f'a list of a {element.name} has {count} items')
-            at += count_type.itemsize + count * item_bytes
-        at += gap
+    try:
+        for _ in range(element.count):
+            for kinds, is_list, n_points in steps:
+                count = unpack_from(kinds[0], content, at)[0] if is_list else 1
+                at += calcsize(kinds[0]) * is_list
+                items = unpack_from(f'{kinds[-1][:1]}{count}{kinds[-1][1:]}', content, at)
+                at += calcsize(kinds[-1]) * count
+                if n_points is not None and items and not 0 <= min(items) <= max(items) < n_points:
+                    raise ValueError(_OTHER_CORNERS.format(n_points))
+    except struct_error as error:
+        size = len(content)
+        message = f'it is cut: its {size} bytes end before its last {element.name}'
+        raise ValueError(message) from error
     return at
+
+
+def _record_at(content, at, element, order) -> np.dtype:
+    """Return the type of the record at a place; of size 0 if it is not whole."""
+    fields: list[tuple] = []
+    size = 0
+    for words in element.properties:
+        kinds = [np.dtype(order + PLY_TYPES[name]) for name in words[words[0] == 'list' : -1]]
+        if words[0] != 'list':
+            fields.append((words[-1], kinds[0]))
+            size += kinds[0].itemsize
+            continue
+        if at + size + kinds[0].itemsize > len(content):
+            return np.dtype([])
+        count = int(np.frombuffer(content, kinds[0], 1, at + size)[0])
+        if count < 0:
+            raise ValueError(f'a list of a {element.name} has {count} items')
+        size += kinds[0].itemsize + count * kinds[1].itemsize
+        if at + size > len(content):
+            return np.dtype([])
+        fields += [(f'number of {words[-1]}', kinds[0]), (words[-1], kinds[1], (count,))]
+    return np.dtype(fields)
+
+
+def _are_alike(rows) -> bool:
+    """Return True if the lists of all records are as long as those of the first one."""
+    return all(
+        (rows[name] == rows.dtype[name.removeprefix('number of ')].shape[0]).all()
+        for name in rows.dtype.names
+        if name.startswith('number of ')
+    )
+
+
+def _check_corners(rows, element, n_points):
+    for name in {*CORNERS} & {*rows.dtype.names} if element.name == 'face' else ():
+        corners = rows[name]
+        if corners.size and not 0 <= corners.min() <= corners.max() < n_points:
+            raise ValueError(_OTHER_CORNERS.format(n_points))
 
 
 def _check_lines(path, header):
@@ -139,23 +188,28 @@ def _check_lines(path, header):
             read = 0
             for line in islice(file, element.count):
                 read += 1
-                if not _holds(line.split(), element.properties):
+                if not _holds(line.split(), element, header.n_points):
                     raise ValueError(f'{element.name} {read - 1} is wrong: {line[:60]!r}')
             if read < element.count:
                 raise ValueError(f'it is cut: it has {read} of {element.count} {element.name}')
 
 
-def _holds(words, properties) -> bool:
-    """Return True if the words of a line are the values of properties."""
+def _holds(words, element, n_points) -> bool:
+    """Return True if the words of a line are the values of an element."""
     at = 0
     try:
-        for own in properties:
+        for own in element.properties:
             count = int(words[at]) if own[0] == 'list' else 0
+            items = words[at : at + 1 + count]
             at += 1 + count
-            if count < 0:
+            if count < 0 or len(items) <= count:
                 return False
-        for word in words[:at]:
-            float(word)
+            if own[-1] in CORNERS:
+                if not all(0 <= int(corner) < n_points for corner in items[1:]):
+                    return False
+            else:
+                for item in items:
+                    float(item)
     except (IndexError, ValueError):
         return False
-    return at <= len(words)
+    return True

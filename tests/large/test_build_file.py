@@ -213,7 +213,7 @@ def test_wrong_faces_of_a_ply_are_refused(tmp_path):
     path.write_bytes(content[:-13] + b'\x04' + content[-12:])
     refused('must be triangles', build_file.write_large, path, out)
     path.write_bytes(content[:-1])
-    refused('a.ply: it is cut', build_file.write_large, path, out)
+    refused('a.ply: .*it is cut', build_file.write_large, path, out)
     mesh.points[0, 0] = np.nan
     refused(r'points\[0\] must be finite', build_file.write_large, write_ply(path, mesh), out)
     assert sorted(p.name for p in tmp_path.iterdir()) == ['a.ply']
