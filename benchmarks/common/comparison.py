@@ -112,7 +112,10 @@ def table(changes: list[Change]) -> Table:
 
 def is_no_worse(old: dict, new: dict) -> bool:
     """Print what has changed since an earlier run; return False if anything is worse."""
-    changes = compare(old, new)
+    return _told(compare(old, new))
+
+
+def _told(changes) -> bool:
     Console().print(table(changes))
     return all(change.verdict != 'worse' for change in changes)
 
@@ -127,26 +130,16 @@ def read_run(path: Path) -> dict:
     return run
 
 
-def _kept_rows(run) -> list[dict]:
-    """Return the rows of a run that mean the same on any machine."""
-    return [row for row in run['rows'] if _is_error(row)]
-
-
 def main(folder: Path, *, keep=False) -> bool:
     """Compare the errors of all quick runs in a folder with those kept, or keep them."""
     runs = {path.stem: read_run(path) for path in sorted(folder.glob('bench_*.json'))}
     if keep:
-        kept = {name: _kept_rows(run) for name, run in runs.items()}
+        kept = {name: [r for r in run['rows'] if _is_error(r)] for name, run in runs.items()}
         _KEPT.write_text(json.dumps(kept, indent=1) + '\n', encoding='utf-8')
         return True
     kept = json.loads(_KEPT.read_text(encoding='utf-8'))
-    changes = [
-        change
-        for name, run in runs.items()
-        for change in _errors({'rows': kept.get(name, [])}, run)
-    ]
-    Console().print(table(changes))
-    return all(change.verdict != 'worse' for change in changes)
+    pairs = ((kept.get(name, []), run) for name, run in runs.items())
+    return _told([change for rows, run in pairs for change in _errors({'rows': rows}, run)])
 
 
 if __name__ == '__main__':

@@ -228,7 +228,7 @@ class AdaptiveQuality:
     def _count_triangles(self, window):
         """Return the triangles of the frame by its quality, None unless an effect knows them."""
         counting = [effect for effect in self._effects() if effect.triangles_of is not None]
-        if not counting or _is_picking(window) or tuple(window.GetTileScale()) != (1, 1):
+        if not counting or _is_partial(window):
             return None
         counts = []
         for effect in counting:
@@ -301,7 +301,7 @@ class AdaptiveQuality:
     def _is_moving(self, window) -> bool:
         if self._stays_full() or not self.budget.ms:
             return False
-        if _is_picking(window) or tuple(window.GetTileScale()) != (1, 1):
+        if _is_partial(window):
             return False
         if is_dragged(window):
             # VTK's styles render a still at the end, and take timer events for moves.
@@ -379,6 +379,11 @@ class AdaptiveQuality:
             return take_screenshot(*args, **kwargs)
 
         self._hooks.put({'screenshot': screenshot})
+
+
+def _is_partial(window) -> bool:
+    """Return True if the frame is for a pick, or a tile of a larger picture."""
+    return _is_picking(window) or tuple(window.GetTileScale()) != (1, 1)
 
 
 def _is_picking(window) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from bisect import bisect_left
 from collections.abc import Callable
 from functools import cache
 
@@ -66,14 +67,8 @@ class LoadBudget:
 
     def _finest(self, budget_ms, load) -> int:
         """Return the finest level that keeps a time, or the coarsest one."""
-        low, high = 0, len(LEVELS) - 1
-        while low < high:
-            middle = (low + high) // 2
-            if self._ms(middle, load) <= budget_ms:
-                high = middle
-            else:
-                low = middle + 1
-        return low
+        finer = range(len(LEVELS) - 1)
+        return bisect_left(finer, True, key=lambda level: self._ms(level, load) <= budget_ms)
 
     def _ms(self, level, load, of=max) -> float:
         """Return the milliseconds of a level, if they are as its triangles."""
@@ -98,8 +93,8 @@ class LoadBudget:
         """Return the quality of the next frame at rest: about twice as much, or all."""
         self._is_first = True
         allowed = _GROWTH * (self._load - _BASE)
-        finer = [k for k in range(self._level) if triangles(LEVELS[k]) <= allowed]
-        self._level = min(finer, default=max(self._level - 1, 0))
+        finer = range(max(self._level - 1, 0))
+        self._level = bisect_left(finer, True, key=lambda k: triangles(LEVELS[k]) <= allowed)
         self._load = _BASE + triangles(LEVELS[self._level])
         return LEVELS[self._level]
 

@@ -22,11 +22,8 @@ _LIGHT_VALUES = (
 
 def light_values(renderer) -> list[dict]:
     """Return what sets equal lights, by the names of VTK's methods."""
-    return [{n: getattr(light, f'Get{n}')() for n in _LIGHT_VALUES} for light in _lights(renderer)]
-
-
-def _lights(renderer) -> list:
-    return list(renderer.GetLights())
+    lights = renderer.GetLights()
+    return [{name: getattr(light, f'Get{name}')() for name in _LIGHT_VALUES} for light in lights]
 
 
 @dataclass(frozen=True)

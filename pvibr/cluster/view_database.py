@@ -116,9 +116,9 @@ def views(
     path.mkdir(parents=True, exist_ok=True)
     cluster.check_paths('path', [path])
     rows = {row_of(t, d): (t, d) for t in times for d in directions}
-    todo = [(str(path), row, t, d, size) for row, (t, d) in rows.items()]
-    todo = [job for job in todo if not (path / _file(job[1], scene.key, size)).exists()]
     done = [row for row in rows if (path / _file(row, scene.key, size)).exists()]
+    missing = rows.keys() - done
+    todo = [(str(path), row, *rows[row], size) for row in rows if row in missing]
     try:
         with baking(progress, 'Storing views') as advance:
             for (_, row, *_), (_, failure) in cluster.results(_stored, todo, scene):

@@ -72,4 +72,8 @@ def read_table(folder) -> list[tuple[float, float, float, str]]:
         raise ValueError(
             f'{TABLE} must have the columns {", ".join([*_PARAMETERS, FILE])}, got {head}'
         )
+    root = path.parent.resolve()
+    for *_, name in rows:
+        if not (root / name).resolve().is_relative_to(root):
+            raise ValueError(f'{FILE} must be of files in the folder, got {name!r}')
     return [(float(t), float(phi), float(theta), name) for t, phi, theta, name in rows]

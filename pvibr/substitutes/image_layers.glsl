@@ -23,8 +23,6 @@ out vec3 ibr_at;                  // clip x, y and w
     ibr_zw_step = ibr_depth_from_uv[2].xy;
     ibr_at = place;
     gl_Position = vec4(place.xy, 0.0, place.z);
-    // Meshes of cards have two at least: the other would blend once more.
-    if (gl_VertexID >= 4) { gl_Position = vec4(2.0, 2.0, 2.0, 1.0); }
   }
 
 //@fragment.declare

@@ -197,7 +197,8 @@ def draw_actor(mapper, material, translucent):
 def card_mesh(card_count, corners, bounds):
     """Return polydata of cards that the shader positions by vertex number."""
     low, high = np.asarray(bounds, float).reshape(3, 2).T
-    card_count = max(card_count, 2)  # one point has no bounds
+    if corners == 1:
+        card_count = max(card_count, 2)  # one point has no bounds
     corner_points = np.empty((card_count * corners, 3))
     corner_points[0::2], corner_points[1::2] = low, high
     corner_offsets = np.array([0]) if corners == 1 else np.array([0, 1, 2, 0, 2, 3])

@@ -149,6 +149,15 @@ def test_grids():
     assert len(directions_of(162)) == 146
 
 
+@pytest.mark.parametrize('name', ['../other.h5', '/tmp/other.h5'])
+def test_files_outside_the_folder_are_refused(name, database, tmp_path):
+    head, first, *others = (database / 'data.csv').read_text().splitlines()
+    first = f'{first.rsplit(",", 1)[0]},{name}'
+    (tmp_path / 'data.csv').write_text('\n'.join([head, first, *others]))
+    with pytest.raises(ValueError, match='FILE must be of files in the folder'):
+        pvibr.read_views(tmp_path)
+
+
 def test_bad_input(client, database, tmp_path):
     with pytest.raises(FileNotFoundError, match=r'data.csv'):
         pvibr.read_views(tmp_path)
