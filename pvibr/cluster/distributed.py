@@ -42,10 +42,10 @@ class Distributed(Thing):
     """Parts of a scene that the workers of a Dask cluster hold and draw.
 
     Each worker draws its shard by the camera and lights of the plotter; the pictures are
-    composited by depth, with each other and with what is local. Effects that read colour and depth,
-    such as bloom and fog, apply to the whole. Those that read normals or ids of surfaces, such as
-    outlines, shadows and projected photographs apply only to what is local. It has no part in
-    shadows, mirrors and picking.
+    composited by depth, with each other and with what is local. Effects that read colour and
+    depth, such as bloom and fog, apply to the whole. Those that read normals or ids of surfaces,
+    such as outlines, shadows and projected photographs apply only to what is local. It has no
+    part in shadows, mirrors and picking.
 
     Parameters
     ----------
