@@ -58,7 +58,7 @@ def _frames(old, new) -> Iterator[Change]:
     """Yield changes of frames, each measured in ratios to a peer that took turns with it."""
     for scene, by_samples in new['whole_frames'].items():
         for samples, times in by_samples.items():
-            before = old['whole_frames'].get(scene, {}).get(str(samples))  # as JSON has keys
+            before = old['whole_frames'].get(scene, {}).get(samples)
             if before is None:
                 continue
             ratios = [np.log(np.divide(t['with'], t['without'])) for t in (before, times)]

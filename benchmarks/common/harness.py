@@ -51,19 +51,20 @@ class Results:
     points: dict = field(default_factory=dict)
     whole_frames: dict = field(default_factory=dict)
 
-    def as_dict(self) -> dict:
-        """Return everything as files hold it."""
-        return {
+    def to_json(self) -> str:
+        """Return everything as JSON."""
+        found = {
             'driver': self.driver,
             **self.settings,
             'rows': [asdict(row) | {'ok': row.ok} for row in self.rows],
             'points': self.points,
             'whole_frames': self.whole_frames,
         }
+        return json.dumps(found, indent=1)
 
-    def to_json(self) -> str:
-        """Return everything as JSON."""
-        return json.dumps(self.as_dict(), indent=1)
+    def as_dict(self) -> dict:
+        """Return everything as its file holds it: without tuples and numbers as keys."""
+        return json.loads(self.to_json())
 
     def table(self) -> Table:
         """Return a table to print."""

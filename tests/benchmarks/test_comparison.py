@@ -26,8 +26,11 @@ def run(seed, slower=1.0, *, error=0.02, sharpness=0.97, pairs=15, **settings):
 
 
 def test_results_are_compared_as_their_file_is():
-    results = Results('llvmpipe', {'quick': True}, [Row('FLIP', 0.03, '', 0.1)])
+    frames = {'trees': {8: {'with': [(2.0, 1.0)] * 3, 'without': [(1.0, 1.0)] * 3}}}
+    settings = {'quick': True, 'size': (160, 90)}
+    results = Results('llvmpipe', settings, [Row('FLIP', 0.03, '', 0.1)], {}, frames)
     assert is_no_worse(json.loads(results.to_json()), results.as_dict())
+    assert len(compare(json.loads(results.to_json()), results.as_dict())) == 3
 
 
 def verdicts(*runs):
