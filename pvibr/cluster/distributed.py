@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from pvibr.cluster.clients import Cluster
+from pvibr.cluster.kept_bars import kept_bars
 from pvibr.cluster.sent_scenes import scene_of
 from pvibr.cluster.shard_frames import ShardFrames
 from pvibr.cluster.shard_recipes import make_recipes, recipes_of
@@ -16,6 +17,7 @@ from pvibr.cluster.shards import ShardView, light_values
 from pvibr.core.arguments import checked_whole
 from pvibr.core.determinism import is_deterministic
 from pvibr.core.params import Param
+from pvibr.core.passes import supersampling_of
 from pvibr.gl.texture import Texture, nbytes_of, release
 from pvibr.substitutes.layer_card import LayerCard
 from pvibr.substitutes.layer_maths import part_of
@@ -55,8 +57,8 @@ class Distributed(Thing):
         Called on the workers as ``make_shard(index, count, *args, **kwargs)``; it returns a
         plotter with shard `index` of `count`. Nothing of it is in this process. By default the
         things of the subplot that can be divided are sent away: instances, spheres, cylinders
-        and ellipsoids, with their poses, colours and materials; their labels and scalar bars are
-        not, nor are large meshes: make these by `make_shard`.
+        and ellipsoids, with their poses, colours and materials; their scalar bars stay, their
+        labels in legends do not. Large meshes are not sent: make these by `make_shard`.
     count : int, optional
         Number of shards, by default that of the workers.
     args : tuple
@@ -127,6 +129,7 @@ class Distributed(Thing):
         checked_whole('count', self._count, 1, 100_000)
         self._things = things
         self._frames: Any = None
+        self._bars: list = []
         self._card = LayerCard()
         self._shown: _Shown | None = None
         self._shown_key: Any = None
@@ -163,13 +166,18 @@ class Distributed(Thing):
             taken, data = recipes_of(pipeline.things, self._things, self._count)
             self._count = len(data)
             self._start(scene_of(self._cluster, make_recipes, (), None, name='a shard'), data)
+            self._bars = kept_bars(taken)
             for thing in taken:
                 pipeline.remove(thing)
         super().attach(pipeline)
+        for kept in self._bars:
+            kept.bar.show(kept)
 
     def detach(self):
         """Leave the scene, and close the plotters of the workers."""
         super().detach()
+        for kept in self._bars:
+            kept.bar.leave(kept)
         self._frames.close()
 
     def actors(self) -> list:
@@ -200,13 +208,16 @@ class Distributed(Thing):
             self._card.hide()
             return
         is_coarse = frame.quality < 1 and not is_deterministic()
-        share = self.coarse if is_coarse else 1.0
-        size = tuple(max(1, round(share * n)) for n in frame.size)
+        full = supersampling_of(frame.renderer)
+        share = full * (self.coarse if is_coarse else 1.0)
+        width, height = (max(1, int(share * n)) for n in frame.size)
         samples = frame.window.GetMultiSamples()
-        view = ShardView(frame.view, size, samples, frame.time, light_values(frame.renderer))
+        view = ShardView(
+            frame.view, (width, height), samples, frame.time, light_values(frame.renderer)
+        )
         key = frame.window, frame.size, view.key()
         if key != self._shown_key:
-            self._take(frame, view)
+            self._take(frame, view, 'linear' if share < full else 'nearest')
             self._shown_key = key
         if self._shown is None:
             self._card.hide()
@@ -215,7 +226,7 @@ class Distributed(Thing):
         self._card.show(frame, self._shown, _Unwarped(), bounds, deep=self._depth_is_read(frame))
         self.order = tuple(self._card.order(0))
 
-    def _take(self, frame, view):
+    def _take(self, frame, view, filter):
         """Adopt the composite of a view."""
         picture = self._frames.picture(view)
         self._redraws += 1
@@ -225,7 +236,6 @@ class Distributed(Thing):
         grown = np.divide(frame.size, view.size)
         rect = (np.reshape(picture.rect, (2, 2)) * grown).ravel().tolist()
         clip = frame.clip_from_view
-        filter = 'nearest' if view.size == frame.size else 'linear'
         color = Texture(frame.window, filter=filter).upload(
             picture.blendable(frame.renderer.GetBackground())
         )

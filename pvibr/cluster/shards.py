@@ -13,6 +13,8 @@ from pvibr.cluster.shard_pictures import ShardPicture
 from pvibr.core import _vtk
 from pvibr.core.effect import Effect
 from pvibr.maths.views import View
+from pvibr.things.draw_order import Stage
+from pvibr.things.thing import Thing
 
 _LIGHT_VALUES = (
     *('Position', 'FocalPoint', 'AmbientColor', 'DiffuseColor', 'SpecularColor', 'Intensity'),
@@ -121,7 +123,17 @@ def drawn_view(plotter, view, has_normals=True) -> tuple[np.ndarray, np.ndarray,
 def drawn_picture(plotter, view) -> ShardPicture:
     """Return a plotter's picture of a view, as far as it is covered."""
     color, depth, _ = drawn_view(plotter, view, has_normals=False)
-    return ShardPicture.of(color, depth, view.samples > 1)
+    return ShardPicture.of(color, depth, view.samples > 1 and not _draws_fringes(plotter))
+
+
+def _draws_fringes(plotter) -> bool:
+    """Return whether soft edges are mostly those of cards, which are blended as displayed."""
+    orders = [thing.order for thing in plotter.ibr if isinstance(thing, Thing)]
+    return any(
+        key[0] == Stage.FRINGE and actor.GetVisibility()
+        for order in orders
+        for key, actor in order
+    )
 
 
 @contextmanager

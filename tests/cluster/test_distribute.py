@@ -61,6 +61,93 @@ def test_the_picture_of_one_process(client):
     pl.close()
 
 
+def _with_ssaa(pl):
+    pl.enable_anti_aliasing('ssaa')
+
+
+def _with_translucent(pl):
+    pl.add_mesh(pv.Cube(x_length=5), color='blue', opacity=0.4)
+    pl.enable_depth_peeling()
+
+
+def _with_volume(pl):
+    image = pv.ImageData(dimensions=(20,) * 3, origin=(-2,) * 3, spacing=(0.2,) * 3)
+    image['value'] = np.linspace(0, 1, 8000)
+    pl.add_volume(image, opacity='linear', show_scalar_bar=False)
+
+
+def _with_lamp(pl):
+    pl.remove_all_lights()
+    pl.add_light(pv.Light(position=(5, 5, 5), positional=True, cone_angle=40))
+
+
+@pytest.mark.parametrize(
+    'change', [_with_ssaa, _with_translucent, _with_volume, _with_lamp], ids=lambda f: f.__name__
+)
+def test_beside_what_else_is_in_the_scene(client, change):
+    pl = plotter()
+    things(pl, 300)
+    change(pl)
+    expected = shot(pl)
+    pl.ibr.distribute(client)
+    assert np.abs(shot(pl) - expected).max() <= 1
+    pl.close()
+
+
+@pytest.mark.parametrize(
+    ('change', 'share'), [('enable_eye_dome_lighting', 0.2), ('enable_ssao', 0.7)]
+)
+def test_what_reads_depth_sees_the_shards(client, change, share):
+    pl = plotter()
+    things(pl, 300)
+    plain = shot(pl)
+    getattr(pl, change)()
+    expected = shot(pl)
+    pl.ibr.distribute(client)
+    error, effect = (flip(a / 255, expected / 255).mean() for a in (shot(pl), plain))
+    assert error < share * effect  # normals are those of the depth, wrong at silhouettes
+    pl.close()
+
+
+def test_cards(client):
+    pl = plotter(8)
+    places = np.random.default_rng(1).uniform(-3, 3, (150, 3))
+    ring = pv.ParametricTorus(u_res=100, v_res=50, w_res=10)
+    rings = pl.ibr.add_instances(ring, places, scale=0.1, color='tan')
+    expected = shot(pl)
+    cards = 'splat', 'flat', 'parallax', 'blended', 'fine'
+    assert sum(rings.report()[level] for level in cards) > 100
+    pl.ibr.distribute(client)
+    assert flip(shot(pl) / 255, expected / 255).mean() <= 0.01
+    pl.close()
+
+
+def test_far_from_the_origin(client):
+    pl = plotter()
+    places = np.random.default_rng(1).uniform(-3, 3, (150, 3)) + 5e6
+    pl.ibr.add_spheres(places, 0.2, color='tan')
+    pl.camera_position = 'iso'
+    expected = shot(pl, 'iso')
+    pl.ibr.distribute(client)
+    assert np.abs(shot(pl, 'iso') - expected).max() <= 1
+    pl.close()
+
+
+def test_scalar_bars_stay(client):
+    pl = plotter()
+    cloud = pv.PolyData(np.random.default_rng(1).uniform(-3, 3, (150, 3)))
+    cloud['height'] = cloud.points[:, 2]
+    pl.ibr.add_spheres(cloud, 0.2, scalars='height', scalar_bar_args={'vertical': True})
+    expected = shot(pl)
+    shards = pl.ibr.distribute(client)
+    assert np.abs(shot(pl) - expected).max() <= 1
+    pl.ibr.remove(shards)
+    assert not len(pl.scalar_bars)
+    pl.ibr.add(shards)
+    assert np.abs(shot(pl) - expected).max() <= 1
+    pl.close()
+
+
 def test_samples(client):
     pl = plotter(8)
     things(pl, 500)
