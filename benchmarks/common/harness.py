@@ -136,3 +136,4 @@ class Bench:
                 axes.legend(fontsize='x-small')
         figure.suptitle(f'pvibr bench {name}: {results.driver}')
         figure.savefig(out / f'bench_{name}.png', dpi=110)
+        figure.savefig(out / f'bench_{name}.svg')

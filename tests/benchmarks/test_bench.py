@@ -10,6 +10,8 @@ from benchmarks import BENCHES, instances, main
 from benchmarks.common import whole_frames
 from benchmarks.common.harness import Results, Row
 from benchmarks.common.meshes import MESHES
+from benchmarks.scaling import exponents
+from benchmarks.tradeoffs import knee
 from pvibr.cli import peers
 from pvibr.meshes.parts import as_parts
 from pvibr.scenes.stage import Stage, mesh_actors
@@ -41,13 +43,28 @@ def test_results_are_json_and_a_plot(tmp_path):
 def test_every_bench_is_declared(name):
     bench = import_module(f'benchmarks.{name}').BENCH
     assert {len(pair) for pair in bench.settings.values()} == {2}
-    assert bench.outside or name in ('cluster', 'sort_last')  # which adds nothing to a frame
+    assert bench.outside or name in (
+        'cluster',
+        'sort_last',
+        'scaling',
+        'tradeoffs',
+    )  # of frames themselves
     assert BENCHES[name].startswith('Measure ')
 
 
 def test_continuous_integration_runs_every_bench(capfd):
     runpy.run_module('benchmarks', run_name='__main__')
     assert capfd.readouterr().out.split() == list(BENCHES)
+
+
+def test_exponents_of_powers():
+    counts = np.array([10, 100, 1000])
+    assert np.allclose(exponents(counts, 3 * counts**0.5), 0.5)
+    assert np.allclose(exponents(counts, [1, 1, 10]), (0.5, 1))
+
+
+def test_the_knee_of_a_trade_off():
+    assert knee([1, 2, 10, 100], [100, 3, 2, 1]) == 1
 
 
 def test_whole_frames_are_drawn_by_turns():
