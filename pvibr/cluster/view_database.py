@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import uuid
 from dataclasses import replace
 from pathlib import Path
 
@@ -333,17 +334,21 @@ class ViewWriter:
         """
         time = checked_number('time', time)
         try:
-            kept = [row for row in read_table(self._folder) if row[0] != time]
+            present = read_table(self._folder)
         except FileNotFoundError:
-            kept = []
+            present = []
+        kept = [row for row in present if row[0] != time]
+        key = uuid.uuid4().hex  # files of a step that is replaced stay whole until then
         plotter = pv.Plotter(off_screen=True, window_size=[self._size, self._size])
         try:
             plotter.add_mesh(mesh, **self._look)
             rows = []
             for direction in self._directions:
                 row = row_of(time, direction)
-                rows.append((*row, _file(row, 'step', self._size)))
+                rows.append((*row, _file(row, key, self._size)))
                 store_view(self._folder / rows[-1][-1], plotter, time, direction, self._size)
         finally:
             plotter.close()
         write_table(self._folder, [*kept, *rows])
+        for *_, name in set(present) - set(kept):
+            (self._folder / name).unlink(missing_ok=True)

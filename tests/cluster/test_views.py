@@ -8,6 +8,7 @@ import pyvista as pv
 
 import pvibr
 import pvibr.cluster
+from pvibr.cluster import view_database
 from pvibr.cluster.view_database import directions_of, grid_of
 from pvibr.maths.flip import flip
 
@@ -142,6 +143,26 @@ def test_in_situ(tmp_path):
     assert len(rows_of(tmp_path)) == 12  # the last step took the place of one
     stored = pvibr.read_views(tmp_path)
     assert stored.times == (1.0, 2.0)
+
+
+def test_a_step_that_fails_replaces_nothing(tmp_path, monkeypatch):
+    writer = pvibr.cluster.ViewWriter(tmp_path, 6, size=16, color='tan')
+    writer.step(pv.Sphere(), 1.0)
+    before = {file.name: file.read_bytes() for file in tmp_path.iterdir()}
+
+    def fail(file, *_):
+        if len(list(tmp_path.iterdir())) > len(before) + 3:
+            raise OSError('disk full')
+        stored(file, *_)
+
+    stored = view_database.store_view
+    monkeypatch.setattr(view_database, 'store_view', fail)
+    with pytest.raises(OSError, match='disk full'):
+        writer.step(pv.Cone(), 1.0)
+    assert before.items() <= {f.name: f.read_bytes() for f in tmp_path.iterdir()}.items()
+    monkeypatch.undo()
+    writer.step(pv.Cone(), 1.0)
+    assert {row['FILE'] for row in rows_of(tmp_path)} <= {f.name for f in tmp_path.iterdir()}
 
 
 def test_grids():
