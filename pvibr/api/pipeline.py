@@ -9,7 +9,7 @@ from difflib import get_close_matches
 from functools import partial
 from typing import Any
 
-from pvibr.core.counts import TOTAL, Counts
+from pvibr.core.counts import TOTAL, difference
 from pvibr.core.effect import Effect, put_into
 from pvibr.core.errors import ClosedError, warn
 from pvibr.core.passes import has_shadows, loses_depth, peels_samples
@@ -61,7 +61,8 @@ class Pipeline:
         #: Called when effects came or went, or something is made in the background.
         self.changed: Callable[[], None] = lambda: None
         self._time_of_props = -1  # at which no effect was gone
-        self._closed, self._peels, self._counts = False, False, Counts()
+        self._closed = self._peels = False
+        self._counts = (TOTAL.so_far(),) * 2  # before and after the last frame
 
     def __repr__(self) -> str:
         return f'<Pipeline: {self._names() or "no effects"}, {self._frames} frames>'
@@ -184,7 +185,7 @@ class Pipeline:
             self._frames,
             self._stage.nbytes + self.buffers.nbytes,
             '' if self._adaptive_quality is None else self._adaptive_quality.why,
-            self._counts,
+            difference(*reversed(self._counts)),
         )
 
     def _names(self):
@@ -243,7 +244,7 @@ class Pipeline:
             entry.begin(turn)
         self._prepare_again(turn)
         if self._entries:
-            turn.guard(self._entries, self.order.sort, turn.drawn, self.things)
+            turn.guard(self._entries, self.order.sort, turn.drawn, self._things)
         images = [e for e in self._entries if e.running and e.is_image_effect]
         if images and not frame.picking:
             turn.images = images
@@ -289,7 +290,7 @@ class Pipeline:
             self._peels = True
             if 'llvmpipe' in renderer_name(self.window):
                 turn.failures.append(_PEELS_NOTHING)
-        self._counts = TOTAL.since(turn.counts)
+        self._counts = turn.counts, TOTAL.so_far()
         turn.warn()
 
     def forget_removed(self):
@@ -316,7 +317,9 @@ class _Entry:
         if 0 in turn.frame.size or (turn.frame.picking and not effect.picks):
             return
         row.ms = 0.0
-        if not effect.enabled:
+        if self._awake and effect.enabled and effect.is_prepared(turn.drawn):
+            self.running = True
+        elif not effect.enabled:
             self.stop('off', row.why if row.state == 'off' else 'enabled is False')
         else:
             self._ask(turn)
@@ -358,7 +361,7 @@ class _Turn:
         self.failures: list[str] = []
         self.begun: Frame | None = None
         self.camera = None  # once all is prepared for it
-        self.counts = TOTAL.copied()
+        self.counts = TOTAL.so_far()
         self.take(frame)
 
     def take(self, frame):

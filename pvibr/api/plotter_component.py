@@ -108,9 +108,9 @@ class IBRComponent(metaclass=Complete):
         self._costs: dict[Pipeline, setting_costs.Costs] = {}
         self._hooks, self._picture_hooks = Hooks(plotter), Hooks(plotter)
 
-    def _frame_ms(self) -> float:
+    def _frame_ms(self, effects) -> float:
         """Return the frame time to meet while the view moves: the least that is asked for."""
-        asked_times = map(_FRAME_MS, self._all_effects())
+        asked_times = map(_FRAME_MS, effects)
         return min(filter(None, (self.interactive_frame_ms, *asked_times)), default=0.0)
 
     def __setattr__(self, name, value):

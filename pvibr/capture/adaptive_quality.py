@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import contextmanager
 from operator import attrgetter
 from time import perf_counter
+from typing import Any
 
 from pvibr.capture.clock import Loop, Timer, draw, filming, ticks
 from pvibr.capture.load_budget import LoadBudget
 from pvibr.core import _vtk
-from pvibr.core._vtk import method
 from pvibr.core.costs import RunningMean
 from pvibr.core.determinism import is_deterministic
 from pvibr.core.hooks import Hooks
@@ -140,7 +140,8 @@ class AdaptiveQuality:
 
     def __init__(self, plotter, budget_ms, playing=lambda: False, effects=list):
         self._plotter, self._budget_ms, self._playing = plotter, budget_ms, playing
-        self._effects = effects
+        self._list_effects = effects
+        self._effects: Sequence[Any] = ()  # of the frame being drawn
         self.budget = Budget()
         #: That of scenes whose triangles are known.
         self.load_budget = LoadBudget()
@@ -213,7 +214,8 @@ class AdaptiveQuality:
             self.release()
             return
         self._is_asked = False
-        self.budget.ms = self._budget_ms()
+        self._effects = self._list_effects()
+        self.budget.ms = self._budget_ms(self._effects)
         last_ms = self._timer.start(window)
         if last_ms is not None:
             self._record(last_ms)
@@ -227,7 +229,7 @@ class AdaptiveQuality:
 
     def _count_triangles(self, window):
         """Return the triangles of the frame by its quality, None unless an effect knows them."""
-        counting = [effect for effect in self._effects() if effect.triangles_of is not None]
+        counting = [effect for effect in self._effects if effect.triangles_of is not None]
         if not counting or _is_partial(window):
             return None
         counts = []
@@ -253,6 +255,7 @@ class AdaptiveQuality:
         return self._start_ticks()
 
     def _on_end(self, window, _event):
+        effects, self._effects = self._effects, ()
         self._restore_samples(window)
         if not self._timer.is_running or _is_picking(window):
             self._timer.cancel()
@@ -262,7 +265,6 @@ class AdaptiveQuality:
             self._record(frame_ms)
         self.lowered = self.latest < 1
         self._draw_pending = False
-        effects = self._effects()
         if self._is_moving_frame or False in [effect.rests for effect in effects]:
             self._last_move = perf_counter()
         if self.lowered:
@@ -299,20 +301,22 @@ class AdaptiveQuality:
     # -- motion ----------------------------------------------------------------------------------
 
     def _is_moving(self, window) -> bool:
+        is_dragging = is_dragged(window)
+        if not (is_dragging or self._wheel_turned or self._playing()):
+            return False
         if self._stays_full() or not self.budget.ms:
             return False
         if _is_partial(window):
             return False
-        if is_dragged(window):
+        if is_dragging:
             # VTK's styles render a still at the end, and take timer events for moves.
             self._stop()
             return True
-        is_moving = self._wheel_turned or self._playing()
-        is_lowered = is_moving and (self._triangles is not None or self.budget.quality < 1)
+        is_lowered = self._triangles is not None or self.budget.quality < 1
         # No style renders a still at the end: lower quality only if a timer will.
         has_timer = is_lowered and self._start_ticks()
         self._wheel_turned = self._wheel_turned and has_timer
-        return has_timer if is_lowered else is_moving
+        return has_timer if is_lowered else True
 
     def _stays_full(self) -> bool:
         return self._is_full or filming(self._plotter) or is_deterministic()
@@ -347,13 +351,15 @@ class AdaptiveQuality:
 
     def _may_refine(self) -> bool:
         """Return True if more frames of the same view refine it, and may be drawn unprompted."""
+        if True not in [effect.unfinished for effect in self._list_effects()]:
+            return False
         if is_dragged(self._window) or filming(self._plotter) or is_deterministic():
             return False
-        return not self._playing() and True in [effect.unfinished for effect in self._effects()]
+        return not self._playing()
 
     def _is_pending(self) -> bool:
         """Return True if something in the background will refine the view."""
-        return any(map(_PENDING, self._effects()))
+        return any(map(_PENDING, self._list_effects()))
 
     def _stop(self):
         old_ticks, self._ticks = self._ticks, None
@@ -387,7 +393,5 @@ def _is_partial(window) -> bool:
 
 
 def _is_picking(window) -> bool:
-    for renderer in window.GetRenderers():  # noqa: SIM110, a generator takes longer
-        if method(renderer, 'GetSelector')() is not None:
-            return True
-    return False
+    get = object.__getattribute__  # PyVista's lookup is in Python
+    return any(get(r, 'GetSelector')() is not None for r in window.GetRenderers())

@@ -20,14 +20,9 @@ class Counts:
     #: Waits for the GPU: texels read at once, and timed draws.
     waits: int = 0
 
-    def since(self, start) -> Counts:
-        """Return what was counted since some counts."""
-        pairs = zip(vars(self).values(), vars(start).values(), strict=True)
-        return Counts(*[now - before for now, before in pairs])
-
-    def copied(self) -> Counts:
-        """Return the counts so far."""
-        return Counts(**vars(self))
+    def so_far(self) -> dict[str, int]:
+        """Return a copy of the counts, by name."""
+        return self.__dict__.copy()
 
     def __str__(self) -> str:
         return (
@@ -35,6 +30,11 @@ class Counts:
             f'{self.uniforms:,} uniforms, {self.uploaded_bytes:,} bytes uploaded, '
             f'{self.waits:,} waits'
         )
+
+
+def difference(later, earlier) -> Counts:
+    """Return what was counted between two copies."""
+    return Counts(**{name: count - earlier[name] for name, count in later.items()})
 
 
 #: Of all windows since the start of the process.

@@ -133,6 +133,10 @@ class Effect(metaclass=Complete):
         """Return True if the frame needs the effect, else the reason."""
         return self.why_neutral or True
 
+    def is_prepared(self, frame) -> bool:
+        """Return True if the last preparation holds for a frame: nothing has changed since."""
+        return False
+
     def prepare(self, frame):
         """Do the work before the scene is drawn."""
 

@@ -283,6 +283,9 @@ class Crowd(Instances):
         """Return a key that changes when the content changes, whatever the camera."""
         return *super().content_key(), self._now()
 
+    def _time_getters(self):
+        return None  # its members move
+
     def prepare(self, frame):
         """Choose levels of detail, and animate the members."""
         if self._shown_material != self._material.changes:

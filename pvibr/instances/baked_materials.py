@@ -31,6 +31,10 @@ class BakedMaterial:
         self._baked_look, self._shape = self._look(), self._shape_now()
         self._times = self._times_now()
 
+    def time_getters(self) -> list:
+        """Return what returns the times of the actors, materials and textures."""
+        return [*self._get_times, *(image.GetMTime for image in self._images)]
+
     def changed(self) -> bool:
         """Return True if a material was modified since the last call."""
         actor_times = [get_time() for get_time in self._get_times]

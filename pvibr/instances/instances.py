@@ -218,8 +218,7 @@ class Instances(ItemSet):
         """Draw items in their looks; bake the models that are missing."""
         self._scalars = self._colors = self._visible = self.table = None
         self._items, self._models = items, models
-        #: What draws the instances of each mesh, as cards or meshes.
-        self.groups: MeshGroups = groups
+        self.groups: MeshGroups = groups  # what draws the instances of each mesh
         models.follow_poses(items.poses, items.index)
         self._rebuild()
         self._adopt_material()
@@ -238,6 +237,8 @@ class Instances(ItemSet):
     _remake = model_changes.remake
     _adopt_material = model_changes.adopt_material
     _follow_meshes = model_changes.follow_meshes
+    _time_getters = model_changes.time_getters
+    is_prepared = model_changes.is_prepared
     _show_models = model_changes.show_models
     _rank_bakes = model_changes.rank_bakes
     report = explaining.report
@@ -462,12 +463,11 @@ class Instances(ItemSet):
         self.groups.upload(frame.window)
 
     def _choice_key(self, frame) -> tuple:
-        depth_is_read = self._depth_is_read(frame)
-        return *super()._choice_key(frame), frame.depth_map, frame.quality, depth_is_read
+        key = super()._choice_key(frame)
+        return *key, frame.depth_map, frame.quality, self._depth_is_read(frame)
 
     def _choose(self, frame, _other_depths):
-        depth_is_read = self._depth_is_read(frame)
-        if self.groups.draw(frame, self._level_choice(), depth=depth_is_read):
+        if self.groups.draw(frame, self._level_choice(), depth=self._depth_is_read(frame)):
             self.order = self.groups.draw_order()
 
     def _check_shaders(self):

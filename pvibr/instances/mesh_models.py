@@ -279,6 +279,12 @@ class MeshModels:
 
     # -- changes of meshes and materials -----------------------------------------------------
 
+    def time_getters(self) -> list:
+        """Return what returns the times of all that `follow_meshes` follows."""
+        sources = [] if self._sources is None else self._sources.time_getters
+        shown_materials = [self._materials[k] for k in self._by_mesh if k in self._materials]
+        return [*sources, *(get for m in shown_materials for get in m.time_getters())]
+
     def follow_meshes(self, index) -> tuple[list[int], bool]:
         """Follow changes of meshes and materials; outdated images give way to meshes.
 

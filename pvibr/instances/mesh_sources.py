@@ -19,8 +19,9 @@ class Sources:
 
     def __init__(self, meshes, parts_of, parts):
         self._meshes, self._parts_of = meshes, parts_of
-        self._get_times = [_getter_of_times(mesh) for mesh in meshes]
-        self._times = [get() for get in self._get_times]
+        #: Functions that return each mesh's times.
+        self.time_getters = [_getter_of_times(mesh) for mesh in meshes]
+        self._times = [get() for get in self.time_getters]
         # Computed now: parts share arrays with their meshes.
         pairs = zip(parts, self._times, strict=True)
         self._keys = [content_key(mesh_parts) if times else '' for mesh_parts, times in pairs]
@@ -32,7 +33,7 @@ class Sources:
     def changed(self) -> dict[int, list]:
         """Return the new parts of meshes whose points, cells or shown arrays have changed."""
         changed_parts: dict[int, list] = {}
-        times = [get() for get in self._get_times]
+        times = [get() for get in self.time_getters]
         if times == self._times:
             return changed_parts
         keys = list(self._keys)

@@ -8,6 +8,7 @@ import numpy as np
 
 from pvibr.core.arguments import checked_number
 from pvibr.core.progress import baking
+from pvibr.things.item_set import ItemSet
 
 _POLL_SECONDS = 0.02
 _RANKED_ITEMS = 10_000  # of all, evenly, by which meshes are ranked
@@ -48,6 +49,18 @@ def follow_meshes(self):
     if has_new_models:
         self._show_models()
         self._show_bar()
+
+
+def is_prepared(self, frame) -> bool:
+    """Return True if the last preparation holds; not once a shader has failed."""
+    if self.covered is not self._applied_cover or self.groups.has_failed:
+        return False
+    return ItemSet.is_prepared(self, frame)
+
+
+def time_getters(self) -> list | None:
+    """Return what returns the times of meshes and materials; None while bakes are under way."""
+    return None if self._models.has_drafts else self._models.time_getters()
 
 
 def bake(self):

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
 
 from pvibr.core import _vtk
+from pvibr.core._vtk import method
 from pvibr.core.passes import margins
 from pvibr.maths.sequences import pair
 from pvibr.maths.views import View
@@ -19,6 +20,8 @@ _OBLONG = 1.01
 STEP = 2**-0.25
 #: Offset of lines from their surface toward the eye, as a fraction of the distance.
 _BEFORE = 2e-3
+#: A subplot that is no tile of a large screenshot.
+_WHOLE = 0.0, 0.0, 1.0, 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,7 +66,7 @@ class Frame:
     astray: set = field(default_factory=set)
     #: Whether an effect reads the depth of the frame, once a thing has found out.
     reads_depth: list[bool] = field(default_factory=list)
-    tile: tuple[float, float, float, float] = (0.0, 0.0, 1.0, 1.0)
+    tile: tuple[float, float, float, float] = _WHOLE
     scale: int = 1
     quality: float = 1.0
     #: The sample of a still picture, or None for a picture by itself.
@@ -80,16 +83,19 @@ class Frame:
             camera.Render(renderer)  # updates the camera's stereo state
         aspect_ratio = get(renderer, 'GetTiledAspectRatio')()
         near, far = get(camera, 'GetClippingRange')()
-        view = View(
-            _matrix(get(camera, 'GetModelViewTransformMatrix')()),
-            _matrix(get(camera, 'GetProjectionTransformMatrix')(aspect_ratio, -1, 1)),
+        view = _view(
+            get(camera, 'GetModelViewTransformMatrix')().GetData(),
+            get(camera, 'GetProjectionTransformMatrix')(aspect_ratio, -1, 1).GetData(),
             near,
             far,
             bool(get(camera, 'GetParallelProjection')()),
-            _frozen(get(camera, 'GetPosition')()),
+            get(camera, 'GetPosition')(),
         )
-        scale = tuple(window.GetTileScale())
-        origin, size, tile = _whole(renderer) if scale == (1, 1) else _tile(renderer, window)
+        scale = window.GetTileScale()
+        if scale == (1, 1):
+            origin, size, tile = get(renderer, 'GetOrigin')(), get(renderer, 'GetSize')(), _WHOLE
+        else:
+            origin, size, tile = _tile(renderer, window)
         return cls(
             renderer=renderer,
             window=window,
@@ -111,6 +117,8 @@ class Frame:
 
     def within_passes(self) -> tuple[Frame, Frame]:
         """Return the frame as VTK's passes draw the scene, and as they show it."""
+        if method(self.renderer, 'GetPass')() is None:
+            return self, self
         camera = self.renderer.GetActiveCamera()
         if 0 in self.size or camera.GetUseExplicitProjectionTransformMatrix():
             return self, self
@@ -217,13 +225,8 @@ def _zoomed(view, x, y) -> View:
     return replace(view, clip_from_view=_frozen(clip_from_view, (4, 4)))
 
 
-def _whole(renderer):
-    """Return origin, size and drawn fraction of a subplot, in framebuffer pixels."""
-    return tuple(renderer.GetOrigin()), tuple(renderer.GetSize()), (0.0, 0.0, 1.0, 1.0)
-
-
 def _tile(renderer, window):
-    """Return the same for the tile of a large screenshot."""
+    """Return origin, size and fraction of a subplot in the tile of a large screenshot."""
     tile, viewport, size = window.GetTileViewport(), renderer.GetViewport(), window.GetSize()
     tile_corners, drawn_shares = [], []
     for i in range(4):
@@ -237,8 +240,11 @@ def _tile(renderer, window):
     return (x0, y0), (x1 - x0, y1 - y0), tuple(drawn_shares)
 
 
-def _matrix(vtk_matrix) -> np.ndarray:
-    return _frozen(vtk_matrix.GetData(), (4, 4))
+@lru_cache(maxsize=64)
+def _view(view_from_world, clip_from_view, near, far, parallel, position) -> View:
+    """Return a view of a camera's numbers; the same object for the same ones."""
+    matrices = _frozen(view_from_world, (4, 4)), _frozen(clip_from_view, (4, 4))
+    return View(*matrices, near, far, parallel, _frozen(position))
 
 
 def _frozen(values, shape=(3,)) -> np.ndarray:

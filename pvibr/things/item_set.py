@@ -8,6 +8,7 @@ import numpy as np
 import pyvista as pv
 
 from pvibr.core.arguments import naming
+from pvibr.core.determinism import is_deterministic
 from pvibr.core.nan_rows import NanRows
 from pvibr.core.observers import weakly
 from pvibr.things import appearance as look
@@ -49,6 +50,8 @@ class ItemSet(Thing):
     _noun = 'items'
     _changes = _watcher = 0
     _content_key: tuple | None = None
+    #: What a still frame was prepared for: its content key, getters of times, and its state.
+    _still: tuple = (None, (), None)
     #: Clipping planes that the shaders of its items apply.
     clipping = ClippingPlanes()
     #: Which items have NaN among their positions and sizes, and are hidden.
@@ -348,6 +351,25 @@ class ItemSet(Thing):
         if choice_key != self._content_key:
             self._choose(frame, other_depths)
             self._content_key = choice_key
+        elif (getters := self._time_getters()) is not None and not self.blends:
+            self._still = self._content_key, getters, self._state_of(frame, getters)
+
+    def is_prepared(self, frame) -> bool:
+        """Return True if view, settings, transform, and what has times are as they were."""
+        content_key, getters, state = self._still
+        if content_key is None or content_key is not self._content_key:
+            return False
+        return state == self._state_of(frame, getters)
+
+    def _state_of(self, frame, getters) -> tuple:
+        """Return what a still frame is recognised by."""
+        times = [get() for get in getters]
+        depth_is_read = self._depth_is_read(frame)
+        return frame.once(_still_key), self.revision, self.GetVisibility(), depth_is_read, times
+
+    def _time_getters(self) -> list | None:
+        """Return functions whose values tell all that `prepare` follows; None if none can."""
+        return None
 
     def _upload(self, frame):
         """Upload what has changed; the context is current."""
@@ -411,6 +433,12 @@ class ItemSet(Thing):
         """Choose the items again in the next frame."""
         self._content_key = None
         self._changes += 1
+
+
+def _still_key(frame) -> tuple:
+    """Return what of a frame determines all choices; equal views are the same object."""
+    flags = frame.own, frame.picking, frame.casting, frame.depth_map, is_deterministic()
+    return frame.view, frame.size, frame.quality, *flags
 
 
 def _view_key(frame) -> tuple:

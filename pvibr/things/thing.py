@@ -119,8 +119,9 @@ class Thing(Effect, pv.Actor):
         if not frame.own or frame.quality < _OWN_DEPTH_FROM:
             return False
         if not frame.reads_depth:
-            renderer = frame.renderer
-            read_by_vtk = renderer.GetPass() is not None or bool(renderer.GetUseSSAO())
+            get = object.__getattribute__  # PyVista's lookup is in Python
+            has_pass = get(frame.renderer, 'GetPass')() is not None
+            read_by_vtk = has_pass or bool(get(frame.renderer, 'GetUseSSAO')())
             effects = self.pipeline.image_effects
             frame.reads_depth.append(
                 read_by_vtk or any(e.enabled and e.reads_depth for e in effects)

@@ -304,13 +304,13 @@ def test_coarser_while_it_moves_and_exact_at_rest():
 
 def test_least_frame_time_applies():
     pl, thing = drawn()
-    assert pl.ibr._frame_ms() == 100
+    assert pl.ibr._frame_ms(pl.ibr._all_effects()) == 100
     thing.moving = 40
-    assert pl.ibr._frame_ms() == 40
+    assert pl.ibr._frame_ms(pl.ibr._all_effects()) == 40
     pl.ibr.interactive_frame_ms = 20
-    assert pl.ibr._frame_ms() == 20
+    assert pl.ibr._frame_ms(pl.ibr._all_effects()) == 20
     thing.moving, pl.ibr.interactive_frame_ms = 0, 0
-    assert pl.ibr._frame_ms() == 0
+    assert pl.ibr._frame_ms(pl.ibr._all_effects()) == 0
 
 
 def test_cut_as_data():
