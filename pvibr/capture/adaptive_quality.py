@@ -243,16 +243,15 @@ class AdaptiveQuality:
     def _choose(self) -> float:
         """Return the quality of the frame that begins."""
         if not self._is_moving_frame:
-            return self.load_budget.finer(self._triangles) if self._is_refining() else 1.0
+            is_refining = self.lowered and self._is_refining()
+            return self.load_budget.finer(self._triangles) if is_refining else 1.0
         if self._triangles is None:
             return self.budget.quality
         return self.load_budget.choose(self.budget.ms, self._triangles)
 
     def _is_refining(self) -> bool:
-        """Return True if a frame at rest, after lowered ones, is not the last of this view."""
-        if self._triangles is None or not self.lowered or self._stays_full():
-            return False
-        return self._start_ticks()
+        """Return True if a frame at rest, after a lowered one, is not the last of this view."""
+        return self._triangles is not None and not self._stays_full() and self._start_ticks()
 
     def _on_end(self, window, _event):
         effects, self._effects = self._effects, ()

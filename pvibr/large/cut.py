@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -25,19 +26,26 @@ class ModelView:
 
     @classmethod
     def of(cls, frame, world_from_model) -> ModelView:
-        """Return the view of a frame; the model's matrix has an inverse."""
-        stretches = np.linalg.svd(world_from_model[:3, :3], compute_uv=False)
-        model_from_world = np.linalg.inv(world_from_model)
-        eye = model_from_world[:3, :3] @ frame.eye + model_from_world[:3, 3]
-        # Where a model is stretched, distances are at least these, and errors at most.
-        scale = stretches[0] if frame.parallel else stretches[0] / stretches[-1]
-        return cls(
-            eye,
-            frame.clip_from_view @ frame.view_from_world @ world_from_model,
-            float(frame.pixel_scale * scale),
-            float(frame.near / stretches[0]),
-            frame.parallel,
-        )
+        """Return the view of a frame, the same object for equal ones; matrices have inverses."""
+        return _model_view(frame.view, frame.pixel_scale, world_from_model.tobytes())
+
+
+@lru_cache(maxsize=16)
+def _model_view(view, pixel_scale, matrix_bytes) -> ModelView:
+    """Return the view in the space of a model whose matrix is given as bytes."""
+    world_from_model = np.frombuffer(matrix_bytes).reshape(4, 4)
+    stretches = np.linalg.svd(world_from_model[:3, :3], compute_uv=False)
+    model_from_world = np.linalg.inv(world_from_model)
+    eye = model_from_world[:3, :3] @ view.eye + model_from_world[:3, 3]
+    # Where a model is stretched, distances are at least these, and errors at most.
+    scale = stretches[0] if view.parallel else stretches[0] / stretches[-1]
+    return ModelView(
+        eye,
+        view.clip_from_view @ view.view_from_world @ world_from_model,
+        float(pixel_scale * scale),
+        float(view.near / stretches[0]),
+        view.parallel,
+    )
 
 
 def cell_pixels(hierarchy, view) -> np.ndarray:

@@ -32,6 +32,7 @@ class Detail:
         self._shown: tuple = (None, None)
         self._look: tuple = ()
         self._errors: Any = None
+        self._last: tuple = (0.0, None)  # factor, and the hierarchy for it
 
     def of(self, hierarchy, values, value_range, factor=1.0, *, is_lit) -> Hierarchy:
         """Return a hierarchy whose errors also tell what it loses of normals and values."""
@@ -39,8 +40,11 @@ class Detail:
         if look != self._look or not all(map(operator.is_, shown, self._shown)):
             self._shown, self._look = shown, look
             lengths = lost_lengths(hierarchy, values, value_range, is_lit=is_lit)
-            self._errors = lengths / _SPACING
-        return replace(hierarchy, errors=np.maximum(hierarchy.errors, self._errors / factor))
+            self._errors, self._last = lengths / _SPACING, (0.0, None)
+        if self._last[0] != factor:
+            errors = np.maximum(hierarchy.errors, self._errors / factor)
+            self._last = factor, replace(hierarchy, errors=errors)
+        return self._last[1]
 
 
 def lost_lengths(hierarchy, values, value_range, *, is_lit) -> np.ndarray:

@@ -29,6 +29,8 @@ class DrawnSurface:
     def __init__(self, built: Hierarchy, coloring, prop):
         self._built, self.coloring, self._prop = built, coloring, prop
         self._detail = Detail()
+        #: Hierarchy, view and error of which triangles were counted last, and their number.
+        self._counted: tuple = (None, None, 0.0, 0)
 
     @cached_property
     def _values(self):
@@ -63,8 +65,11 @@ class DrawnSurface:
 
     def triangles(self, thing, view, tolerance) -> int:
         """Return how many triangles are drawn within a tolerance."""
-        chosen = self.chosen(thing, tolerance.detail_factor)
-        return triangles_in_view(chosen, view, tolerance.error)
+        chosen, error = self.chosen(thing, tolerance.detail_factor), tolerance.error
+        hierarchy, last_view, last_error, _ = self._counted
+        if hierarchy is not chosen or last_view is not view or last_error != error:
+            self._counted = chosen, view, error, triangles_in_view(chosen, view, error)
+        return self._counted[-1]
 
     def look(self, patches, view: ModelView | None = None, max_error=0.0) -> CutLook:
         """Return the look of patches, with edges as a view shows them."""

@@ -8,6 +8,8 @@ import pyvista as pv
 from scipy.ndimage import binary_dilation, binary_erosion, median_filter
 
 import pvibr
+from pvibr.large import drawn_surface
+from pvibr.large.cut import triangles_in_view
 from pvibr.things.frame import STEP
 from tests.large.surfaces import blob, terrain
 from tests.pictures import off, place, plotter, shot
@@ -456,3 +458,30 @@ def test_report_names_meshes_that_could_be_one(monkeypatch):
     pl.ibr.add_large_mesh(terrain(), name='ground', max_error=0.0, **LOOK)
     pl.render()
     assert pl.ibr.report().large_meshes == {}
+
+
+def test_still_frames_count_no_triangles(monkeypatch):
+    """What tells a frame's load is counted again only if view, matrix or detail changed."""
+    counted = []
+
+    def count(*args):
+        counted.append(args)
+        return triangles_in_view(*args)
+
+    monkeypatch.setattr(drawn_surface, 'triangles_in_view', count)
+    pl, thing = drawn(detail='normals')
+    pl.render()
+    counted.clear()
+    for _ in range(3):
+        pl.render()
+    assert not counted
+    for change in (
+        lambda: pl.camera.Azimuth(5.0),
+        lambda: thing.SetPosition(0.1, 0.0, 0.0),
+        lambda: setattr(thing, 'detail', 'none'),
+    ):
+        change()
+        pl.render()
+        assert counted
+        pl.render()
+        counted.clear()
