@@ -210,7 +210,7 @@ def _model(level, lighter_levels, atlas) -> LodModel:
 
 
 def _key(sampler, poses, tile, counts):
-    key_values: list = ['poses and lighter meshes', VERSION, VIEWS, tile, BINS, counts]
+    key_values: list = ['poses and lighter meshes by distance', VERSION, VIEWS, tile, BINS, counts]
     for mesh_actor in sampler.mesh_actors:
         mesh = mesh_actor.part.mesh
         key_values += [mesh_actor.part.alpha_cutoff, np.asarray(mesh.regular_faces)]
