@@ -149,7 +149,7 @@ def bytes_of(array) -> bytes:
 def delta_planes(array) -> bytes:
     """Return differences of following rows, as integers that wrap, one byte plane after the other.
 
-    The same as filters of meshoptimizer in purpose: neighbours differ little, so high bytes repeat.
+    Neighbours differ little, so that high bytes repeat and deflate well.
     """
     if not array.size:
         return b''
