@@ -16,10 +16,8 @@ _EXPORT = re.compile(
 
 
 def bundle(entry='main') -> str:
-    """Return a module of `page` and what it imports as one script that is no module.
-
-    Modules cannot be imported from files on disk; each becomes a function that is called once.
-    """
+    """Return a module of `page` and what it imports as one script that is no module."""
+    # Modules cannot be imported from files on disk; each becomes a function that is called once.
     texts: dict[str, str] = {}
     _gather(entry, texts, ())
     parts = ["'use strict';", 'const modules = {};']
@@ -47,11 +45,9 @@ def _import_line(match):
 
 
 def page_of(title, chunks) -> str:
-    """Return a page: message, script, and texts as data blocks, of which the first is JSON.
-
-    The message comes first, so that a file which is cut off anywhere says so; the policy allows no
-    host, and no script but the page's own.
-    """
+    """Return a page: message, script, and texts as data blocks, of which the first is JSON."""
+    # The message comes first, so that a file that is cut off anywhere says so; the policy allows
+    # no host, and no script but the page's own.
     script = bundle()
     if '</script' in script.lower():
         raise ValueError('scripts of pages must not contain a closing tag of scripts')

@@ -147,10 +147,8 @@ def bytes_of(array) -> bytes:
 
 
 def delta_planes(array) -> bytes:
-    """Return differences of following rows, as integers that wrap, one byte plane after the other.
-
-    Neighbours differ little, so that high bytes repeat and deflate well.
-    """
+    """Return differences of following rows, as integers that wrap, by planes of bytes."""
+    # Neighbours differ little, so that high bytes repeat and deflate well.
     if not array.size:
         return b''
     width = array.dtype.itemsize
