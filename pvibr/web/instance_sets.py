@@ -1,4 +1,4 @@
-"""Instances for pages: images and lighter meshes of each mesh, and the sizes at which they change."""
+"""Instances for pages: images and lighter meshes, and the sizes at which they change."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def _group(thing, group, limits, programs) -> dict:
     if layers and atlas.errors:
         tree |= _images(atlas)
         tree['cards'] = [_layer(s, group, limits, programs) for s in layers]
-        tree['material'] = material_of(group._prop)
+        tree['material'] = material_of(group.card_prop)
     return tree
 
 
@@ -84,7 +84,7 @@ def _images(atlas) -> dict:
 def _layer(shader, group, limits, programs) -> dict:
     """Return the draws of one card shader, their programs included."""
     above, _ = limits.spans[shader.name]
-    prop = group._prop
+    prop = group.card_prop
     shiny = prop.GetSpecular() > 0 or prop.GetInterpolation() == PBR
 
     def program(deep):

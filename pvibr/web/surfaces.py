@@ -8,7 +8,8 @@ import pyvista as pv
 from pvibr.core import _vtk
 from pvibr.textures.material_textures import copied_property
 
-_FLAT, _WIRE, _POINTS = 0, 1, 0
+_FLAT = 0  # VTK_FLAT
+_POINTS, _WIREFRAME = 0, 1
 _RGB = 'pvibr_rgb'
 
 
@@ -26,12 +27,11 @@ class WebSurface:
         is_smooth = self.prop.GetInterpolation() != _FLAT
         style = self.prop.GetRepresentation()
         lines, verts = _segments(mesh), _vertices(mesh)
-        if style == _WIRE + 0 and style == 1:
+        if style == _WIREFRAME:
             edges = mesh.extract_all_edges(use_all_points=True)
             lines, faces = np.asarray(edges.lines).reshape(-1, 3)[:, 1:], np.zeros((0, 3), int)
-        elif style == 0:
+        elif style == _POINTS:
             lines, faces = np.zeros((0, 2), int), np.zeros((0, 3), int)
-            verts = np.unique(mesh.regular_faces if mesh.is_all_triangles else mesh.faces)
             verts = np.arange(mesh.n_points)
         else:
             faces, cells = _triangles(mesh)
@@ -115,9 +115,7 @@ class WebSurface:
             'origin': self.origin.tolist(),
             'material': material_of(self.prop),
         }
-        if self.source.size != len(self.source) or not np.array_equal(
-            self.source, np.arange(len(self.source))
-        ):
+        if not np.array_equal(self.source, np.arange(len(self.source))):
             tree['source'] = self.source.astype(np.uint32)
         for name, ids in (('faces', self.faces), ('lines', self.lines), ('verts', self.verts)):
             if len(ids):
@@ -210,9 +208,8 @@ def _scalars(mapper, mesh):
     data, by_cell = None, mode in (2, 4)
     fields = mesh.cell_data if by_cell else mesh.point_data
     if mode in (3, 4):
-        data = fields[name] if name in fields else None
+        data = fields.get(name)
     else:
-        active = fields.GetScalars() if hasattr(fields, 'GetScalars') else None
         active = (mesh.GetCellData() if by_cell else mesh.GetPointData()).GetScalars()
         data = None if active is None else _vtk.vtk_to_numpy(active)
     if data is None:
