@@ -28,7 +28,7 @@ class Programs:
     """Draws actors once in a hidden window, and reads the programs that VTK made for them."""
 
     def __init__(self, lights):
-        self._plotter = pv.Plotter(off_screen=True, window_size=(16, 16), lighting='none')
+        self._plotter = pv.Plotter(off_screen=True, window_size=[16, 16], lighting='none')
         renderer = self._plotter.renderer
         renderer.GetCullers().RemoveAllItems()
         renderer.SetUseOIT(False)
