@@ -1,0 +1,270 @@
+"""Surfaces of actors as arrays, with their looks, and as meshes that VTK draws alike."""
+
+from __future__ import annotations
+
+import numpy as np
+import pyvista as pv
+
+from pvibr.core import _vtk
+from pvibr.textures.material_textures import copied_property
+
+_FLAT = 0  # VTK_FLAT
+_POINTS, _WIREFRAME = 0, 1
+_RGB = 'pvibr_rgb'
+
+
+class WebSurface:
+    """Triangles, lines and vertices with what colours them."""
+
+    def __init__(self, actor, mesh=None, origin=None):
+        mapper = actor.GetMapper()
+        mapper.Update()
+        self.actor, self.prop = actor, actor.GetProperty()
+        mesh = pv.wrap(mapper.GetInput() if mesh is None else mesh)
+        if not isinstance(mesh, pv.PolyData):
+            mesh = mesh.extract_surface(algorithm='dataset_surface')
+        values, by_cell = _scalars(mapper, mesh)
+        is_smooth = self.prop.GetInterpolation() != _FLAT
+        style = self.prop.GetRepresentation()
+        lines, verts = _segments(mesh), _vertices(mesh)
+        if style == _WIREFRAME:
+            edges = mesh.extract_all_edges(use_all_points=True)
+            lines, faces = np.asarray(edges.lines).reshape(-1, 3)[:, 1:], np.zeros((0, 3), int)
+        elif style == _POINTS:
+            lines, faces = np.zeros((0, 2), int), np.zeros((0, 3), int)
+            verts = np.arange(mesh.n_points)
+        else:
+            faces, cells = _triangles(mesh)
+        points = np.asarray(mesh.points, float)
+        normals = mesh.point_data.active_normals if is_smooth else None
+        coordinates = mesh.active_texture_coordinates if actor.GetTexture() else None
+        #: Point of the mesh of each vertex.
+        self.source = np.arange(len(points))
+        if by_cell and len(faces):
+            self.source, values = (
+                faces.ravel(),
+                None if values is None else values[np.repeat(cells, 3)],
+            )
+            faces = np.arange(len(self.source)).reshape(-1, 3)
+            lines, verts = np.zeros((0, 2), int), np.zeros(0, int)
+        take = self.source
+        self.points, self.faces, self.lines, self.verts = points[take], faces, lines, verts
+        self.origin = self.points.mean(0) if origin is None else np.asarray(origin, float)
+        self.normals = None if normals is None else np.asarray(normals, np.float32)[take]
+        self.coordinates = None if coordinates is None else np.asarray(coordinates)[take]
+        self.colors = self.values = None
+        if values is not None and values.ndim == 2:
+            self.colors = values
+        else:
+            self.values = values
+        self.mapper = mapper
+
+    def polydata(self) -> pv.PolyData:
+        """Return the triangles as a mesh of which VTK makes the same program."""
+        faces = self.faces
+        if not len(faces):  # lines and points have the same program but for normals
+            faces = np.array([[0, 0, 0]])
+        mesh = pv.PolyData.from_regular_faces(
+            (self.points - self.origin).astype(np.float32), faces
+        )
+        if self.normals is not None:
+            mesh.point_data.active_normals = self.normals
+        if self.coordinates is not None:
+            mesh.active_texture_coordinates = self.coordinates.astype(np.float32)
+        if self.colors is not None:
+            mesh.point_data[_RGB] = self.colors
+        elif self.values is not None:
+            mesh.point_data[_RGB] = np.ascontiguousarray(self.values, np.float32)
+        return mesh
+
+    def set_mapper(self, mapper):
+        """Colour a mapper of `polydata` as the actor's is."""
+        if self.colors is None and self.values is None:
+            mapper.ScalarVisibilityOff()
+            return
+        mapper.ScalarVisibilityOn()
+        mapper.SetScalarModeToUsePointFieldData()
+        mapper.SelectColorArray(_RGB)
+        if self.colors is not None:
+            mapper.SetColorModeToDirectScalars()
+            return
+        mapper.SetColorModeToMapScalars()
+        mapper.InterpolateScalarsBeforeMappingOn()
+        mapper.SetLookupTable(self.mapper.GetLookupTable())
+        mapper.SetScalarRange(*self.mapper.GetScalarRange())
+        mapper.UseLookupTableScalarRangeOff()
+
+    def actor_of(self) -> pv.Actor:
+        """Return an actor for the hidden window."""
+        mapper = _vtk.vtkPolyDataMapper()
+        mapper.SetInputData(self.polydata())
+        self.set_mapper(mapper)
+        actor = pv.Actor()
+        actor.SetMapper(mapper)
+        prop = copied_property(self.prop)
+        prop.SetEdgeVisibility(False)
+        prop.SetRepresentationToSurface()
+        actor.SetProperty(prop)
+        actor.SetTexture(self.actor.GetTexture())
+        return actor
+
+    def tree(self) -> dict:
+        """Return the arrays for the page."""
+        tree = {
+            'points': (self.points - self.origin).astype(np.float32),
+            'origin': self.origin.tolist(),
+            'material': material_of(self.prop),
+        }
+        if not np.array_equal(self.source, np.arange(len(self.source))):
+            tree['source'] = self.source.astype(np.uint32)
+        for name, ids in (('faces', self.faces), ('lines', self.lines), ('verts', self.verts)):
+            if len(ids):
+                tree[name] = ids.astype(np.uint32).ravel()
+        if self.prop.GetEdgeVisibility() and len(self.faces):
+            sides = self.source[self.faces]
+            pairs = np.sort(sides[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), 1)
+            _, first = np.unique(pairs, axis=0, return_index=True)
+            tree['edges'] = self.faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)[first]
+            tree['edges'] = tree['edges'].astype(np.uint32).ravel()
+        if self.normals is not None:
+            tree['normals'] = self.normals
+        if self.colors is not None:
+            tree['colors'] = self.colors
+        elif self.values is not None:
+            tree['values'] = self.values.astype(np.float32)
+            tree['coloring'] = coloring_of(self.mapper)
+        image = _image(self.actor.GetTexture())
+        if self.coordinates is not None and image is not None:
+            texture = self.actor.GetTexture()
+            tree['coordinates'] = self.coordinates.astype(np.float32)
+            tree['texture'] = {
+                'image': image,
+                'linear': bool(texture.GetInterpolate()),
+                'repeat': bool(texture.GetRepeat()),
+                'mipmap': bool(texture.GetMipmap()),
+            }
+        return tree
+
+
+def material_of(prop) -> dict:
+    """Return the uniforms of VTK's programs for a material, and how it is drawn."""
+    uniforms = {
+        'ambientIntensity': prop.GetAmbient(),
+        'diffuseIntensity': prop.GetDiffuse(),
+        'specularIntensity': prop.GetSpecular(),
+        'specularPowerUniform': prop.GetSpecularPower(),
+        'opacityUniform': prop.GetOpacity(),
+        'ambientColorUniform': prop.GetAmbientColor(),
+        'diffuseColorUniform': prop.GetDiffuseColor(),
+        'specularColorUniform': prop.GetSpecularColor(),
+        'metallicUniform': prop.GetMetallic(),
+        'roughnessUniform': prop.GetRoughness(),
+        'aoStrengthUniform': prop.GetOcclusionStrength(),
+        'emissiveFactorUniform': prop.GetEmissiveFactor(),
+        'edgeTintUniform': prop.GetEdgeTint(),
+        'baseF0Uniform': _f0(prop.GetBaseIOR()),
+        'showTexturesOnBackface': int(prop.GetShowTexturesOnBackface()),
+    }
+    return {
+        'uniforms': uniforms,
+        'back': bool(prop.GetBackfaceCulling()),
+        'front': bool(prop.GetFrontfaceCulling()),
+        'edge_color': prop.GetEdgeColor(),
+        'point_size': prop.GetPointSize(),
+    }
+
+
+def _f0(index) -> float:
+    """Return the reflectance of a dielectric at normal incidence."""
+    return ((index - 1) / (index + 1)) ** 2
+
+
+def coloring_of(mapper) -> dict:
+    """Return the table and range by which a mapper maps scalars."""
+    lookup = mapper.GetLookupTable()
+    return {
+        'name': mapper.GetArrayName() or '',
+        'range': [float(x) for x in mapper.GetScalarRange()],
+        'table': table_of(lookup),
+        'nan': [round(255 * x) for x in lookup.GetNanColor()],
+    }
+
+
+def table_of(lookup) -> np.ndarray:
+    """Return the colours of a lookup table, (n, 4) uint8."""
+    if hasattr(lookup, 'GetTable'):
+        lookup.Build()
+        return np.array(_vtk.vtk_to_numpy(lookup.GetTable()), np.uint8)
+    low, high = lookup.GetRange()
+    colors = [[*lookup.GetColor(x), lookup.GetOpacity(x)] for x in np.linspace(low, high, 256)]
+    return np.rint(255 * np.array(colors)).astype(np.uint8)
+
+
+def _scalars(mapper, mesh):
+    """Return what colours a mesh, values or (n, 4) uint8, and whether that is per cell."""
+    if not mapper.GetScalarVisibility():
+        return None, False
+    mode, name = mapper.GetScalarMode(), mapper.GetArrayName()
+    data, by_cell = None, mode in (2, 4)
+    fields = mesh.cell_data if by_cell else mesh.point_data
+    if mode in (3, 4):
+        data = fields.get(name)
+    else:
+        active = (mesh.GetCellData() if by_cell else mesh.GetPointData()).GetScalars()
+        data = None if active is None else _vtk.vtk_to_numpy(active)
+    if data is None:
+        return None, False
+    data = np.asarray(data)
+    is_direct = mapper.GetColorMode() == 2 or (
+        data.dtype == np.uint8 and mapper.GetColorMode() == 0
+    )
+    if is_direct:
+        colors = data if data.dtype == np.uint8 else np.rint(255 * np.clip(data, 0, 1))
+        rgba = np.full((len(data), 4), 255, np.uint8)
+        rgba[:, : colors.shape[1]] = colors
+        return rgba, by_cell
+    if data.ndim == 2:
+        component = mapper.GetArrayComponent()
+        data = np.linalg.norm(data, axis=1) if component < 0 else data[:, component]
+    if not by_cell and not mapper.GetInterpolateScalarsBeforeMapping():
+        mapped = mapper.GetLookupTable().MapScalars(_vtk.numpy_to_vtk(data.astype(float)), 0, -1)
+        return np.array(_vtk.vtk_to_numpy(mapped), np.uint8)[:, :4], by_cell
+    return data.astype(float), by_cell
+
+
+def _triangles(mesh):
+    """Return triangles and the cell of each."""
+    marked = pv.PolyData(mesh.points, faces=mesh.faces) if mesh.GetNumberOfPolys() else None
+    if marked is None:
+        strips = mesh.triangulate() if mesh.n_strips else None
+        faces = np.zeros((0, 3), int) if strips is None else np.asarray(strips.regular_faces)
+        return faces, np.arange(len(faces))
+    first = mesh.n_verts + mesh.n_lines
+    marked.cell_data['cell'] = np.arange(marked.n_cells) + first
+    if not marked.is_all_triangles:
+        marked = marked.triangulate()
+    return np.asarray(marked.regular_faces), np.asarray(marked['cell'])
+
+
+def _segments(mesh):
+    lines = mesh.GetLines()
+    ids = _vtk.vtk_to_numpy(lines.GetConnectivityArray()).astype(int)
+    is_start = np.ones(len(ids), bool)
+    is_start[_vtk.vtk_to_numpy(lines.GetOffsetsArray())[1:].astype(int) - 1] = False
+    return np.stack([ids, np.roll(ids, -1)], 1)[is_start] if len(ids) else np.zeros((0, 2), int)
+
+
+def _vertices(mesh):
+    return _vtk.vtk_to_numpy(mesh.GetVerts().GetConnectivityArray()).astype(int)
+
+
+def _image(texture):
+    """Return the picture of a texture, (h, w, 4) uint8, row 0 at v = 0."""
+    if texture is None or texture.GetInput() is None:
+        return None
+    image = texture.GetInput()
+    width, height, _ = image.GetDimensions()
+    pixels = _vtk.vtk_to_numpy(image.GetPointData().GetScalars()).reshape(height, width, -1)
+    rgba = np.full((height, width, 4), 255, np.uint8)
+    rgba[..., : pixels.shape[2]] = pixels if pixels.shape[2] > 1 else pixels[..., [0, 0, 0]]
+    return rgba
