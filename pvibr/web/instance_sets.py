@@ -21,6 +21,21 @@ from pvibr.web.container import Image
 from pvibr.web.surfaces import WebSurface, coloring_of, material_of
 
 
+def why_not_drawn(thing) -> str | None:
+    """Return why a page cannot draw a set of instances with its levels, or None if it can."""
+    if thing.is_translucent:
+        return 'its colours are translucent'
+    if list(thing.mapper.GetClippingPlanes() or ()):
+        return 'it is clipped'
+    for group in thing.groups:
+        if group.atlas.animated or group.atlas.turntable is not None:
+            return 'its images are those of clips or a turntable'
+        parts = [part for level in group.levels for part in level.parts]
+        if any(p.actor.HasTranslucentPolygonalGeometry() or len(p.strokes) for p in parts):
+            return 'its mesh is translucent or has lines'
+    return None
+
+
 def instances_of(thing, programs) -> list[dict]:
     """Return a set of instances as things, one of each mesh."""
     table = None if thing.scalars is None else _table(thing)

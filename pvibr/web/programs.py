@@ -21,6 +21,7 @@ _REPLACED = (
     ('int(floor((float(gl_VertexID) + 0.5) / VERTICES))', 'gl_InstanceID'),
 )
 _SHRUNK = re.compile(r'^#define SHRUNK .*$', re.M)
+_SIZE = 'uniform float ibr_point_size;\nvoid main()', '  gl_PointSize = ibr_point_size;\n'
 _COMMENT = re.compile(r'^\s*//.*$\n?', re.M)
 
 
@@ -67,4 +68,8 @@ def as_es(source, varying) -> str:
     for text, replacement in _REPLACED:
         source = source.replace(text, replacement)
     source = _SHRUNK.sub('#define SHRUNK 1.0', source)
+    if varying == 'out' and 'gl_PointSize' not in source:  # OpenGL has it as a state
+        source = source.replace('void main()', _SIZE[0], 1)
+        end = source.rindex('}')
+        source = f'{source[:end]}{_SIZE[1]}{source[end:]}'
     return _HEADER.format(varying) + _COMMENT.sub('', source)

@@ -3,47 +3,62 @@
 from __future__ import annotations
 
 import numpy as np
+import pyvista as pv
 
+from pvibr.core import _vtk
 from pvibr.core.plotters import renderers_of
+from pvibr.effects.backgrounds import Sky
 from pvibr.gl.annotations import is_flat
 from pvibr.gl.scene_pass import is_end, is_marker
-from pvibr.web.instance_sets import instances_of
+from pvibr.instances.instances import Instances
+from pvibr.things.thing import Thing
+from pvibr.web.instance_sets import instances_of, why_not_drawn
 from pvibr.web.programs import Programs
 from pvibr.web.surfaces import WebSurface, coloring_of
 
 _DRAWN_MAPPERS = ('vtkDataSetMapper', 'vtkPolyDataMapper')
 
 
-def scene_of(plotter, effects_by_subplot) -> dict:
-    """Return what a page draws of a plotter, and in `missing` what it does not, by subplot.
+def sets_of(effects) -> list:
+    """Return the effects that a page draws as pvibr does: sets of instances, levels and all."""
+    enabled = [effect for effect in effects if effect.enabled and not effect.why_neutral]
+    # Shadows, projected images and outlines are baked into surfaces, instances included.
+    if any(e.web[0] == 'baked' and not isinstance(e, (Thing, Sky)) for e in enabled):
+        return []
+    return [e for e in enabled if type(e) is Instances and why_not_drawn(e) is None]
 
-    The pictures of a texture and of views are rows from the bottom up.
-    """
-    subplots = [
-        subplot_of(renderer, effects_by_subplot.get(number, ()))
-        for number, renderer in enumerate(renderers_of(plotter))
-    ]
+
+def scene_of(plotter, plain_plotter, sets_by_subplot) -> dict:
+    """Return what a page draws: instances of a plotter, and the actors of its plain copy."""
+    renderers = renderers_of(plotter)
+    cameras = [id(renderer.GetActiveCamera()) for renderer in renderers]
+    subplots = []
+    for number, renderer in enumerate(renderers_of(plain_plotter)):
+        subplot = subplot_of(renderer, sets_by_subplot.get(number, ()))
+        subplot['bounds'] = joined_bounds(renderers[number], renderer)
+        subplot['camera'] = camera_of(renderers[number].GetActiveCamera())
+        subplot['link'] = cameras.index(cameras[number])
+        subplots.append(subplot)
     return {'version': 1, 'size': list(plotter.window_size), 'subplots': subplots}
 
 
-def subplot_of(renderer, effects) -> dict:
-    """Return what a page draws of a subplot."""
+def joined_bounds(*renderers) -> list:
+    """Return the bounds of what is visible in some renderers."""
+    box = _vtk.vtkBoundingBox()
+    for renderer in renderers:
+        box.AddBounds(renderer.ComputeVisiblePropBounds())
+    bounds = [0.0] * 6
+    box.GetBounds(bounds)
+    return bounds if box.IsValid() else [-1.0, 1.0] * 3
+
+
+def subplot_of(renderer, sets) -> dict:
+    """Return what a page draws of a renderer of plain actors, and of sets of instances."""
     programs = Programs([light for light in renderer.GetLights() if light.GetSwitch()])
-    things, missing = [], []
-    drawn_by_things = {id(actor) for e in effects for actor in _actors_of(e)}
-    for effect in effects:
-        if _is_instances(effect) and effect.visibility:
-            things += instances_of(effect, programs)
-        else:
-            missing.append(effect.name)
-    for name, prop in _props(renderer):
-        if id(prop) in drawn_by_things or prop in effects or not prop.GetVisibility():
-            continue
-        thing = _mesh(name, prop, programs)
-        if thing is not None:
-            things.append(thing)
-        elif prop.IsA('vtkProp3D'):
-            missing.append(name)
+    things = [tree for instances in sets for tree in instances_of(instances, programs)]
+    for name, prop in props_of(renderer):
+        if why_missing(prop) is None and _has_points(prop):
+            things.append(_mesh(name, prop, programs))
     background = renderer.GetBackground(), renderer.GetBackground2()
     return {
         'viewport': list(renderer.GetViewport()),
@@ -51,54 +66,62 @@ def subplot_of(renderer, effects) -> dict:
             'bottom': background[0],
             'top': background[1] if renderer.GetGradientBackground() else None,
         },
-        'camera': camera_of(renderer.GetActiveCamera()),
-        'bounds': [float(b) for b in renderer.ComputeVisiblePropBounds()],
         'lights': lights_of(renderer),
         'things': things,
         'programs': programs.read(),
-        'missing': missing,
     }
 
 
-def _actors_of(effect) -> list:
-    return list(effect.actors()) if callable(getattr(effect, 'actors', None)) else []
-
-
-def _is_instances(effect) -> bool:
-    return type(effect).__name__ == 'Instances'
-
-
-def _props(renderer):
-    """Return names and props of a renderer, without pvibr's markers and annotations."""
+def props_of(renderer) -> list:
+    """Return names and visible props of a renderer, without annotations and pvibr's markers."""
     names = {id(actor): name for name, actor in getattr(renderer, 'actors', {}).items()}
     props = [p for p in renderer.GetViewProps() if not (is_marker(p) or is_end(p) or is_flat(p))]
-    return [(names.get(id(p), type(p).__name__), p) for p in props]
+    return [(names.get(id(p), type(p).__name__), p) for p in props if p.GetVisibility()]
 
 
-def _mesh(name, prop, programs) -> dict | None:
-    """Return an actor as a thing, or None if a page cannot draw it."""
+def why_missing(prop) -> str | None:
+    """Return why a page does not draw a prop, or None if it does."""
+    if prop.IsA('vtkVolume'):
+        return 'pages draw no volumes'
     mapper = prop.GetMapper() if prop.IsA('vtkActor') else None
     if mapper is None or not any(mapper.IsA(kind) for kind in _DRAWN_MAPPERS):
-        return None
-    if mapper.GetInput() is None or not mapper.GetInput().GetNumberOfPoints():
-        return None
-    surface = WebSurface(prop)
-    matrix = np.eye(4)
-    for row in range(4):
-        for column in range(4):
-            matrix[row, column] = prop.GetMatrix().GetElement(row, column)
+        return f'pages do not draw {type(prop if mapper is None else mapper).__name__}'
+    return None
+
+
+def _has_points(prop) -> bool:
+    dataset = prop.GetMapper().GetInput()
+    return dataset is not None and dataset.GetNumberOfPoints() > 0
+
+
+def _mesh(name, prop, programs) -> dict:
+    """Return an actor as a thing."""
+    mapper = prop.GetMapper()
+    matrix = pv.array_from_vtkmatrix(prop.GetMatrix())
+    surface = WebSurface(prop, _clipped(mapper, matrix))
     tree = surface.tree() | {
         'kind': 'mesh',
         'name': name,
         'pickable': bool(prop.GetPickable()),
         'matrix': matrix.ravel().tolist(),
         'translucent': bool(prop.HasTranslucentPolygonalGeometry()),
-        'program': programs.add(surface.actor_of()),
+        'programs': surface.programs(programs),
     }
     if surface.values is not None:
         tree['coloring'] = coloring_of(mapper)
         tree['scalars'] = {tree['coloring']['name']: tree['values']}
     return tree
+
+
+def _clipped(mapper, matrix) -> pv.DataSet | None:
+    """Return the part of a mapper's mesh within its clipping planes, None without planes."""
+    planes = list(mapper.GetClippingPlanes() or ())
+    mesh = pv.wrap(mapper.GetInput()) if planes else None
+    for plane in planes:
+        normal = matrix[:3, :3].T @ plane.GetNormal()
+        origin = (np.linalg.inv(matrix) @ [*plane.GetOrigin(), 1])[:3]
+        mesh = mesh.clip(normal=normal, origin=origin, invert=False)
+    return mesh
 
 
 def camera_of(camera) -> dict:

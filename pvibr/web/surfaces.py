@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pyvista as pv
 
@@ -26,9 +28,10 @@ class WebSurface:
         values, by_cell = _scalars(mapper, mesh)
         is_smooth = self.prop.GetInterpolation() != _FLAT
         style = self.prop.GetRepresentation()
+        self.is_solid = style not in (_POINTS, _WIREFRAME)
         lines, verts = _segments(mesh), _vertices(mesh)
         if style == _WIREFRAME:
-            edges = mesh.extract_all_edges(use_all_points=True)
+            edges = mesh.extract_all_edges()
             lines, faces = np.asarray(edges.lines).reshape(-1, 3)[:, 1:], np.zeros((0, 3), int)
         elif style == _POINTS:
             lines, faces = np.zeros((0, 2), int), np.zeros((0, 3), int)
@@ -40,6 +43,7 @@ class WebSurface:
         coordinates = mesh.active_texture_coordinates if actor.GetTexture() else None
         #: Point of the mesh of each vertex.
         self.source = np.arange(len(points))
+        self.edges = _edges(mesh) if self.prop.GetEdgeVisibility() and len(faces) else None
         if by_cell and len(faces):
             self.source, values = (
                 faces.ravel(),
@@ -47,6 +51,10 @@ class WebSurface:
             )
             faces = np.arange(len(self.source)).reshape(-1, 3)
             lines, verts = np.zeros((0, 2), int), np.zeros(0, int)
+            if self.edges is not None:  # any vertex of a point is at its place
+                vertex = np.zeros(len(points), int)
+                vertex[self.source] = np.arange(len(self.source))
+                self.edges = vertex[self.edges]
         take = self.source
         self.points, self.faces, self.lines, self.verts = points[take], faces, lines, verts
         self.origin = self.points.mean(0) if origin is None else np.asarray(origin, float)
@@ -59,14 +67,16 @@ class WebSurface:
             self.values = values
         self.mapper = mapper
 
-    def polydata(self) -> pv.PolyData:
-        """Return the triangles as a mesh of which VTK makes the same program."""
-        faces = self.faces
-        if not len(faces):  # lines and points have the same program but for normals
-            faces = np.array([[0, 0, 0]])
-        mesh = pv.PolyData.from_regular_faces(
-            (self.points - self.origin).astype(np.float32), faces
-        )
+    def polydata(self, kind='faces') -> pv.PolyData:
+        """Return the triangles, or one line or vertex, of which VTK makes the same program."""
+        mesh: Any = pv.PolyData()
+        mesh.points = (self.points - self.origin).astype(np.float32)
+        if kind == 'faces':
+            mesh.faces = np.insert(self.faces, 0, 3, axis=1)
+        elif not self.is_solid:
+            mesh.faces = [3, 0, min(1, len(self.points) - 1), min(2, len(self.points) - 1)]
+        else:
+            setattr(mesh, kind, [2, 0, 0] if kind == 'lines' else [1, 0])
         if self.normals is not None:
             mesh.point_data.active_normals = self.normals
         if self.coordinates is not None:
@@ -94,16 +104,20 @@ class WebSurface:
         mapper.SetScalarRange(*self.mapper.GetScalarRange())
         mapper.UseLookupTableScalarRangeOff()
 
-    def actor_of(self) -> pv.Actor:
+    def programs(self, programs) -> dict:
+        """Return the numbers of the programs of what there is: VTK lights each kind otherwise."""
+        kinds = {'faces': self.faces, 'lines': self.lines, 'verts': self.verts}
+        return {k: programs.add(self._actor_of(k)) for k, ids in kinds.items() if len(ids)}
+
+    def _actor_of(self, kind) -> pv.Actor:
         """Return an actor for the hidden window."""
         mapper = _vtk.vtkPolyDataMapper()
-        mapper.SetInputData(self.polydata())
+        mapper.SetInputData(self.polydata(kind))
         self.set_mapper(mapper)
         actor = pv.Actor()
         actor.SetMapper(mapper)
         prop = copied_property(self.prop)
         prop.SetEdgeVisibility(False)
-        prop.SetRepresentationToSurface()
         actor.SetProperty(prop)
         actor.SetTexture(self.actor.GetTexture())
         return actor
@@ -120,12 +134,8 @@ class WebSurface:
         for name, ids in (('faces', self.faces), ('lines', self.lines), ('verts', self.verts)):
             if len(ids):
                 tree[name] = ids.astype(np.uint32).ravel()
-        if self.prop.GetEdgeVisibility() and len(self.faces):
-            sides = self.source[self.faces]
-            pairs = np.sort(sides[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), 1)
-            _, first = np.unique(pairs, axis=0, return_index=True)
-            tree['edges'] = self.faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)[first]
-            tree['edges'] = tree['edges'].astype(np.uint32).ravel()
+        if self.edges is not None:
+            tree['edges'] = self.edges.astype(np.uint32).ravel()
         if self.normals is not None:
             tree['normals'] = self.normals
         if self.colors is not None:
@@ -163,6 +173,7 @@ def material_of(prop) -> dict:
         'emissiveFactorUniform': prop.GetEmissiveFactor(),
         'edgeTintUniform': prop.GetEdgeTint(),
         'baseF0Uniform': _f0(prop.GetBaseIOR()),
+        'ibr_point_size': prop.GetPointSize(),
         'showTexturesOnBackface': int(prop.GetShowTexturesOnBackface()),
     }
     return {
@@ -170,7 +181,7 @@ def material_of(prop) -> dict:
         'back': bool(prop.GetBackfaceCulling()),
         'front': bool(prop.GetFrontfaceCulling()),
         'edge_color': prop.GetEdgeColor(),
-        'point_size': prop.GetPointSize(),
+        'line_width': prop.GetLineWidth(),
     }
 
 
@@ -244,6 +255,16 @@ def _triangles(mesh):
     if not marked.is_all_triangles:
         marked = marked.triangulate()
     return np.asarray(marked.regular_faces), np.asarray(marked['cell'])
+
+
+def _edges(mesh):
+    """Return the edges of polygons once each, (n, 2)."""
+    polys = mesh.GetPolys()
+    ids = _vtk.vtk_to_numpy(polys.GetConnectivityArray()).astype(int)
+    offsets = _vtk.vtk_to_numpy(polys.GetOffsetsArray()).astype(int)
+    following = np.arange(1, len(ids) + 1)
+    following[offsets[1:] - 1] = offsets[:-1]
+    return np.unique(np.sort(np.stack([ids, ids[following]], 1), axis=1), axis=0)
 
 
 def _segments(mesh):

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import pyvista as pv
 import trimesh
+from pvibr.export.html import reframe
 
 import pvibr
 from pvibr import Figure
@@ -11,7 +12,6 @@ from pvibr.animation import Clip, FigureMesh, Skeleton, Track
 from pvibr.core import _vtk
 from pvibr.export.copies import Copies, chosen_levels
 from pvibr.export.drawn_surfaces import surface_of_part, tiled
-from pvibr.export.html import reframe
 from pvibr.export.paint import Lamps, cut
 from pvibr.meshes.parts import as_parts
 from pvibr.points.unit_meshes import balls

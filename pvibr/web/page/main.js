@@ -67,7 +67,7 @@ class View {
   }
 
   connect() {
-    const options = { antialias: true, alpha: false, preserveDrawingBuffer: true };
+    const options = { antialias: false, depth: false, preserveDrawingBuffer: true };
     const gl = this.canvas.getContext('webgl2', options);
     if (!gl) throw new Error(NO_WEBGL);
     this.gl = gl;

@@ -1,7 +1,7 @@
 // Triangles, lines and vertices on the GPU, and what colors them.
 import { texture, fill } from './programs.js';
 
-const NAMES = { points: ['vertexMC', 3], normals: ['normalMC', 3], coordinates: ['tcoordMC', 2] };
+const NAMES = { points: ['vertexMC', 3], normals: ['normalMC', 3], coordinates: ['tcoord', 2] };
 
 export class Mesh {
   constructor(gl, tree) {

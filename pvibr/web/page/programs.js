@@ -19,6 +19,20 @@ function picking({ vertex, fragment }) {
   };
 }
 
+// Variants that write colors times weights, and weights.
+function weighted({ vertex, fragment }) {
+  const end = fragment.lastIndexOf('}');
+  const declared = fragment.slice(0, end).replace(
+    /out vec4 fragOutput0;/,
+    'layout(location = 0) out vec4 fragOutput0;\nlayout(location = 1) out vec4 ibr_weight;');
+  const code = `  float weight = fragOutput0.a * pow(max(1.1 - gl_FragCoord.z, 0.0), 2.0);
+  ibr_weight = vec4(weight);
+  fragOutput0.rgb *= weight;\n}\n`;
+  return { vertex, fragment: declared + code };
+}
+
+const VARIANTS = { '': (sources) => sources, picks: picking, weighted };
+
 class Program {
   constructor(gl, sources) {
     this.gl = gl;
@@ -86,10 +100,9 @@ export class Programs {
     this.made = new Map();
   }
 
-  of(sources, picks) {
-    const key = `${picks}${sources.vertex}${sources.fragment}`;
-    if (!this.made.has(key))
-      this.made.set(key, new Program(this.gl, picks ? picking(sources) : sources));
+  of(sources, variant = '') {
+    const key = `${variant} ${sources.vertex}${sources.fragment}`;
+    if (!this.made.has(key)) this.made.set(key, new Program(this.gl, VARIANTS[variant](sources)));
     return this.made.get(key);
   }
 }

@@ -3,7 +3,9 @@ import { resetClippingRange } from './camera.js';
 import { Instances } from './instances.js';
 import { Mesh } from './meshes.js';
 import { Programs } from './programs.js';
-import { View, multiply, normalMatrix } from './views.js';
+import { View, multiply, normalMatrix, times } from './views.js';
+
+const MAX_SAMPLES = 8; // as PyVista's off screen
 
 const transposed = (m) => m.map((_, i) => m[4 * (i % 4) + Math.floor(i / 4)]);
 
@@ -13,11 +15,12 @@ class Pass {
     Object.assign(this, { gl: renderer.gl, programs: renderer.programs, subplot, view, picks });
     this.shared = { ...view.uniforms, ...view.lightUniforms(subplot.lights) };
     if (picks) this.shared.ibr_fades = 0;
+    this.variant = picks ? 'picks' : '';
     this.thing = 0;
   }
 
   program(number, groups, textures) {
-    const program = this.programs.of(this.subplot.programs[number], this.picks);
+    const program = this.programs.of(this.subplot.programs[number], this.variant);
     program.use([this.shared, { ibr_thing: this.thing }, ...groups], textures);
     return program;
   }
@@ -38,38 +41,25 @@ export class Renderer {
         tree,
         shown: tree.kind === 'mesh' ? new Mesh(gl, tree) : new Instances(gl, tree),
       })));
-    this.picture = null;
-    this.backdrop = this.programs.of(GRADIENT, false);
+    this.backdrop = this.programs.of(GRADIENT);
+    this.average = this.programs.of(AVERAGE);
+    gl.getExtension('EXT_color_buffer_float');
+    this.samples = Math.min(MAX_SAMPLES, gl.getParameter(gl.MAX_SAMPLES));
+    this.targets = {};
   }
 
-  // A target of single samples for picking, of the canvas's size.
+  // Targets of the canvas's size: the picture's samples, the picture for picks, weighted colors.
   resize([width, height]) {
     const { gl } = this;
     if (this.width === width && this.height === height) return;
-    this.release();
+    Object.values(this.targets).forEach(({ release }) => release());
     Object.assign(this, { width, height });
-    this.picture = this.targetOf();
-    gl.bindFramebuffer(gl.FRAMEBUFFER, null);
-  }
-
-  targetOf() {
-    const { gl, width, height } = this;
-    const frame = gl.createFramebuffer();
-    gl.bindFramebuffer(gl.FRAMEBUFFER, frame);
-    const buffers = [[gl.COLOR_ATTACHMENT0, gl.RGBA8], [gl.DEPTH_ATTACHMENT, gl.DEPTH_COMPONENT24]];
-    const made = buffers.map(([place, format]) => {
-      const buffer = gl.createRenderbuffer();
-      gl.bindRenderbuffer(gl.RENDERBUFFER, buffer);
-      gl.renderbufferStorage(gl.RENDERBUFFER, format, width, height);
-      gl.framebufferRenderbuffer(gl.FRAMEBUFFER, place, gl.RENDERBUFFER, buffer);
-      return buffer;
-    });
-    return { frame, buffers: made };
-  }
-
-  release() {
-    this.picture?.buffers.forEach((buffer) => this.gl.deleteRenderbuffer(buffer));
-    if (this.picture) this.gl.deleteFramebuffer(this.picture.frame);
+    const { samples } = this;
+    this.targets = {
+      picture: target(gl, [gl.RGBA8], { width, height, samples }),
+      picks: target(gl, [gl.RGBA8], { width, height }),
+      weighted: target(gl, [gl.RGBA16F, gl.R16F], { width, height }),
+    };
   }
 
   // Pixels of a subplot: left, bottom, width, height.
@@ -82,8 +72,19 @@ export class Renderer {
     const { gl } = this;
     this.resize(size);
     this.cameras = cameras;
-    gl.bindFramebuffer(gl.FRAMEBUFFER, null); // multisampled by the browser
+    const { frame } = this.targets.picture;
+    gl.bindFramebuffer(gl.FRAMEBUFFER, frame);
     this.scene.subplots.forEach((_, i) => this.drawSubplot(i, false));
+    gl.disable(gl.SCISSOR_TEST);
+    this.copy(frame, null, gl.COLOR_BUFFER_BIT);
+    gl.bindFramebuffer(gl.FRAMEBUFFER, null);
+  }
+
+  copy(from, to, what) {
+    const { gl, width, height } = this;
+    gl.bindFramebuffer(gl.READ_FRAMEBUFFER, from);
+    gl.bindFramebuffer(gl.DRAW_FRAMEBUFFER, to);
+    gl.blitFramebuffer(0, 0, width, height, 0, 0, width, height, what, gl.NEAREST);
   }
 
   begin(subplot, rectangle, picks) {
@@ -98,12 +99,7 @@ export class Renderer {
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
     gl.disable(gl.BLEND);
     gl.disable(gl.DEPTH_TEST);
-    if (top && !picks) {
-      this.backdrop.use([{ bottom, top }]);
-      gl.bindVertexArray(null);
-      for (let i = 0; i < 8; i++) gl.disableVertexAttribArray(i);
-      gl.drawArrays(gl.TRIANGLES, 0, 3);
-    }
+    if (top && !picks) this.cover(this.backdrop, [{ bottom, top }]);
     gl.enable(gl.DEPTH_TEST);
     gl.depthFunc(gl.LEQUAL);
     gl.blendFuncSeparate(gl.SRC_ALPHA, gl.ONE_MINUS_SRC_ALPHA, gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
@@ -136,9 +132,46 @@ export class Renderer {
       gl.depthMask(false);
       numbered(sets, ({ shown }) => shown.drawCards(pass, 'fringe'));
     }
+    const translucent = meshes.filter(({ tree }) => tree.translucent);
     gl.depthMask(picks);
-    numbered(meshes.filter(({ tree }) => tree.translucent), (item) => this.drawMesh(pass, item));
+    if (translucent.length && !sets.length && !picks) this.drawWeighted(pass, translucent);
+    else numbered(picks ? translucent : sorted(translucent, view), (item) => this.drawMesh(pass, item));
     gl.depthMask(true);
+  }
+
+  // Blends translucent meshes in any order, as vtkOrderIndependentTranslucentPass does.
+  drawWeighted(pass, items) {
+    const { gl } = this;
+    const { picture, weighted } = this.targets;
+    const rectangle = gl.getParameter(gl.VIEWPORT);
+    gl.disable(gl.SCISSOR_TEST);
+    gl.depthMask(true);
+    this.copy(picture.frame, weighted.frame, gl.DEPTH_BUFFER_BIT);
+    gl.bindFramebuffer(gl.FRAMEBUFFER, weighted.frame);
+    gl.depthMask(false);
+    gl.clearBufferfv(gl.COLOR, 0, [0, 0, 0, 1]);
+    gl.clearBufferfv(gl.COLOR, 1, [0, 0, 0, 0]);
+    gl.blendFuncSeparate(gl.ONE, gl.ONE, gl.ZERO, gl.ONE_MINUS_SRC_ALPHA);
+    pass.variant = 'weighted';
+    items.forEach((item) => this.drawMesh(pass, item));
+    pass.variant = '';
+    gl.bindFramebuffer(gl.FRAMEBUFFER, picture.frame);
+    gl.viewport(0, 0, this.width, this.height);
+    gl.enable(gl.SCISSOR_TEST);
+    gl.blendFuncSeparate(gl.SRC_ALPHA, gl.ONE_MINUS_SRC_ALPHA, gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
+    gl.disable(gl.DEPTH_TEST);
+    this.cover(this.average, [], { colors: weighted.textures[0], weights: weighted.textures[1] });
+    gl.enable(gl.DEPTH_TEST);
+    gl.viewport(...rectangle);
+  }
+
+  // Draws a triangle that covers the viewport.
+  cover(program, groups, textures) {
+    const { gl } = this;
+    program.use(groups, textures);
+    gl.bindVertexArray(null);
+    for (let i = 0; i < 8; i++) gl.disableVertexAttribArray(i);
+    gl.drawArrays(gl.TRIANGLES, 0, 3);
   }
 
   drawMesh(pass, { tree, shown }) {
@@ -152,33 +185,47 @@ export class Renderer {
       MCDCMatrix: multiply(pass.view.clipFromEye, eye),
       normalMatrix: normalMatrix(eye),
     };
-    const program = pass.program(tree.program, [uniforms], shown.textures);
-    shown.bind(program);
+    const draw = (kind, each) => {
+      if (!(kind in tree.programs)) return;
+      const program = pass.program(tree.programs[kind], [uniforms], shown.textures);
+      shown.bind(program);
+      each(program);
+    };
     pass.cull(tree.material);
     if (tree.edges) {
       gl.enable(gl.POLYGON_OFFSET_FILL);
       gl.polygonOffset(1, 1);
     }
-    shown.draw('faces');
+    draw('faces', () => shown.draw('faces'));
     gl.disable(gl.POLYGON_OFFSET_FILL);
-    shown.draw('lines');
-    shown.draw('verts');
-    if (tree.edges && !pass.picks) {
-      const edge = this.programs.of(EDGES, false);
-      edge.use([uniforms, { color: tree.material.edge_color }]);
-      shown.bind(edge);
-      shown.draw('edges');
-    }
     pass.cull({});
+    draw('verts', () => shown.draw('verts'));
+    draw('lines', (program) =>
+      this.drawWide(pass, tree, program, uniforms, () => shown.draw('lines')));
+    if (!tree.edges || pass.picks) return;
+    const edge = this.programs.of(EDGES, pass.variant);
+    edge.use([uniforms, { color: tree.material.edge_color }]);
+    shown.bind(edge);
+    this.drawWide(pass, tree, edge, uniforms, () => shown.draw('edges'));
   }
 
-  // The thing at a pixel of the canvas, y down: its index and its value there, or null.
+  // WebGL's lines are a pixel wide: wider ones are drawn at each place of a disc of their width.
+  drawWide({ view }, tree, program, { MCDCMatrix }, draw) {
+    const { width, height } = view;
+    for (const [x, y] of disc(tree.material.line_width)) {
+      const moved = [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, (2 * x) / width, (2 * y) / height, 0, 1];
+      program.set('MCDCMatrix', multiply(moved, MCDCMatrix));
+      draw();
+    }
+  }
+
+  // The thing at a pixel of the canvas, y up: its index and its value there, or null.
   pick(number, x, y) {
     const { gl } = this;
-    gl.bindFramebuffer(gl.FRAMEBUFFER, this.picture.frame);
+    gl.bindFramebuffer(gl.FRAMEBUFFER, this.targets.picks.frame);
     this.drawSubplot(number, true);
     const texel = new Uint8Array(4);
-    gl.readPixels(Math.floor(x), Math.floor(this.height - y), 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, texel);
+    gl.readPixels(Math.floor(x), Math.floor(y), 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, texel);
     gl.bindFramebuffer(gl.FRAMEBUFFER, null);
     if (!texel[3]) return null;
     const thing = this.drawn[number][texel[3] - 1].tree;
@@ -197,11 +244,55 @@ export class Renderer {
       shown.color(tree.scalars[name], tree.coloring);
     }
   }
+}
 
-  dispose() {
-    this.release();
-    this.picture = null;
+// The places at which lines of a width are drawn, in pixels: rings a pixel apart.
+function disc(width) {
+  const places = [];
+  for (let radius = Math.max(0, (width - 1) / 2); radius >= 0; radius--) {
+    const count = radius > 0 ? Math.max(4, Math.ceil(2 * Math.PI * radius)) : 1;
+    for (let i = 0; i < count; i++) {
+      const angle = (2 * Math.PI * i) / count;
+      places.push([radius * Math.cos(angle), radius * Math.sin(angle)]);
+    }
   }
+  return places;
+}
+
+// Items from far to near, by the middles of their points.
+function sorted(items, { eyeFromWorld: m }) {
+  const depth = ({ tree }) => times(m, times(transposed(tree.matrix), tree.origin))[2];
+  return [...items].sort((a, b) => depth(a) - depth(b));
+}
+
+// A framebuffer with depth: renderbuffers of samples, or textures.
+function target(gl, formats, { width, height, samples = 0 }) {
+  const frame = gl.createFramebuffer();
+  gl.bindFramebuffer(gl.FRAMEBUFFER, frame);
+  const buffer = (place, format) => {
+    const made = gl.createRenderbuffer();
+    gl.bindRenderbuffer(gl.RENDERBUFFER, made);
+    gl.renderbufferStorageMultisample(gl.RENDERBUFFER, samples, format, width, height);
+    gl.framebufferRenderbuffer(gl.FRAMEBUFFER, place, gl.RENDERBUFFER, made);
+    return () => gl.deleteRenderbuffer(made);
+  };
+  const textures = [];
+  const releases = [buffer(gl.DEPTH_ATTACHMENT, gl.DEPTH_COMPONENT24)];
+  formats.forEach((format, i) => {
+    if (samples) return releases.push(buffer(gl.COLOR_ATTACHMENT0 + i, format));
+    const made = gl.createTexture();
+    gl.bindTexture(gl.TEXTURE_2D, made);
+    gl.texStorage2D(gl.TEXTURE_2D, 1, format, width, height);
+    for (const name of [gl.TEXTURE_MIN_FILTER, gl.TEXTURE_MAG_FILTER])
+      gl.texParameteri(gl.TEXTURE_2D, name, gl.NEAREST);
+    gl.framebufferTexture2D(
+      gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0 + i, gl.TEXTURE_2D, made, 0);
+    textures.push(made);
+    return releases.push(() => gl.deleteTexture(made));
+  });
+  gl.drawBuffers(formats.map((_, i) => gl.COLOR_ATTACHMENT0 + i));
+  const release = () => [...releases, () => gl.deleteFramebuffer(frame)].forEach((f) => f());
+  return { frame, textures, release };
 }
 
 const GRADIENT = {
@@ -229,6 +320,20 @@ void main() { gl_Position = MCDCMatrix * vertexMC; }`,
   fragment: `#version 300 es
 precision highp float;
 uniform vec3 color;
-out vec4 shade;
-void main() { shade = vec4(color, 1.0); }`,
+out vec4 fragOutput0;
+void main() { fragOutput0 = vec4(color, 1.0); }`,
+};
+
+const AVERAGE = {
+  vertex: GRADIENT.vertex,
+  fragment: `#version 300 es
+precision highp float;
+uniform highp sampler2D colors;
+uniform highp sampler2D weights;
+in float share;
+out vec4 color;
+void main() {
+  vec4 sum = texelFetch(colors, ivec2(gl_FragCoord.xy), 0);
+  color = vec4(sum.rgb / max(texelFetch(weights, ivec2(gl_FragCoord.xy), 0).r, 1e-4), 1.0 - sum.a);
+}`,
 };
