@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pyvista as pv
 
@@ -116,7 +118,7 @@ def _mesh(name, prop, programs) -> dict:
 def _clipped(mapper, matrix) -> pv.DataSet | None:
     """Return the part of a mapper's mesh within its clipping planes, None without planes."""
     planes = list(mapper.GetClippingPlanes() or ())
-    mesh = pv.wrap(mapper.GetInput()) if planes else None
+    mesh: Any = pv.wrap(mapper.GetInput()) if planes else None
     for plane in planes:
         normal = matrix[:3, :3].T @ plane.GetNormal()
         origin = (np.linalg.inv(matrix) @ [*plane.GetOrigin(), 1])[:3]

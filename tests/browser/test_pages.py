@@ -76,7 +76,7 @@ def meshes(pl):
     pl.add_mesh(ring, scalars='height', show_scalar_bar=False, name='ring')
     pane = pv.Plane(center=(1.5, -2, 1), direction=(0, 1, 0), i_size=1.5, j_size=1.5)
     pl.add_mesh(pane, color='cyan', opacity=0.4)
-    points = np.random.default_rng(0).uniform(-2, 2, (8, 3)) + [0, 0, 3]
+    points = np.random.default_rng(0).uniform((-2, -2, 1), (2, 2, 5), (8, 3))
     pl.add_mesh(pv.Spline(points, 200), color='red', line_width=3)
     pl.add_mesh(points, color='white', point_size=6)
     spotted = pv.Sphere(center=(-2, 1.5, 1), radius=0.7)

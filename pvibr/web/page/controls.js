@@ -5,7 +5,7 @@ const MOTION_FACTOR = 10;
 const CLICK_PIXELS = 4;
 
 export class Controls {
-  // `view` has: element, subplots, cameras, and the methods changed(), clicked(subplot, x, y), key(key).
+  // `view` has: element, subplots, cameras, and the methods moved(), clicked(subplot, x, y).
   constructor(view) {
     this.view = view;
     this.pointers = new Map();
@@ -69,7 +69,6 @@ export class Controls {
     this.pointers.delete(event.pointerId);
     if (place && last && event.type === 'pointerup' && this.button === 0)
       if (this.travelled < CLICK_PIXELS) this.view.clicked(this.subplot, place.x, place.y);
-    if (last) this.view.released?.();
   }
 
   move(event) {
@@ -137,7 +136,7 @@ export class Controls {
     else if (event.key === '-') dolly(this.camera, 1 / 1.1);
     else if (event.key === 'r') reset(this.camera, bounds, aspect);
     else if (event.key === 'v') isometric(this.camera, bounds, aspect);
-    else if (!this.view.key(event.key)) return;
+    else return;
     event.preventDefault();
     this.moved();
   }
@@ -148,7 +147,7 @@ export class Controls {
     const linked = subplots.filter((_, i) => cameras[i] === this.camera && subplots[i].bounds);
     const union = linked.map(({ bounds }) => bounds).reduce(joined, null);
     if (union) resetClippingRange(this.camera, union);
-    this.view.changed();
+    this.view.moved();
   }
 }
 

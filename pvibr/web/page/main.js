@@ -9,6 +9,9 @@ import { Renderer } from './renderer.js';
 const NO_WEBGL =
   'This page draws with WebGL 2, which this browser does not offer. Switch on hardware ' +
   'acceleration in its settings, or open the page in another browser.';
+const REST_MS = 250;
+const FRAME_MS = 50;
+const QUALITIES = [1, 0.7, 0.5, 0.35, 0.25]; // shares of the pixels of each side
 const KEYS = 'arrow keys turn, + and - zoom, r resets, v is the isometric view';
 
 function say(text) {
@@ -43,9 +46,7 @@ class View {
     const first = this.subplots.map(({ camera }) => structuredClone(camera));
     this.cameras = this.subplots.map(({ link }, i) => first[link ?? i]);
     this.initial = structuredClone(this.cameras);
-    this.time = scene.time ?? 0;
-    this.duration = scene.duration ?? 0;
-    this.playing = false;
+    this.quality = 1;
     this.overlay = new Overlay(this.svg, this.subplots);
     this.controls = new Controls(this);
     this.frames = 0;
@@ -72,7 +73,7 @@ class View {
     if (!gl) throw new Error(NO_WEBGL);
     this.gl = gl;
     this.renderer = new Renderer(gl, this.scene);
-    for (const thing of this.subplots.flatMap(({ things }) => things ?? []))
+    for (const thing of this.subplots.flatMap(({ things }) => things))
       if (thing.recolored) this.renderer.setScalars(...thing.recolored);
     this.changed();
   }
@@ -106,42 +107,46 @@ class View {
   frame() {
     this.waiting = false;
     if (this.lost || !this.canvas.width) return;
-    const now = performance.now();
-    if (this.playing) {
-      this.time = (this.time + (now - this.last) / 1000) % this.duration;
-      this.changed();
-    }
-    this.last = now;
+    this.adapt();
     try {
-      this.renderer.draw(this.cameras, this.time, [this.canvas.width, this.canvas.height]);
+      const size = [this.canvas.width, this.canvas.height];
+      this.renderer.draw(this.cameras, size, this.resting ? this.quality : 1);
     } catch (error) {
       this.lost = true;
       say(`This page could not be drawn: ${error.message}`);
       throw error;
     }
     this.overlay.follow(this.cameras);
-    this.panel?.update();
     this.frames += 1;
   }
 
-  clicked(subplot, x, y) {
-    const ratio = this.canvas.width / this.element.clientWidth;
-    const hit = this.renderer.pick(subplot, x * ratio, y * ratio);
-    this.picked = hit;
-    if (!hit) return (this.status.textContent = '');
-    const value = hit.value ?? hit.scalars;
-    const values = typeof value === 'object' && value !== null
-      ? Object.entries(value).map(([name, x]) => `${name} ${shown(x)}`)
-      : value === undefined || value === null ? [] : [shown(value)];
-    const name = hit.name ?? hit.thing?.name ?? 'mesh';
-    const index = hit.index ?? -1;
-    return (this.status.textContent = [index >= 0 ? `${name} ${index}` : name, ...values].join(', '));
+  // While the view moves, pictures have fewer pixels if that keeps the time of a frame.
+  adapt() {
+    const now = performance.now();
+    if (this.resting && now - this.last < 4 * REST_MS) {
+      const exact = this.quality * Math.sqrt(FRAME_MS / Math.max(now - this.last, 1));
+      const lower = QUALITIES.find((quality) => quality <= exact) ?? QUALITIES.at(-1);
+      if (lower < this.quality || exact > 1.3 * this.quality) this.quality = lower;
+    }
+    this.last = now;
   }
 
-  key(key) {
-    if (key !== 'w' && key !== 's') return false;
-    this.renderer.setWireframe?.(key === 'w');
-    return Boolean(this.renderer.setWireframe);
+  // The view has moved: the next picture at rest is whole again.
+  moved() {
+    clearTimeout(this.resting);
+    this.resting = setTimeout(() => {
+      this.resting = null;
+      this.changed();
+    }, REST_MS);
+    this.changed();
+  }
+
+  clicked(subplot, x, y) {
+    const { clientWidth, clientHeight } = this.element;
+    const hit = this.renderer.pick(subplot, x / clientWidth, y / clientHeight);
+    if (!hit) return (this.status.textContent = '');
+    const values = Object.entries(hit.values).map(([name, value]) => `${name} ${shown(value)}`);
+    return (this.status.textContent = [`${hit.name} ${hit.index}`, ...values].join(', '));
   }
 
   reset() {
@@ -154,9 +159,8 @@ class View {
   }
 
   rangeOf(thing, name) {
-    const { values } = { values: thing.scalars[name].values ?? thing.scalars[name] };
     let [low, high] = [Infinity, -Infinity];
-    for (const value of values) {
+    for (const value of thing.scalars[name]) {
       if (value < low) low = value;
       if (value > high) high = value;
     }
@@ -170,23 +174,6 @@ class View {
     for (const bar of this.subplots.flatMap(({ annotations }) => annotations ?? []))
       if (bar.kind === 'bar' && bar.thing === thing.name) relabel(bar, name, range, table);
     this.overlay.layout(this.element.clientWidth, this.element.clientHeight);
-    this.changed();
-  }
-
-  play(thing, clip) {
-    thing.clip = clip;
-    this.renderer.setClip?.(thing, clip);
-    this.changed();
-  }
-
-  toggle() {
-    this.playing = !this.playing;
-    this.last = performance.now();
-    this.changed();
-  }
-
-  seek(time) {
-    this.time = time;
     this.changed();
   }
 }

@@ -48,13 +48,14 @@ export class Renderer {
     this.targets = {};
   }
 
-  // Targets of the canvas's size: the picture's samples, the picture for picks, weighted colors.
-  resize([width, height]) {
+  // Targets: the picture's samples, the picture for picks, weighted colors.
+  resize([fullWidth, fullHeight], quality) {
     const { gl } = this;
+    const [width, height] = [fullWidth, fullHeight].map((n) => Math.max(1, Math.round(n * quality)));
     if (this.width === width && this.height === height) return;
     Object.values(this.targets).forEach(({ release }) => release());
     Object.assign(this, { width, height });
-    const { samples } = this;
+    const samples = quality < 1 ? 0 : this.samples;
     this.targets = {
       picture: target(gl, [gl.RGBA8], { width, height, samples }),
       picks: target(gl, [gl.RGBA8], { width, height }),
@@ -68,23 +69,24 @@ export class Renderer {
     return [left, bottom, Math.round(x1 * this.width) - left, Math.round(y1 * this.height) - bottom];
   }
 
-  draw(cameras, time, size) {
+  draw(cameras, size, quality = 1) {
     const { gl } = this;
-    this.resize(size);
+    this.resize(size, quality);
     this.cameras = cameras;
     const { frame } = this.targets.picture;
     gl.bindFramebuffer(gl.FRAMEBUFFER, frame);
     this.scene.subplots.forEach((_, i) => this.drawSubplot(i, false));
     gl.disable(gl.SCISSOR_TEST);
-    this.copy(frame, null, gl.COLOR_BUFFER_BIT);
+    this.copy(frame, null, gl.COLOR_BUFFER_BIT, size);
     gl.bindFramebuffer(gl.FRAMEBUFFER, null);
   }
 
-  copy(from, to, what) {
+  copy(from, to, what, [w, h] = [this.width, this.height]) {
     const { gl, width, height } = this;
     gl.bindFramebuffer(gl.READ_FRAMEBUFFER, from);
     gl.bindFramebuffer(gl.DRAW_FRAMEBUFFER, to);
-    gl.blitFramebuffer(0, 0, width, height, 0, 0, width, height, what, gl.NEAREST);
+    const filter = w === width && h === height ? gl.NEAREST : gl.LINEAR;
+    gl.blitFramebuffer(0, 0, width, height, 0, 0, w, h, what, filter);
   }
 
   begin(subplot, rectangle, picks) {
@@ -219,13 +221,14 @@ export class Renderer {
     }
   }
 
-  // The thing at a pixel of the canvas, y up: its index and its value there, or null.
-  pick(number, x, y) {
+  // The thing at shares of the canvas, y up: its index and its values there, or null.
+  pick(number, u, v) {
     const { gl } = this;
     gl.bindFramebuffer(gl.FRAMEBUFFER, this.targets.picks.frame);
     this.drawSubplot(number, true);
+    const [x, y] = [Math.floor(u * this.width), Math.floor(v * this.height)];
     const texel = new Uint8Array(4);
-    gl.readPixels(Math.floor(x), Math.floor(y), 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, texel);
+    gl.readPixels(x, y, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, texel);
     gl.bindFramebuffer(gl.FRAMEBUFFER, null);
     if (!texel[3]) return null;
     const thing = this.drawn[number][texel[3] - 1].tree;
@@ -233,7 +236,7 @@ export class Renderer {
     const ids = thing.ids ?? thing.source;
     const values = {};
     for (const name in thing.scalars ?? {}) values[name] = thing.scalars[name][row];
-    return { thing, name: thing.name, index: ids ? ids[row] : row, value: thing.scalars ? values : null };
+    return { thing, name: thing.name, index: ids ? ids[row] : row, values };
   }
 
   // Colors a thing, or all parts of the set of its name, by one of its scalars.
