@@ -15,7 +15,7 @@ from pvibr.export.web_report import WebReport, WebRow
 
 def page_report(plotter, pipelines_by_subplot) -> WebReport:
     """Return what a page of pvibr draws of effects, and which props it does not draw."""
-    from pvibr.web.annotations import why_no_annotation
+    from pvibr.web.annotations import flat_props, why_no_annotation, widgets_missing
     from pvibr.web.scene import props_of, sets_of, why_missing
 
     rows = []
@@ -25,9 +25,11 @@ def page_report(plotter, pipelines_by_subplot) -> WebReport:
         own_props = {id(p) for e in effects for p in (*e.props, *_actors(e))}
         sets = sets_of(effects)
         rows += [_row(effect, number, effect in sets) for effect in effects]
-        for why, props in ((why_missing, props_of(renderer)), *why_no_annotation(renderer)):
-            missing = [(name, why(prop)) for name, prop in props if id(prop) not in own_props]
-            rows += [WebRow(name, 'lost', reason, number) for name, reason in missing if reason]
+        reasons = [(name, why_missing(prop), prop) for name, prop in props_of(renderer)]
+        reasons += [(name, why_no_annotation(prop), prop) for name, prop in flat_props(renderer)]
+        reasons += [(name, 'pages do not draw it', None) for name in widgets_missing(renderer)]
+        missing = [(name, why) for name, why, prop in reasons if why and id(prop) not in own_props]
+        rows += [WebRow(name, 'lost', why, number) for name, why in missing]
     return WebReport('page', rows)
 
 

@@ -8,12 +8,13 @@ import numpy as np
 import pyvista as pv
 
 from pvibr.core import _vtk
-from pvibr.core.plotters import renderers_of
+from pvibr.core.plotters import border_of, renderers_of
 from pvibr.effects.backgrounds import Sky
 from pvibr.gl.annotations import is_flat
 from pvibr.gl.scene_pass import is_end, is_marker
 from pvibr.instances.instances import Instances
 from pvibr.things.thing import Thing
+from pvibr.web.annotations import annotations_of, css_of
 from pvibr.web.instance_sets import instances_of, why_not_drawn
 from pvibr.web.programs import Programs
 from pvibr.web.surfaces import WebSurface, coloring_of
@@ -40,8 +41,20 @@ def scene_of(plotter, plain_plotter, sets_by_subplot) -> dict:
         subplot['bounds'] = joined_bounds(renderers[number], renderer)
         subplot['camera'] = camera_of(renderers[number].GetActiveCamera())
         subplot['link'] = cameras.index(cameras[number])
+        size = renderers[number].GetSize()
+        arguments = renderers[number], renderer, subplot['things'], size
+        subplot['annotations'] = annotations_of(*arguments) if min(size) > 0 else []
+        subplot['border'] = _border(renderers[number])
         subplots.append(subplot)
     return {'version': 1, 'size': list(plotter.window_size), 'subplots': subplots}
+
+
+def _border(renderer) -> dict | None:
+    prop = border_of(renderer)
+    if prop is None or not prop.GetVisibility():
+        return None
+    look = prop.GetProperty()
+    return {'color': css_of(look.GetColor()), 'width': look.GetLineWidth()}
 
 
 def joined_bounds(*renderers) -> list:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import re
 
 import imageio.v3 as imageio
 import numpy as np
@@ -140,4 +141,201 @@ def test_instances_look_as_here(looks, page, tmp_path, until):
     here = opened(page, pl, tmp_path / 'cones.html', until)
     assert flip_of(picture(page), here) < 0.03
     assert np.ptp(here.mean(2)) > 100
+    pl.close()
+
+
+def annotated(pl):
+    ball = pv.Sphere()
+    ball['height'] = ball.points[:, 2]
+    pl.add_mesh(ball, scalars='height', name='ball')
+    pl.add_text('Corner', font_size=12)
+    pl.add_text('Two\nlines', position=(30, 120), font_size=12, color='red')
+    pl.add_point_labels([[0, 0, 0.5], [0, -0.5, 0]], ['north', 'south'], font_size=14)
+    pl.add_legend([['first', 'red'], ['second', 'blue']])
+    pl.add_axes()
+
+
+def boxes(page, css):
+    """Return text, left, top, width and height of elements."""
+    return page.evaluate(
+        """css => [...document.querySelectorAll(css)].map(e => {
+          const b = e.getBoundingClientRect();
+          return [e.textContent, b.left, b.top, b.width, b.height]})""",
+        css,
+    )
+
+
+def test_text_bars_and_axes_are_where_they_are_here(page, tmp_path, until):
+    pl = plotter()
+    annotated(pl)
+    here = opened(page, pl, tmp_path / 'texts.html', until)
+    there = picture(page)
+    assert flip_of(there, here) < 0.06  # the fonts are others
+    texts = [box[0] for box in boxes(page, '.view svg text')]
+    for text in ('Corner', 'Twolines', 'height', 'first', 'second', 'X', 'Y', 'Z', 'north'):
+        assert text in texts
+    # The red text covers the same pixels but for its font.
+    red = [(p[..., 0] > 200) & (p[..., 1:] < 80).all(-1) for p in (here, there)]
+    red = [mask[:, :150] for mask in red]
+    places = [np.argwhere(mask) for mask in red]
+    np.testing.assert_allclose(places[0].mean(0), places[1].mean(0), atol=4)
+    pl.close()
+
+
+def test_subplots_are_linked_as_here(page, tmp_path, until):
+    pl = plotter(shape=(1, 3))
+    for column, color in enumerate(('red', 'green', 'blue')):
+        pl.subplot(0, column)
+        pl.add_mesh(pv.Cube(), color=color)
+        pl.add_text(color, font_size=8)
+    pl.link_views((0, 2))
+    here = opened(page, pl, tmp_path / 'subplots.html', until)
+    assert flip_of(picture(page), here) < 0.03
+    before = picture(page)
+    page.mouse.move(60, 200)
+    page.mouse.down()
+    page.mouse.move(100, 220, steps=4)
+    page.mouse.up()
+    until(lambda: not page.evaluate('window.pvibr.resting'))
+    after = picture(page)
+    moved = [np.abs(a.astype(int) - b).mean() for a, b in zip(thirds(before), thirds(after))]
+    assert moved[0] > 1
+    assert moved[2] > 1
+    assert moved[1] == 0
+    page.keyboard.press('r')
+    pl.close()
+
+
+def thirds(image):
+    return np.split(image, 3, axis=1)
+
+
+def test_a_drag_turns_as_vtk_does(page, tmp_path, until):
+    pl = plotter()
+    meshes(pl)
+    opened(page, pl, tmp_path / 'turned.html', until)
+    page.mouse.move(200, 200)
+    page.mouse.down()
+    page.mouse.move(248, 164)
+    page.mouse.up()
+    until(lambda: not page.evaluate('window.pvibr.resting'))
+    style = pl.iren.interactor
+    pl.iren.initialize()
+    style.SetEventInformation(200, SIZE[1] - 1 - 200)
+    style.LeftButtonPressEvent()
+    style.SetEventInformation(248, SIZE[1] - 1 - 164)
+    style.MouseMoveEvent()
+    style.LeftButtonReleaseEvent()
+    camera = page.evaluate('window.pvibr.cameras[0]')
+    np.testing.assert_allclose(camera['position'], pl.camera.position, atol=0.2)
+    pl.close()
+
+
+def test_a_click_says_what_it_hits(page, tmp_path, until):
+    pl = plotter()
+    instances = cones(pl, scalars=np.arange(400.0), show_scalar_bar=False)
+    opened(page, pl, tmp_path / 'picked.html', until)
+    hits = 0
+    for x, y in np.random.default_rng(5).integers((40, 150), (440, 330), (12, 2)):
+        hit = instances.pick(x, SIZE[1] - 1 - y)
+        page.mouse.click(float(x), float(y))
+        said = status(page)
+        if hit is not None and said.startswith('cones'):
+            name, index, value = said.replace(',', '').split()[:3]
+            hits += index == str(hit.index)
+            assert float(said.split()[-1]) == float(index)
+    assert hits >= 4
+    pl.close()
+
+
+def test_colours_and_range_change_in_the_page(page, tmp_path, until):
+    pl = plotter()
+    annotated(pl)
+    opened(page, pl, tmp_path / 'colours.html', until, '')
+    before = picture(page)
+    page.get_by_text('Settings').click()
+    page.get_by_label('Colors').select_option('gray')
+    page.get_by_label('To').fill('2')
+    page.get_by_label('To').press('Enter')
+    page.get_by_text('Settings').click()
+    after = picture(page)
+    ball = after[150:210, 210:270].astype(int)
+    assert np.ptp(ball, axis=2).max() < 6
+    assert np.ptp(before[150:210, 210:270].astype(int), axis=2).max() > 60
+    assert any(box[0].strip() in ('2.00', '2.000', '2.0') for box in boxes(page, '.view svg text'))
+    pl.close()
+
+
+def test_a_file_that_is_cut_off_says_so(page, tmp_path, until, quiet):
+    pl = plotter()
+    meshes(pl)
+    pl.show(auto_close=False)
+    pl.ibr.export_html(tmp_path / 'whole.html')
+    text = (tmp_path / 'whole.html').read_text(encoding='utf-8')
+    path = tmp_path / 'cut.html'
+    for share in (0.02, 0.3, 0.9):
+        path.write_text(text[: int(share * len(text))], encoding='utf-8')
+        page.goto(f'{path.as_uri()}#bare')
+        until(lambda: re.search('damaged|incomplete', message(page)))
+    at = text.index('data-chunk="1"') + 40
+    path.write_text(text[:at] + ('AB' if text[at] != 'A' else 'BC') + text[at + 2 :], 'utf-8')
+    page.goto(f'{path.as_uri()}#bare')
+    until(lambda: 'damaged' in message(page))
+    pl.close()
+
+
+def test_no_webgl_and_a_lost_context_are_said(page, tmp_path, until):
+    pl = plotter()
+    meshes(pl)
+    opened(page, pl, tmp_path / 'lost.html', until)
+    before = picture(page)
+    page.evaluate("""() => { window.lose = window.pvibr.gl.getExtension('WEBGL_lose_context');
+      window.lose.loseContext() }""")
+    until(lambda: 'taken away' in message(page))
+    page.evaluate('window.lose.restoreContext()')
+    until(lambda: not message(page))
+    assert np.abs(picture(page).astype(int) - before).mean() < 0.1
+    page.add_init_script('HTMLCanvasElement.prototype.getContext = () => null')
+    page.goto((tmp_path / 'lost.html').as_uri() + '#')
+    page.reload()
+    until(lambda: 'WebGL 2' in message(page))
+    pl.close()
+
+
+def test_fingers_turn_and_zoom(chromium, tmp_path):
+    pl = plotter()
+    meshes(pl)
+    pl.show(auto_close=False)
+    pl.ibr.export_html(tmp_path / 'touched.html')
+    context = chromium.new_context(has_touch=True, viewport={'width': 480, 'height': 360})
+    page = context.new_page()
+    page.goto((tmp_path / 'touched.html').as_uri() + '#bare')
+    page.wait_for_selector('html[data-state=drawn]')
+    session = context.new_cdp_session(page)
+
+    def touch(kind, *points):
+        places = [{'x': x, 'y': y, 'id': i} for i, (x, y) in enumerate(points)]
+        session.send('Input.dispatchTouchEvent', {'type': kind, 'touchPoints': places})
+
+    def position():
+        return np.array(page.evaluate('window.pvibr.cameras[0].position'))
+
+    center = np.array(pl.camera.focal_point)
+    start = position()
+    touch('touchStart', (200, 200))
+    touch('touchMove', (240, 200))
+    touch('touchMove', (280, 200))
+    touch('touchEnd')
+    turned = position()
+    assert np.linalg.norm(turned - start) > 1
+    distances = [np.linalg.norm(p - center) for p in (start, turned)]
+    np.testing.assert_allclose(*distances, rtol=1e-3)
+    touch('touchStart', (200, 200), (280, 200))
+    touch('touchMove', (160, 200), (320, 200))
+    touch('touchEnd')
+    assert (
+        np.linalg.norm(position() - page.evaluate('window.pvibr.cameras[0].focal_point'))
+        < 0.7 * distances[0]
+    )
+    context.close()
     pl.close()

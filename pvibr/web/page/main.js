@@ -182,7 +182,7 @@ const shown = (x) => (typeof x === 'number' ? String(Number(x.toPrecision(6))) :
 
 // A bar after its colors have changed: as many labels as before, over the new range.
 function relabel(bar, name, range, table) {
-  bar.title = name;
+  if (bar.title) bar.title.text = name;
   if (table) bar.colors = table;
   const count = bar.labels.length;
   const digits = Math.max(0, 2 - Math.floor(Math.log10((range[1] - range[0]) / Math.max(count - 1, 1))));

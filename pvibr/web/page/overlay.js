@@ -17,12 +17,10 @@ function make(name, attributes, parent, text) {
   return node;
 }
 
-export const css = (color) => `rgb(${color.slice(0, 3).map((c) => Math.round(255 * c)).join(' ')})`;
-
 function makeText(parent, look, x, y, anchor, text, extra = {}) {
   const lines = text.split('\n');
   const node = make('text', {
-    'x': x, 'y': y, 'text-anchor': anchor, 'fill': css(look.color), 'font-size': look.size,
+    'x': x, 'y': y, 'text-anchor': anchor, 'fill': look.color, 'font-size': look.size,
     'font-family': FONTS[look.family] ?? FONTS.arial,
     'font-weight': look.bold ? 'bold' : 'normal',
     'font-style': look.italic ? 'italic' : 'normal',
@@ -55,9 +53,9 @@ export class Overlay {
       const box = this.boxes[i];
       const group = make('svg', { ...box, overflow: 'hidden' }, this.svg);
       for (const annotation of subplot.annotations ?? [])
-        KINDS[annotation.kind]?.(annotation, group, box, this.following[i], subplot);
+        KINDS[annotation.kind]?.(annotation, group, box, this.following[i]);
       if (subplot.border) {
-        const color = css(subplot.border.color);
+        const color = subplot.border.color;
         const [w, h] = [box.width, box.height];
         const style = { 'fill': 'none', 'stroke': color, 'stroke-width': 2 * subplot.border.width };
         make('rect', { x: 0, y: 0, width: w, height: h, ...style }, group);
@@ -70,51 +68,26 @@ export class Overlay {
   }
 }
 
+// A text whose last line has its baseline at a place; `down` pixels below it for one line.
+function drawText(look, group, box) {
+  const [x, y] = [look.x * box.width, look.y * box.height];
+  const rows = look.text.split('\n').length;
+  const first = y + 0.95 * look.down - (look.down ? 0 : 1.1 * look.size * (rows - 1));
+  const extra = look.rotate ? { transform: `rotate(${look.rotate} ${x} ${y})` } : {};
+  makeText(group, look, x, first, look.anchor, look.text, extra);
+}
+
 const KINDS = {
-  text(look, group, box) {
-    const [x, y] = [look.x * box.width, (1 - look.y) * box.height];
-    const rows = look.text.split('\n').length;
-    // Baselines as FreeType has them for Arial: ascenders 0.73, descenders 0.21 of the size.
-    const first = { top: 0.78, middle: 0.36, bottom: -0.22 }[look.baseline ?? 'bottom'] * look.size;
-    const rise = { top: 0, middle: 0.55, bottom: 1.1 }[look.baseline ?? 'bottom'];
-    const extra = look.rotate ? { transform: `rotate(${-look.rotate} ${x} ${y})` } : {};
-    makeText(group, look, x, y + first - rise * (rows - 1) * look.size, look.anchor ?? 'start',
-      look.text, extra);
-  },
+  text: drawText,
 
   bar(bar, group, box) {
-    const label = `${bar.title || 'Scalar bar'}: ${bar.labels.map((l) => l.text).join(', ')}`;
+    const label = `${bar.title?.text || 'Scalar bar'}: ${bar.labels.map((l) => l.text).join(', ')}`;
     const node = make('g', { 'role': 'img', 'aria-label': label }, group);
     const [left, bottom, w, h] = bar.rect;
-    const x = left * box.width;
-    const y = (1 - bottom - h) * box.height;
     const [width, height] = [w * box.width, h * box.height];
-    if (bar.background) {
-      const [a, b, c, d] = bar.frame;
-      const frame = { x: a * box.width, y: (1 - b - d) * box.height };
-      Object.assign(frame, { width: c * box.width, height: d * box.height, fill: css(bar.background) });
-      make('rect', frame, node);
-    }
-    drawColors(bar, node, x, y, width, height);
-    for (const { at, text } of bar.labels) {
-      if (bar.horizontal)
-        makeText(node, bar.label, x + at * width, bar.label_y * box.height, 'middle', text);
-      else {
-        const middle = y + (1 - at) * height + 0.36 * bar.label.size;
-        makeText(node, bar.label, bar.label_x * box.width, middle, 'start', text);
-      }
-    }
-    if (bar.title)
-      makeText(node, bar.titles, bar.title_x * box.width, bar.title_y * box.height, 'middle', bar.title);
-    for (const extra of bar.extras ?? []) {
-      const [a, b, c, d] = extra.rect;
-      make('rect', {
-        x: a * box.width, y: (1 - b - d) * box.height, width: c * box.width, height: d * box.height,
-        fill: css(extra.color),
-      }, node);
-      if (extra.text)
-        makeText(node, bar.label, extra.x * box.width, extra.y * box.height, extra.anchor, extra.text);
-    }
+    drawColors(bar, node, left * box.width, (1 - bottom - h) * box.height, width, height);
+    for (const text of [...bar.labels, bar.title])
+      if (text) drawText(text, node, box);
   },
 
   axes(axes, group, box, following) {
@@ -125,7 +98,7 @@ const KINDS = {
     const node = make('g', { 'role': 'img', 'aria-label': `Orientation of ${names}` }, group);
     const arms = axes.labels.map((label, i) => {
       const arm = make('g', {}, node);
-      const color = css(axes.colors[i]);
+      const color = axes.colors[i];
       const line = make('line', { 'stroke': color, 'stroke-width': 3, 'stroke-linecap': 'round' }, arm);
       const head = make('polygon', { fill: color }, arm);
       const text = makeText(arm, axes.text, 0, 0, 'middle', label);
@@ -151,11 +124,11 @@ const KINDS = {
     });
   },
 
-  labels(set, group, box, following, subplot) {
+  labels(set, group, box, following) {
     const node = make('g', { 'role': 'list', 'aria-label': 'Labels of points' }, group);
     const items = set.texts.map((text, i) => {
       const item = make('g', { role: 'listitem' }, node);
-      const frame = set.fill ? make('rect', { fill: css(set.fill), opacity: set.fill_opacity }, item) : null;
+      const frame = set.fill ? make('rect', { fill: set.fill, opacity: set.fill_opacity }, item) : null;
       const label = makeText(item, set.text, 0, 0, set.anchor ?? 'start', text);
       const width = frame ? label.getComputedTextLength() : 0;
       return { item, label, frame, width, point: [...set.points.subarray(3 * i, 3 * i + 3)] };
@@ -173,12 +146,6 @@ const KINDS = {
         for (const [key, value] of Object.entries(rect)) frame.setAttribute(key, value);
       }
     });
-    void subplot;
-  },
-
-  bounds(grid, group, box, following) {
-    const node = make('g', { 'role': 'img', 'aria-label': grid.label }, group);
-    following.push((camera) => drawBounds(grid, node, box, camera));
   },
 };
 
@@ -193,50 +160,4 @@ function drawColors(bar, node, x, y, width, height) {
     const fill = { 'fill': `rgb(${r} ${g} ${b})`, 'fill-opacity': a / 255, 'shape-rendering': 'crispEdges' };
     make('rect', { ...rect, ...fill }, node);
   }
-}
-
-const EDGES = [0, 1, 2].flatMap((axis) =>
-  [0, 1, 2, 3].map((k) => ({ axis, low: k & 1, high: k >> 1 })));
-
-// Each axis is named along the edge of the box that is outermost in the picture.
-function drawBounds(grid, node, box, camera) {
-  node.replaceChildren();
-  const aspect = box.width / box.height;
-  const at = (point) => {
-    const place = project(camera, aspect, point);
-    return { x: place.x * box.width, y: (1 - place.y) * box.height, depth: place.depth };
-  };
-  const { bounds } = grid;
-  const center = at([0, 2, 4].map((i) => (bounds[i] + bounds[i + 1]) / 2));
-  grid.axes.forEach((axis) => {
-    const edges = EDGES.filter((edge) => edge.axis === axis.axis).map((edge) => {
-      const others = [0, 1, 2].filter((k) => k !== edge.axis);
-      const point = (t) => {
-        const p = [0, 0, 0];
-        p[edge.axis] = bounds[2 * edge.axis] + t * (bounds[2 * edge.axis + 1] - bounds[2 * edge.axis]);
-        p[others[0]] = bounds[2 * others[0] + edge.low];
-        p[others[1]] = bounds[2 * others[1] + edge.high];
-        return p;
-      };
-      return { point, a: at(point(0)), b: at(point(1)), m: at(point(0.5)) };
-    });
-    if (edges.some(({ a, b }) => a.depth <= 0 || b.depth <= 0)) return;
-    const outer = ({ m }) => (axis.axis === 2 ? -m.x : m.y);
-    const edge = edges.reduce((best, e) => (outer(e) > outer(best) ? e : best));
-    const color = css(grid.text.color);
-    make('line', { x1: edge.a.x, y1: edge.a.y, x2: edge.b.x, y2: edge.b.y, stroke: color }, node);
-    const away = [edge.m.x - center.x, edge.m.y - center.y];
-    const length = Math.hypot(...away) || 1;
-    const out = away.map((d) => d / length);
-    for (const { at: t, text } of axis.labels) {
-      const p = at(edge.point(t));
-      const tick = { x1: p.x, y1: p.y, x2: p.x + 5 * out[0], y2: p.y + 5 * out[1], stroke: color };
-      make('line', tick, node);
-      const anchor = out[0] < -0.4 ? 'end' : out[0] > 0.4 ? 'start' : 'middle';
-      const drop = 0.36 * grid.text.size;
-      makeText(node, grid.text, p.x + 10 * out[0], p.y + 14 * out[1] + drop, anchor, text);
-    }
-    const far = 3.2 * grid.text.size;
-    makeText(node, grid.text, edge.m.x + far * out[0], edge.m.y + far * out[1], 'middle', axis.title);
-  });
 }
