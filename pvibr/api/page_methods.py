@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from pvibr.api.export_methods import to_plain_plotter
+from pvibr.core._vtk import address
 from pvibr.core.arguments import checked_whole
 from pvibr.core.errors import warn
 from pvibr.core.files import replacing, with_suffix
@@ -15,22 +16,28 @@ from pvibr.export.web_report import WebReport, WebRow
 
 def page_report(plotter, pipelines_by_subplot) -> WebReport:
     """Return what a page of pvibr draws of effects, and which props it does not draw."""
-    from pvibr.web.annotations import flat_props, why_no_annotation, widgets_missing
-    from pvibr.web.scene import props_of, sets_of, why_missing
+    from pvibr.web.scene import sets_of
 
     rows = []
     for number, renderer in enumerate(renderers_of(plotter)):
         pipeline = pipelines_by_subplot.get(number)
         effects = [] if pipeline is None else pipeline.effects
-        own_props = {id(p) for e in effects for p in (*e.props, *_actors(e))}
         sets = sets_of(effects)
         rows += [_row(effect, number, effect in sets) for effect in effects]
-        reasons = [(name, why_missing(prop), prop) for name, prop in props_of(renderer)]
-        reasons += [(name, why_no_annotation(prop), prop) for name, prop in flat_props(renderer)]
-        reasons += [(name, 'pages do not draw it', None) for name in widgets_missing(renderer)]
-        missing = [(name, why) for name, why, prop in reasons if why and id(prop) not in own_props]
-        rows += [WebRow(name, 'lost', why, number) for name, why in missing]
+        rows += [WebRow(name, 'lost', why, number) for name, why in _missing(renderer, effects)]
     return WebReport('page', rows)
+
+
+def _missing(renderer, effects) -> list:
+    """Return names of props that belong to no effect and that a page does not draw, and why."""
+    from pvibr.web.annotations import flat_props, why_no_annotation, widgets_missing
+    from pvibr.web.scene import props_of, why_missing
+
+    own_props = {address(prop) for e in effects for prop in (*e.props, *_actors(e))}
+    reasons = [(name, why_missing(prop), prop) for name, prop in props_of(renderer)]
+    reasons += [(name, why_no_annotation(prop), prop) for name, prop in flat_props(renderer)]
+    missing = [(n, why) for n, why, prop in reasons if why and address(prop) not in own_props]
+    return [*missing, *((name, 'pages do not draw it') for name in widgets_missing(renderer))]
 
 
 def _actors(effect) -> list:

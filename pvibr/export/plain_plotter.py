@@ -10,8 +10,8 @@ import pyvista as pv
 from pvibr.core._vtk import address
 from pvibr.core.arguments import checked_number, checked_whole
 from pvibr.core.errors import warn
-from pvibr.core.plotters import border_of, renderers_of
-from pvibr.export.scene import BakedScene, names_of
+from pvibr.core.plotters import border_of, names_of, renderers_of
+from pvibr.export.scene import BakedScene
 from pvibr.export.web_report import web_report
 from pvibr.things.clipping_range import is_cut, reset_clipping_range
 from pvibr.things.frame import Frame

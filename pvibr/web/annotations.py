@@ -11,6 +11,8 @@ import numpy as np
 import pyvista as pv
 
 from pvibr.core import _vtk
+from pvibr.core._vtk import address
+from pvibr.core.plotters import border_of, names_of
 from pvibr.gl.annotations import is_flat
 from pvibr.gl.scene_pass import is_marker
 from pvibr.web.surfaces import table_of
@@ -23,11 +25,10 @@ _SVG = '{http://www.w3.org/2000/svg}'
 
 def flat_props(renderer) -> list:
     """Return names and visible 2D props of a renderer."""
-    names = {id(actor): name for name, actor in getattr(renderer, 'actors', {}).items()}
+    names = names_of(renderer)
     props = [p for p in renderer.GetViewProps() if is_flat(p) and not is_marker(p)]
-    border = getattr(renderer, '_border_actor', None)
-    visible = [p for p in props if p.GetVisibility() and p is not border]
-    return [(names.get(id(p), type(p).__name__), p) for p in visible]
+    visible = [p for p in props if p.GetVisibility() and p is not border_of(renderer)]
+    return [(names.get(address(p), type(p).__name__), p) for p in visible]
 
 
 def why_no_annotation(prop) -> str | None:

@@ -8,7 +8,8 @@ import numpy as np
 import pyvista as pv
 
 from pvibr.core import _vtk
-from pvibr.core.plotters import border_of, renderers_of
+from pvibr.core._vtk import address
+from pvibr.core.plotters import border_of, names_of, renderers_of
 from pvibr.effects.backgrounds import Sky
 from pvibr.gl.annotations import is_flat
 from pvibr.gl.scene_pass import is_end, is_marker
@@ -34,7 +35,7 @@ def sets_of(effects) -> list:
 def scene_of(plotter, plain_plotter, sets_by_subplot) -> dict:
     """Return what a page draws: instances of a plotter, and the actors of its plain copy."""
     renderers = renderers_of(plotter)
-    cameras = [id(renderer.GetActiveCamera()) for renderer in renderers]
+    cameras = [address(renderer.GetActiveCamera()) for renderer in renderers]
     subplots = []
     for number, renderer in enumerate(renderers_of(plain_plotter)):
         subplot = subplot_of(renderer, sets_by_subplot.get(number, ()))
@@ -89,9 +90,9 @@ def subplot_of(renderer, sets) -> dict:
 
 def props_of(renderer) -> list:
     """Return names and visible props of a renderer, without annotations and pvibr's markers."""
-    names = {id(actor): name for name, actor in getattr(renderer, 'actors', {}).items()}
+    names = names_of(renderer)
     props = [p for p in renderer.GetViewProps() if not (is_marker(p) or is_end(p) or is_flat(p))]
-    return [(names.get(id(p), type(p).__name__), p) for p in props if p.GetVisibility()]
+    return [(names.get(address(p), type(p).__name__), p) for p in props if p.GetVisibility()]
 
 
 def why_missing(prop) -> str | None:
