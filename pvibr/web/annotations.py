@@ -132,7 +132,7 @@ def _bar(bar, things, size) -> dict:
     is_horizontal = bar.GetOrientation() == 0
     labels = [text for text in texts if text['text'].strip() != title.strip()]
     for label in labels:
-        along = (label['x'] - left) / width
+        along = (label['x'] - left) / (width - 1 / size[0])
         up = (1 - label['y'] - bottom + (0.36 * label['size']) / size[1]) / height
         label['at'] = float(along if is_horizontal else np.clip(up, 0, 1))
     names = [t['name'] for t in things if t.get('coloring', {}).get('name') == title.strip()]

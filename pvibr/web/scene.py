@@ -18,8 +18,10 @@ from pvibr.things.thing import Thing
 from pvibr.web.annotations import annotations_of, css_of
 from pvibr.web.instance_sets import instances_of, why_not_drawn
 from pvibr.web.programs import Programs
-from pvibr.web.surfaces import WebSurface, coloring_of
+from pvibr.web.surfaces import WebSurface, coloring_of, table_of
 
+#: What a viewer chooses from, beside the colours of the scene.
+_COLORMAPS = 'viridis', 'plasma', 'coolwarm', 'turbo', 'gray'
 _DRAWN_MAPPERS = ('vtkDataSetMapper', 'vtkPolyDataMapper')
 
 
@@ -47,7 +49,9 @@ def scene_of(plotter, plain_plotter, sets_by_subplot) -> dict:
         subplot['annotations'] = annotations_of(*arguments) if min(size) > 0 else []
         subplot['border'] = _border(renderers[number])
         subplots.append(subplot)
-    return {'version': 1, 'size': list(plotter.window_size), 'subplots': subplots}
+    colored = any('coloring' in thing for s in subplots for thing in s['things'])
+    tables = {name: table_of(pv.LookupTable(name)) for name in _COLORMAPS} if colored else {}
+    return {'version': 1, 'colormaps': tables, 'subplots': subplots}
 
 
 def _border(renderer) -> dict | None:
@@ -125,7 +129,7 @@ def _mesh(name, prop, programs) -> dict:
     }
     if surface.values is not None:
         tree['coloring'] = coloring_of(mapper)
-        tree['scalars'] = {tree['coloring']['name']: tree['values']}
+        tree['scalars'] = surface.scalars()
     return tree
 
 

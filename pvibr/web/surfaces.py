@@ -25,36 +25,28 @@ class WebSurface:
         mesh = pv.wrap(mapper.GetInput() if mesh is None else mesh)
         if not isinstance(mesh, pv.PolyData):
             mesh = mesh.extract_surface(algorithm='dataset_surface')
+        if mesh.n_strips:
+            mesh = mesh.triangulate()
         values, by_cell = _scalars(mapper, mesh)
-        is_smooth = self.prop.GetInterpolation() != _FLAT
-        style = self.prop.GetRepresentation()
-        self.is_solid = style not in (_POINTS, _WIREFRAME)
-        lines, verts = _segments(mesh), _vertices(mesh)
-        if style == _WIREFRAME:
-            edges = mesh.extract_all_edges()
-            lines, faces = np.asarray(edges.lines).reshape(-1, 3)[:, 1:], np.zeros((0, 3), int)
-        elif style == _POINTS:
-            lines, faces = np.zeros((0, 2), int), np.zeros((0, 3), int)
-            verts = np.arange(mesh.n_points)
-        else:
-            faces, cells = _triangles(mesh)
+        faces, lines, verts, cells = self._primitives(mesh)
         points = np.asarray(mesh.points, float)
+        is_smooth = self.prop.GetInterpolation() != _FLAT
         normals = mesh.point_data.active_normals if is_smooth else None
         coordinates = mesh.active_texture_coordinates if actor.GetTexture() else None
-        #: Point of the mesh of each vertex.
-        self.source = np.arange(len(points))
-        self.edges = _edges(mesh) if self.prop.GetEdgeVisibility() and len(faces) else None
-        if by_cell and len(faces):
-            self.source, values = (
-                faces.ravel(),
-                None if values is None else values[np.repeat(cells, 3)],
-            )
-            faces = np.arange(len(self.source)).reshape(-1, 3)
-            lines, verts = np.zeros((0, 2), int), np.zeros(0, int)
+        shows_edges = self.prop.GetEdgeVisibility() and self.is_solid and len(faces)
+        self.edges = np.unique(np.sort(_edges(mesh)[0], 1), axis=0) if shows_edges else None
+        #: Point of the mesh of each vertex; cells that have colours share no vertices.
+        self.source, rows = np.arange(len(points)), np.arange(len(points))
+        if by_cell:
+            self.source = np.concatenate([faces.ravel(), lines.ravel(), verts])
+            faces, lines, verts = _renumbered(faces, lines, verts)
+            rows = cells
             if self.edges is not None:  # any vertex of a point is at its place
                 vertex = np.zeros(len(points), int)
                 vertex[self.source] = np.arange(len(self.source))
                 self.edges = vertex[self.edges]
+        values = None if values is None else values[rows]
+        self._fields = (mesh.cell_data if by_cell else mesh.point_data), rows
         take = self.source
         self.points, self.faces, self.lines, self.verts = points[take], faces, lines, verts
         self.origin = self.points.mean(0) if origin is None else np.asarray(origin, float)
@@ -66,6 +58,37 @@ class WebSurface:
         else:
             self.values = values
         self.mapper = mapper
+
+    def _primitives(self, mesh):
+        """Return triangles, lines, vertices, and the cell of each of their corners."""
+        style = self.prop.GetRepresentation()
+        self.is_solid = style not in (_POINTS, _WIREFRAME)
+        (faces, cells), (lines, line_cells), (verts, vert_cells) = (
+            _triangles(mesh),
+            _segments(mesh),
+            _vertices(mesh),
+        )
+        if style == _WIREFRAME:
+            edges, edge_cells = _edges(mesh)
+            lines = np.concatenate([lines, edges])
+            line_cells = np.concatenate([line_cells, edge_cells])
+        elif style == _POINTS:
+            verts = np.concatenate([verts, lines.ravel(), faces.ravel()])
+            vert_cells = [vert_cells, line_cells.repeat(2), cells.repeat(3)]
+            vert_cells = np.concatenate(vert_cells)
+            lines, line_cells = lines[:0], line_cells[:0]
+        if not self.is_solid:
+            faces, cells = faces[:0], cells[:0]
+        cells = np.concatenate([cells.repeat(3), line_cells.repeat(2), vert_cells])
+        return faces, lines, verts, cells
+
+    def scalars(self) -> dict:
+        """Return values of the vertices by name: those that colour them, and the others."""
+        fields, rows = self._fields
+        named = {n: v for n, v in fields.items() if v.ndim == 1 and v.dtype.kind in 'biuf'}
+        others = {name: np.asarray(v)[rows].astype(np.float32) for name, v in named.items()}
+        own = np.asarray(self.values, np.float32)
+        return {scalar_name(self.mapper): own, **others}
 
     def polydata(self, kind='faces') -> pv.PolyData:
         """Return the triangles, or one line or vertex, of which VTK makes the same program."""
@@ -190,11 +213,21 @@ def _f0(index) -> float:
     return ((index - 1) / (index + 1)) ** 2
 
 
+def scalar_name(mapper) -> str:
+    """Return the name of the array that colours a mapper's mesh, or an empty string."""
+    dataset = mapper.GetInput()
+    if mapper.GetScalarMode() in (3, 4) or dataset is None:
+        return mapper.GetArrayName() or ''
+    by_cell = mapper.GetScalarMode() == 2
+    scalars = (dataset.GetCellData() if by_cell else dataset.GetPointData()).GetScalars()
+    return '' if scalars is None else scalars.GetName() or ''
+
+
 def coloring_of(mapper) -> dict:
     """Return the table and range by which a mapper maps scalars."""
     lookup = mapper.GetLookupTable()
     return {
-        'name': mapper.GetArrayName() or '',
+        'name': scalar_name(mapper),
         'range': [float(x) for x in mapper.GetScalarRange()],
         'table': table_of(lookup),
         'nan': [round(255 * x) for x in lookup.GetNanColor()],
@@ -243,40 +276,51 @@ def _scalars(mapper, mesh):
     return data.astype(float), by_cell
 
 
+def _renumbered(faces, lines, verts):
+    """Return primitives whose corners are vertices of their own."""
+    ends = np.cumsum([faces.size, lines.size, verts.size])
+    numbers = np.split(np.arange(ends[-1]), ends[:-1])
+    return numbers[0].reshape(-1, 3), numbers[1].reshape(-1, 2), numbers[2]
+
+
+def _cells_of(array):
+    """Return the point ids of a cell array, its offsets, and the cell of each id."""
+    ids = _vtk.vtk_to_numpy(array.GetConnectivityArray()).astype(int)
+    offsets = _vtk.vtk_to_numpy(array.GetOffsetsArray()).astype(int)
+    return ids, offsets, np.repeat(np.arange(len(offsets) - 1), np.diff(offsets))
+
+
 def _triangles(mesh):
     """Return triangles and the cell of each."""
-    marked = pv.PolyData(mesh.points, faces=mesh.faces) if mesh.GetNumberOfPolys() else None
-    if marked is None:
-        strips = mesh.triangulate() if mesh.n_strips else None
-        faces = np.zeros((0, 3), int) if strips is None else np.asarray(strips.regular_faces)
-        return faces, np.arange(len(faces))
-    first = mesh.n_verts + mesh.n_lines
-    marked.cell_data['cell'] = np.arange(marked.n_cells) + first
-    if not marked.is_all_triangles:
-        marked = marked.triangulate()
-    return np.asarray(marked.regular_faces), np.asarray(marked['cell'])
+    if not mesh.GetNumberOfPolys():
+        return np.zeros((0, 3), int), np.zeros(0, int)
+    polygons = pv.PolyData(mesh.points, faces=mesh.faces)
+    polygons.cell_data['cell'] = np.arange(polygons.n_cells) + mesh.n_verts + mesh.n_lines
+    if not polygons.is_all_triangles:
+        polygons = polygons.triangulate()
+    return np.asarray(polygons.regular_faces), np.asarray(polygons['cell'])
 
 
 def _edges(mesh):
-    """Return the edges of polygons once each, (n, 2)."""
-    polys = mesh.GetPolys()
-    ids = _vtk.vtk_to_numpy(polys.GetConnectivityArray()).astype(int)
-    offsets = _vtk.vtk_to_numpy(polys.GetOffsetsArray()).astype(int)
+    """Return the edges of each polygon, (n, 2), and its cell."""
+    ids, offsets, cells = _cells_of(mesh.GetPolys())
     following = np.arange(1, len(ids) + 1)
     following[offsets[1:] - 1] = offsets[:-1]
-    return np.unique(np.sort(np.stack([ids, ids[following]], 1), axis=1), axis=0)
+    return np.stack([ids, ids[following]], 1), cells + mesh.n_verts + mesh.n_lines
 
 
 def _segments(mesh):
-    lines = mesh.GetLines()
-    ids = _vtk.vtk_to_numpy(lines.GetConnectivityArray()).astype(int)
+    """Return segments of lines, (n, 2), and the cell of each."""
+    ids, offsets, cells = _cells_of(mesh.GetLines())
     is_start = np.ones(len(ids), bool)
-    is_start[_vtk.vtk_to_numpy(lines.GetOffsetsArray())[1:].astype(int) - 1] = False
-    return np.stack([ids, np.roll(ids, -1)], 1)[is_start] if len(ids) else np.zeros((0, 2), int)
+    is_start[offsets[1:] - 1] = False
+    return np.stack([ids, np.roll(ids, -1)], 1)[is_start], cells[is_start] + mesh.n_verts
 
 
 def _vertices(mesh):
-    return _vtk.vtk_to_numpy(mesh.GetVerts().GetConnectivityArray()).astype(int)
+    """Return vertices and the cell of each."""
+    ids, _, cells = _cells_of(mesh.GetVerts())
+    return ids, cells
 
 
 def _image(texture):

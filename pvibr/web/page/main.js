@@ -28,7 +28,7 @@ class View {
     this.element.className = 'view';
     this.element.tabIndex = 0;
     this.element.setAttribute('role', 'application');
-    this.element.setAttribute('aria-label', `${scene.title || '3D scene'}: ${KEYS}`);
+    this.element.setAttribute('aria-label', `${document.title}: ${KEYS}`);
     this.canvas = document.createElement('canvas');
     this.canvas.setAttribute('aria-hidden', 'true');
     this.svg = document.createElementNS('http://www.w3.org/2000/svg', 'svg');
