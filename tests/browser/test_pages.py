@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import io
 import json
+import os
 import re
 import shutil
 import socket
@@ -16,6 +17,7 @@ import numpy as np
 import pytest
 import pyvista as pv
 
+import pvibr
 from pvibr.maths.flip import flip
 
 pytestmark = pytest.mark.browser
@@ -154,6 +156,33 @@ def test_instances_look_as_here(looks, page, tmp_path, until):
     here = opened(page, pl, tmp_path / 'cones.html', until)
     assert flip_of(picture(page), here) < 0.03
     assert np.ptp(here.mean(2)) > 100
+    pl.close()
+
+
+@pytest.mark.parametrize('shift', [0, 4e6])
+def test_parallel_views_far_from_the_origin(shift, page, tmp_path, until):
+    pl = plotter()
+    place = np.array([shift, -shift, 0])
+    ring = pv.ParametricTorus().translate(place)
+    ring['height'] = ring.points[:, 2]
+    pl.add_mesh(ring, scalars='height', show_scalar_bar=False)
+    pl.ibr.add_instances(pv.Cone(resolution=50), np.eye(3) * 2 + place, color='navy')
+    pl.camera_position = [place + np.array([4, -6, 5]), place, (0, 0, 1)]
+    pl.enable_parallel_projection()
+    here = opened(page, pl, tmp_path / 'parallel.html', until)
+    assert flip_of(picture(page), here) < 0.03
+    pl.close()
+
+
+def test_what_a_page_does_not_draw_itself_is_baked(page, tmp_path, until):
+    pl = plotter()
+    pl.add_mesh(pv.Plane(i_size=6, j_size=6), color='tan')
+    pl.ibr.add_spheres([[0, 0, 1], [1.5, 0, 1]], 0.6, colors=['red', 'blue'])
+    pl.ibr.add_instances(pv.Cube(), [[-1.5, 0, 0.5]], color='green')
+    pl.ibr.add(pvibr.Shadows())
+    pl.add_light(pv.Light(position=(4, -3, 8), light_type='scene light'))
+    here = opened(page, pl, tmp_path / 'baked.html', until)
+    assert flip_of(picture(page), here) < 0.05
     pl.close()
 
 
@@ -376,7 +405,7 @@ def test_axe_finds_nothing_critical(page, tmp_path, until):
 
 
 class Firefox:
-    """Firefox without a window, told by WebDriver BiDi what to do."""
+    """Firefox, told by WebDriver BiDi what to do."""
 
     def __init__(self, program, folder):
         websocket = pytest.importorskip('websocket')
@@ -429,6 +458,8 @@ def test_firefox_draws_the_same(tmp_path, until):
     program = shutil.which('firefox-esr') or shutil.which('firefox')
     if program is None:
         pytest.skip('needs Firefox: apt-get install firefox-esr')
+    if not os.environ.get('DISPLAY'):
+        pytest.skip('needs a display: without one, Firefox has no WebGL')
     pl = plotter()
     meshes(pl)
     pl.show(auto_close=False)

@@ -34,7 +34,11 @@ const orthogonalizeUp = (camera) => (camera.up = frameOf(camera).up);
 // vtkCamera::Azimuth and Elevation, as Rotate of the trackball style calls them.
 export function rotate(camera, azimuth, elevation) {
   orbit(camera, camera.up, azimuth);
-  orbit(camera, frameOf(camera).right.map((x) => -x), elevation);
+  orbit(
+    camera,
+    frameOf(camera).right.map((x) => -x),
+    elevation,
+  );
   orthogonalizeUp(camera);
 }
 
@@ -57,7 +61,7 @@ function halfHeight(camera, distance) {
   return distance * Math.tan(radians(camera.view_angle) / 2);
 }
 
-// Moves by pixels of a viewport of a height: what is under the pointer at the focal point stays so.
+// Moves by pixels of a viewport of a height: what is under the pointer stays there.
 export function pan(camera, dx, dy, height) {
   const { right, up, distance } = frameOf(camera);
   const perPixel = (2 * halfHeight(camera, distance)) / height;
@@ -73,7 +77,8 @@ export function reset(camera, bounds, aspect) {
   const half = radians(camera.view_angle) / 2;
   const angle = aspect >= 1 ? half : Math.atan(Math.tan(half) * aspect);
   const { back } = frameOf(camera);
-  if (Math.abs(dot(camera.up, back)) > 0.999) camera.up = [-camera.up[2], camera.up[0], camera.up[1]];
+  if (Math.abs(dot(camera.up, back)) > 0.999)
+    camera.up = [-camera.up[2], camera.up[0], camera.up[1]];
   camera.focal_point = [0, 2, 4].map((i) => (bounds[i] + bounds[i + 1]) / 2);
   camera.position = add(camera.focal_point, back, radius / Math.sin(angle));
   camera.parallel_scale = aspect >= 1 ? radius : radius / aspect;

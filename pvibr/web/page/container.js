@@ -38,9 +38,11 @@ async function inflate(bytes) {
   return new Uint8Array(await new Response(stream).arrayBuffer());
 }
 
-// The inverse of container.py's delta_planes: planes of bytes, signs in the lowest bit, sums of rows.
+// The inverse of container.py's delta_planes: planes of bytes, signs lowest, sums of rows.
 function undelta(planes, bytesPerValue, count, width) {
-  const words = { 1: Uint8Array, 2: Uint16Array, 4: Uint32Array, 8: BigUint64Array }[bytesPerValue];
+  const words = { 1: Uint8Array, 2: Uint16Array, 4: Uint32Array, 8: BigUint64Array }[
+    bytesPerValue
+  ];
   const values = new words(count * width);
   const bytes = new Uint8Array(values.buffer);
   for (let column = 0, n = 0; column < width; column++)
@@ -76,7 +78,8 @@ async function arrayOf(leaf, chunk) {
 
 function pointsOf(leaf, whole) {
   const points = new Float32Array(whole.length);
-  for (let i = 0; i < points.length; i++) points[i] = leaf.low[i % 3] + leaf.step[i % 3] * whole[i];
+  for (let i = 0; i < points.length; i++)
+    points[i] = leaf.low[i % 3] + leaf.step[i % 3] * whole[i];
   points.shape = leaf.shape;
   return points;
 }
@@ -98,7 +101,8 @@ function directionsOf(leaf, whole) {
 }
 
 async function leafOf(leaf, chunks) {
-  if (leaf.$leaf === 'number') return { inf: Infinity, '-inf': -Infinity, nan: NaN }[leaf.text];
+  if (leaf.$leaf === 'number')
+    return { 'inf': Infinity, '-inf': -Infinity, 'nan': NaN }[leaf.text];
   const chunk = chunks(leaf.chunk);
   if (leaf.$leaf === 'image') {
     const exact = { premultiplyAlpha: 'none', colorSpaceConversion: 'none' };

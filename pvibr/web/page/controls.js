@@ -1,4 +1,4 @@
-// Mouse, touch and keys, as vtkInteractorStyleTrackballCamera acts on them. Sizes are in CSS pixels.
+// Mouse, touch and keys, as vtkInteractorStyleTrackballCamera acts on them, in CSS pixels.
 import { dolly, isometric, pan, reset, resetClippingRange, roll, rotate } from './camera.js';
 
 const MOTION_FACTOR = 10;
@@ -123,7 +123,8 @@ export class Controls {
   }
 
   key(event) {
-    if (event.ctrlKey || event.metaKey || event.altKey || event.target !== this.view.element) return;
+    if (event.ctrlKey || event.metaKey || event.altKey || event.target !== this.view.element)
+      return;
     const { aspect, height } = this.box(this.place({ clientX: 0, clientY: 0 }));
     const { bounds } = this.view.subplots[this.subplot];
     const step = 5;

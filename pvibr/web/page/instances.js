@@ -21,7 +21,9 @@ export class Instances {
     }
     this.meshes = tree.levels.map((level) => level.map((part) => new Mesh(gl, part)));
     this.rows = Math.max(1, Math.ceil(this.count / 1024));
-    this.entries = [...tree.levels, ...tree.cards].map(() => texture(gl, new Float32Array(4096), { width: 1024, height: 1 }));
+    this.entries = [...tree.levels, ...tree.cards].map(() =>
+      texture(gl, new Float32Array(4096), { width: 1024, height: 1 }),
+    );
     this.corners = gl.createBuffer();
     this.cornerRoom = 0;
     this.look(tree.looks);
@@ -33,11 +35,17 @@ export class Instances {
     const texels = new Uint8Array(4096 * this.rows);
     if (looks) texels.set(looks);
     const size = { width: 1024, height: this.rows };
-    if (this.textures.ibr_looks) fill(gl, this.textures.ibr_looks, texels, size.width, size.height);
+    if (this.textures.ibr_looks)
+      fill(gl, this.textures.ibr_looks, texels, size.width, size.height);
     else this.textures.ibr_looks = texture(gl, texels, size);
     this.uniforms = {
-      ...this.tree.uniforms, ...NONE, ibr_unit: 1, ibr_texels: 3, ibr_count: this.count,
-      ibr_has_looks: Number(Boolean(looks)), ibr_first: 0,
+      ...this.tree.uniforms,
+      ...NONE,
+      ibr_unit: 1,
+      ibr_texels: 3,
+      ibr_count: this.count,
+      ibr_has_looks: Number(Boolean(looks)),
+      ibr_first: 0,
     };
   }
 
@@ -48,8 +56,13 @@ export class Instances {
     for (let i = 0; i < this.count; i++) {
       const share = high > low ? (values[i] - low) / (high - low) : 0;
       const at = 4 * Math.min(Math.max(Math.floor(share * count), 0), count - 1);
-      const color = Number.isNaN(values[i]) ? nan ?? [128, 128, 128, 255] : table.subarray(at, at + 3);
-      looks.set([color[0], color[1], color[2], this.looks && this.looks[4 * i + 3] === 0 ? 0 : 255], 4 * i);
+      const color = Number.isNaN(values[i])
+        ? (nan ?? [128, 128, 128, 255])
+        : table.subarray(at, at + 3);
+      looks.set(
+        [color[0], color[1], color[2], this.looks && this.looks[4 * i + 3] === 0 ? 0 : 255],
+        4 * i,
+      );
     }
     this.look(looks);
   }
@@ -57,14 +70,21 @@ export class Instances {
   prepare(view) {
     const { gl, tree, levels, looks } = this;
     levels.choose(view, looks ? (i) => looks[4 * i + 3] > 0 : () => true);
-    tree.levels.forEach((_, k) => this.upload(k, levels.near[k], levels.near[k].length, false, true));
+    tree.levels.forEach((_, k) =>
+      this.upload(k, levels.near[k], levels.near[k].length, false, true),
+    );
     tree.cards.forEach((_, k) =>
-      this.upload(tree.levels.length + k, levels.cards[k], levels.cardCounts[k], true, false));
+      this.upload(tree.levels.length + k, levels.cards[k], levels.cardCounts[k], true, false),
+    );
     const most = Math.max(0, ...levels.cardCounts);
     if (most > this.cornerRoom) {
       this.cornerRoom = 2 ** Math.ceil(Math.log2(most));
       const index = new Uint32Array(6 * this.cornerRoom);
-      for (let i = 0; i < this.cornerRoom; i++) index.set([0, 1, 2, 0, 2, 3].map((c) => 4 * i + c), 6 * i);
+      for (let i = 0; i < this.cornerRoom; i++)
+        index.set(
+          [0, 1, 2, 0, 2, 3].map((c) => 4 * i + c),
+          6 * i,
+        );
       gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, this.corners);
       gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, index, gl.STATIC_DRAW);
     }
@@ -84,7 +104,11 @@ export class Instances {
         const mesh = this.meshes[k][j];
         const textures = { ...this.textures, ...mesh.textures, ibr_entries: this.entries[k] };
         const own = { ...part.uniforms, ibr_end: count };
-        const program = pass.program(part.program, [this.uniforms, part.material.uniforms, own], textures);
+        const program = pass.program(
+          part.program,
+          [this.uniforms, part.material.uniforms, own],
+          textures,
+        );
         pass.cull(part.material);
         mesh.bind(program);
         mesh.draw('faces', count);
@@ -100,13 +124,19 @@ export class Instances {
     for (const k of name === 'core' ? order.reverse() : order) {
       const [card, count] = [tree.cards[k], levels.cardCounts[k]];
       const nearest = count ? levels.sizes[levels.cards[k][0]] : 0;
-      if (!count || card[name] === null || (name === 'core' && nearest < 0.99 * card.core_size)) continue;
+      if (!count || card[name] === null || (name === 'core' && nearest < 0.99 * card.core_size))
+        continue;
       const textures = { ...this.textures, ibr_entries: this.entries[tree.levels.length + k] };
       const own = { ...card.uniforms, ...card.parts[name], ibr_end: count };
-      const program = pass.program(card[name], [this.uniforms, tree.material.uniforms, own], textures);
+      const program = pass.program(
+        card[name],
+        [this.uniforms, tree.material.uniforms, own],
+        textures,
+      );
       gl.bindVertexArray(null);
       for (let i = 0; i < 8; i++) gl.disableVertexAttribArray(i);
-      for (const attribute of Object.values(program.attributes)) if (attribute >= 0) gl.vertexAttrib4f(attribute, 0, 0, 0, 1);
+      for (const attribute of Object.values(program.attributes))
+        if (attribute >= 0) gl.vertexAttrib4f(attribute, 0, 0, 0, 1);
       gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, this.corners);
       if (card.corners === 1) gl.drawArrays(gl.POINTS, 0, count);
       else gl.drawElements(gl.TRIANGLES, 6 * count, gl.UNSIGNED_INT, 0);

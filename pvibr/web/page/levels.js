@@ -24,7 +24,8 @@ export class Levels {
     this.sizes = new Float32Array(count);
     this.depths = new Float32Array(count);
     this.meshLow = Math.min(...tree.mesh_from);
-    this.varies = new Set(tree.mesh_from).size > 1 || tree.mesh_to.some((row) => new Set(row).size > 1);
+    this.varies =
+      new Set(tree.mesh_from).size > 1 || tree.mesh_to.some((row) => new Set(row).size > 1);
     this.near = tree.levels.map(() => []);
     this.shares = new Float32Array(count);
     this.cards = tree.cards.map(() => new Uint32Array(count));
@@ -48,7 +49,13 @@ export class Levels {
       if (!view.parallel && z >= r) continue;
       const x = base[0] + m[0] * a + m[4] * b + m[8] * c;
       const y = base[1] + m[1] * a + m[5] * b + m[9] * c;
-      if (!(inside(p0, x, y, z, r) && inside(p1, x, y, z, r) && inside(p2, x, y, z, r) && inside(p3, x, y, z, r))) continue;
+      if (!(
+        inside(p0, x, y, z, r) &&
+        inside(p1, x, y, z, r) &&
+        inside(p2, x, y, z, r) &&
+        inside(p3, x, y, z, r)
+      ))
+        continue;
       eyes[3 * i] = x;
       eyes[3 * i + 1] = y;
       eyes[3 * i + 2] = z;
@@ -77,7 +84,8 @@ export class Levels {
       }
     }
     tree.cards.forEach((card, k) => {
-      if (1.01 * size >= card.low && 0.99 * size < card.high) this.cards[k][this.cardCounts[k]++] = i;
+      if (1.01 * size >= card.low && 0.99 * size < card.high)
+        this.cards[k][this.cardCounts[k]++] = i;
     });
   }
 
@@ -85,15 +93,20 @@ export class Levels {
     const { tree, eyes } = this;
     const toward = view.parallel ? [0, 0, 1] : [-eyes[3 * i], -eyes[3 * i + 1], -eyes[3 * i + 2]];
     const r = view.rotation;
-    const world = [0, 1, 2].map((j) => r[3 * j] * toward[0] + r[3 * j + 1] * toward[1] + r[3 * j + 2] * toward[2]);
+    const world = [0, 1, 2].map(
+      (j) => r[3 * j] * toward[0] + r[3 * j + 1] * toward[1] + r[3 * j + 2] * toward[2],
+    );
     if (!tree.axes) return patchOf(...world, tree.patch_side, tree.uniforms.ibr_half);
     const a = tree.axes.subarray(9 * i, 9 * i + 9);
     const cofactors = [
       [a[4] * a[8] - a[5] * a[7], a[2] * a[7] - a[1] * a[8], a[1] * a[5] - a[2] * a[4]],
       [a[5] * a[6] - a[3] * a[8], a[0] * a[8] - a[2] * a[6], a[2] * a[3] - a[0] * a[5]],
-      [a[3] * a[7] - a[4] * a[6], a[1] * a[6] - a[0] * a[7], a[0] * a[4] - a[1] * a[3]]];
+      [a[3] * a[7] - a[4] * a[6], a[1] * a[6] - a[0] * a[7], a[0] * a[4] - a[1] * a[3]],
+    ];
     const det = a[0] * cofactors[0][0] + a[1] * cofactors[1][0] + a[2] * cofactors[2][0];
-    const model = cofactors.map((row) => Math.sign(det) * (row[0] * world[0] + row[1] * world[1] + row[2] * world[2]));
+    const model = cofactors.map(
+      (row) => Math.sign(det) * (row[0] * world[0] + row[1] * world[1] + row[2] * world[2]),
+    );
     return patchOf(...model, tree.patch_side, tree.uniforms.ibr_half);
   }
 
@@ -104,7 +117,9 @@ export class Levels {
     for (let k = 0; k < count; k++) {
       const i = slots[isReversed ? count - 1 - k : k];
       texels.set(this.eyes.subarray(3 * i, 3 * i + 3), 4 * k);
-      const share = withShares ? Math.ceil(Math.max(this.shares[i], 1 / SHARE_STEPS) * SHARE_STEPS) / SHARE_STEPS : 1;
+      const share = withShares
+        ? Math.ceil(Math.max(this.shares[i], 1 / SHARE_STEPS) * SHARE_STEPS) / SHARE_STEPS
+        : 1;
       texels[4 * k + 3] = i + (share < 1 ? share : 0);
     }
     return { texels, rows };
@@ -119,7 +134,9 @@ export function poseTexels(tree) {
   for (let i = 0; i < count; i++)
     for (let row = 0; row < 3; row++)
       for (let column = 0; column < 3; column++)
-        texels[12 * i + 4 * row + column] = tree.axes ? tree.axes[9 * i + 3 * row + column] : Number(row === column);
+        texels[12 * i + 4 * row + column] = tree.axes
+          ? tree.axes[9 * i + 3 * row + column]
+          : Number(row === column);
   return { texels, rows };
 }
 
@@ -127,7 +144,8 @@ export function poseTexels(tree) {
 export function pyramid({ data, width }, tile) {
   const wide = (3 * width) / 2;
   const pixels = new Uint8Array(4 * wide * width);
-  for (let y = 0; y < width; y++) pixels.set(data.subarray(4 * y * width, 4 * (y + 1) * width), 4 * y * wide);
+  for (let y = 0; y < width; y++)
+    pixels.set(data.subarray(4 * y * width, 4 * (y + 1) * width), 4 * y * wide);
   let [image, side, row] = [data, width, 0];
   for (let step = tile; step > 1; step >>= 1) {
     const half = side / 2;
@@ -135,7 +153,8 @@ export function pyramid({ data, width }, tile) {
     for (let y = 0; y < half; y++)
       for (let x = 0; x < 4 * half; x++) {
         const at = 8 * y * side + 2 * (x & ~3) + (x & 3);
-        halved[4 * y * half + x] = (image[at] + image[at + 4] + image[at + 4 * side] + image[at + 4 * side + 4] + 2) >> 2;
+        halved[4 * y * half + x] =
+          (image[at] + image[at + 4] + image[at + 4 * side] + image[at + 4 * side + 4] + 2) >> 2;
       }
     [image, side] = [halved, half];
     for (let y = 0; y < side; y++)

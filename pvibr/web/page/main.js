@@ -55,7 +55,10 @@ class View {
     this.canvas.addEventListener('webglcontextlost', (event) => {
       event.preventDefault();
       this.lost = true;
-      say('The graphics of this page were taken away by the browser. They return by themselves, or reload the page.');
+      say(
+        'The graphics of this page were taken away by the browser. They return by themselves, ' +
+          'or reload the page.',
+      );
     });
     this.canvas.addEventListener('webglcontextrestored', () => {
       this.lost = false;
@@ -92,7 +95,8 @@ class View {
     const { clientWidth, clientHeight } = this.element;
     if (!clientWidth || !clientHeight) return;
     [this.canvas.width, this.canvas.height] = [clientWidth, clientHeight].map((side) =>
-      Math.max(1, Math.round(side * devicePixelRatio)));
+      Math.max(1, Math.round(side * devicePixelRatio)),
+    );
     this.svg.setAttribute('viewBox', `0 0 ${clientWidth} ${clientHeight}`);
     this.overlay.layout(clientWidth, clientHeight);
     this.frame(); // now: a canvas of another size is empty until it is drawn
@@ -185,10 +189,16 @@ function relabel(bar, name, range, table) {
   if (bar.title) bar.title.text = name;
   if (table) bar.colors = table;
   const count = bar.labels.length;
-  const digits = Math.max(0, 2 - Math.floor(Math.log10((range[1] - range[0]) / Math.max(count - 1, 1))));
+  const digits = Math.max(
+    0,
+    2 - Math.floor(Math.log10((range[1] - range[0]) / Math.max(count - 1, 1))),
+  );
   bar.labels.forEach((label) => {
     const value = range[0] + label.at * (range[1] - range[0]);
-    label.text = digits > 6 || Math.abs(value) >= 1e6 ? value.toExponential(2) : value.toFixed(Math.min(digits, 6));
+    label.text =
+      digits > 6 || Math.abs(value) >= 1e6
+        ? value.toExponential(2)
+        : value.toFixed(Math.min(digits, 6));
   });
 }
 

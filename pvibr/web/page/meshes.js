@@ -11,7 +11,8 @@ export class Mesh {
     this.indices = {};
     for (const key in NAMES) if (tree[key]) this.put(NAMES[key][0], tree[key], NAMES[key][1]);
     if (tree.colors) this.put('scalarColor', tree.colors, 4);
-    for (const key of ['faces', 'lines', 'verts', 'edges']) if (tree[key]?.length) this.indices[key] = this.index(tree[key]);
+    for (const key of ['faces', 'lines', 'verts', 'edges'])
+      if (tree[key]?.length) this.indices[key] = this.index(tree[key]);
     this.textures = {};
     if (tree.texture) {
       const { image, linear, repeat, mipmap } = tree.texture;
@@ -71,7 +72,14 @@ export class Mesh {
       }
       gl.bindBuffer(gl.ARRAY_BUFFER, buffer.handle);
       gl.enableVertexAttribArray(place);
-      gl.vertexAttribPointer(place, buffer.size, buffer.bytes ? gl.UNSIGNED_BYTE : gl.FLOAT, buffer.bytes, 0, 0);
+      gl.vertexAttribPointer(
+        place,
+        buffer.size,
+        buffer.bytes ? gl.UNSIGNED_BYTE : gl.FLOAT,
+        buffer.bytes,
+        0,
+        0,
+      );
     }
   }
 

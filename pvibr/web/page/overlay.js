@@ -19,18 +19,28 @@ function make(name, attributes, parent, text) {
 
 function makeText(parent, look, x, y, anchor, text, extra = {}) {
   const lines = text.split('\n');
-  const node = make('text', {
-    'x': x, 'y': y, 'text-anchor': anchor, 'fill': look.color, 'font-size': look.size,
-    'font-family': FONTS[look.family] ?? FONTS.arial,
-    'font-weight': look.bold ? 'bold' : 'normal',
-    'font-style': look.italic ? 'italic' : 'normal',
-    'opacity': look.opacity ?? 1,
-    ...extra,
-  }, parent, lines.length > 1 ? undefined : text);
+  const node = make(
+    'text',
+    {
+      'x': x,
+      'y': y,
+      'text-anchor': anchor,
+      'fill': look.color,
+      'font-size': look.size,
+      'font-family': FONTS[look.family] ?? FONTS.arial,
+      'font-weight': look.bold ? 'bold' : 'normal',
+      'font-style': look.italic ? 'italic' : 'normal',
+      'opacity': look.opacity ?? 1,
+      ...extra,
+    },
+    parent,
+    lines.length > 1 ? undefined : text,
+  );
   if (look.shadow) node.style.filter = 'drop-shadow(1px 1px 0 rgb(0 0 0 / 0.5))';
   if (lines.length > 1)
     lines.forEach((line, i) =>
-      make('tspan', { x, dy: i ? `${1.1 * look.size}` : 0 }, node, line || ' '));
+      make('tspan', { x, dy: i ? `${1.1 * look.size}` : 0 }, node, line || ' '),
+    );
   return node;
 }
 
@@ -47,7 +57,10 @@ export class Overlay {
     this.svg.replaceChildren();
     this.following = this.subplots.map(() => []);
     this.boxes = this.subplots.map(({ viewport: [a, b, c, d] }) => ({
-      x: a * width, y: (1 - d) * height, width: (c - a) * width, height: (d - b) * height,
+      x: a * width,
+      y: (1 - d) * height,
+      width: (c - a) * width,
+      height: (d - b) * height,
     }));
     this.subplots.forEach((subplot, i) => {
       const box = this.boxes[i];
@@ -57,14 +70,20 @@ export class Overlay {
       if (subplot.border) {
         const color = subplot.border.color;
         const [w, h] = [box.width, box.height];
-        const style = { 'fill': 'none', 'stroke': color, 'stroke-width': 2 * subplot.border.width };
+        const style = {
+          'fill': 'none',
+          'stroke': color,
+          'stroke-width': 2 * subplot.border.width,
+        };
         make('rect', { x: 0, y: 0, width: w, height: h, ...style }, group);
       }
     });
   }
 
   follow(cameras) {
-    this.following.forEach((pieces, i) => pieces.forEach((piece) => piece(cameras[i], this.boxes[i])));
+    this.following.forEach((pieces, i) =>
+      pieces.forEach((piece) => piece(cameras[i], this.boxes[i])),
+    );
   }
 }
 
@@ -81,13 +100,13 @@ const KINDS = {
   text: drawText,
 
   bar(bar, group, box) {
-    const label = `${bar.title?.text || 'Scalar bar'}: ${bar.labels.map((l) => l.text).join(', ')}`;
+    const values = bar.labels.map(({ text }) => text).join(', ');
+    const label = `${bar.title?.text || 'Scalar bar'}: ${values}`;
     const node = make('g', { 'role': 'img', 'aria-label': label }, group);
     const [left, bottom, w, h] = bar.rect;
     const [width, height] = [w * box.width, h * box.height];
     drawColors(bar, node, left * box.width, (1 - bottom - h) * box.height, width, height);
-    for (const text of [...bar.labels, bar.title])
-      if (text) drawText(text, node, box);
+    for (const text of [...bar.labels, bar.title]) if (text) drawText(text, node, box);
   },
 
   axes(axes, group, box, following) {
@@ -99,7 +118,11 @@ const KINDS = {
     const arms = axes.labels.map((label, i) => {
       const arm = make('g', {}, node);
       const color = axes.colors[i];
-      const line = make('line', { 'stroke': color, 'stroke-width': 3, 'stroke-linecap': 'round' }, arm);
+      const line = make(
+        'line',
+        { 'stroke': color, 'stroke-width': 3, 'stroke-linecap': 'round' },
+        arm,
+      );
       const head = make('polygon', { fill: color }, arm);
       const text = makeText(arm, axes.text, 0, 0, 'middle', label);
       return { arm, line, head, text };
@@ -110,8 +133,10 @@ const KINDS = {
       for (const i of order) {
         const { arm, line, head, text } = arms[i];
         const [dx, dy] = [right[i], -up[i]];
-        const at = (t, side = 0) =>
-          [center[0] + radius * (t * dx - side * dy), center[1] + radius * (t * dy + side * dx)];
+        const at = (t, side = 0) => [
+          center[0] + radius * (t * dx - side * dy),
+          center[1] + radius * (t * dy + side * dx),
+        ];
         const [x2, y2] = at(0.8);
         const ends = { x1: center[0], y1: center[1], x2, y2 };
         for (const [key, value] of Object.entries(ends)) line.setAttribute(key, value);
@@ -128,7 +153,9 @@ const KINDS = {
     const node = make('g', { 'role': 'list', 'aria-label': 'Labels of points' }, group);
     const items = set.texts.map((text, i) => {
       const item = make('g', { role: 'listitem' }, node);
-      const frame = set.fill ? make('rect', { fill: set.fill, opacity: set.fill_opacity }, item) : null;
+      const frame = set.fill
+        ? make('rect', { fill: set.fill, opacity: set.fill_opacity }, item)
+        : null;
       const label = makeText(item, set.text, 0, 0, set.anchor ?? 'start', text);
       const width = frame ? label.getComputedTextLength() : 0;
       return { item, label, frame, width, point: [...set.points.subarray(3 * i, 3 * i + 3)] };
@@ -156,8 +183,17 @@ function drawColors(bar, node, x, y, width, height) {
     const [r, g, b, a] = bar.colors.subarray(4 * i, 4 * i + 4);
     const rect = bar.horizontal
       ? { x: x + (i / count) * width, y, width: width / count + (i < count - 1 ? 0.5 : 0), height }
-      : { x, y: y + (1 - (i + 1) / count) * height, width, height: height / count + (i ? 0.5 : 0) };
-    const fill = { 'fill': `rgb(${r} ${g} ${b})`, 'fill-opacity': a / 255, 'shape-rendering': 'crispEdges' };
+      : {
+          x,
+          y: y + (1 - (i + 1) / count) * height,
+          width,
+          height: height / count + (i ? 0.5 : 0),
+        };
+    const fill = {
+      'fill': `rgb(${r} ${g} ${b})`,
+      'fill-opacity': a / 255,
+      'shape-rendering': 'crispEdges',
+    };
     make('rect', { ...rect, ...fill }, node);
   }
 }

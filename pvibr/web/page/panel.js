@@ -7,7 +7,8 @@ function element(name, properties = {}, ...children) {
   return node;
 }
 
-const labelled = (text, control) => element('label', {}, element('span', { textContent: text }), control);
+const labelled = (text, control) =>
+  element('label', {}, element('span', { textContent: text }), control);
 
 export class Panel {
   // `view` has: scene, recolor(thing, name, range, cmap), rangeOf(thing, name), reset().
@@ -18,17 +19,25 @@ export class Panel {
       for (const thing of things)
         if (thing.scalars) colored.set(`${subplot} ${thing.name}`, thing);
     });
-    const rows = [...colored.values()].map((thing) => this.colors(thing, Object.keys(thing.scalars)));
+    const rows = [...colored.values()].map((thing) =>
+      this.colors(thing, Object.keys(thing.scalars)),
+    );
     const help = element('p', {
       className: 'help',
       textContent:
-        'Drag turns, wheel or right drag zooms, Shift and drag moves, Ctrl and drag rolls; a click ' +
-        'says what it hits. Keys: arrows, + and -, r resets, v isometric view.',
+        'Drag turns, wheel or right drag zooms, Shift and drag moves, Ctrl and drag rolls; ' +
+        'a click says what it hits. Keys: arrows, + and -, r resets, v isometric view.',
     });
     const reset = element('button', { type: 'button', textContent: 'Reset view' });
     reset.onclick = () => view.reset();
-    this.details = element('details', { className: 'panel' },
-      element('summary', { textContent: 'Settings' }), ...rows, reset, help);
+    this.details = element(
+      'details',
+      { className: 'panel' },
+      element('summary', { textContent: 'Settings' }),
+      ...rows,
+      reset,
+      help,
+    );
     parent.append(this.details);
   }
 
@@ -42,7 +51,8 @@ export class Panel {
     cmap.value = own;
     const number = () => element('input', { type: 'number', step: 'any' });
     const [low, high] = [number(), number()];
-    const show = ([a, b]) => ([low.value, high.value] = [a, b].map((x) => Number(x.toPrecision(6))));
+    const show = ([a, b]) =>
+      ([low.value, high.value] = [a, b].map((x) => Number(x.toPrecision(6))));
     show(thing.coloring?.range ?? this.view.rangeOf(thing, scalars.value));
     const apply = () => {
       const range = [Number(low.value), Number(high.value)];
@@ -55,8 +65,17 @@ export class Panel {
       apply();
     };
     cmap.onchange = low.onchange = high.onchange = apply;
-    const fields = [['Scalars', scalars], ['Colors', cmap], ['From', low], ['To', high]];
-    return element('fieldset', {}, element('legend', { textContent: thing.name || thing.kind }),
-      ...fields.map(([text, control]) => labelled(text, control)));
+    const fields = [
+      ['Scalars', scalars],
+      ['Colors', cmap],
+      ['From', low],
+      ['To', high],
+    ];
+    return element(
+      'fieldset',
+      {},
+      element('legend', { textContent: thing.name || thing.kind }),
+      ...fields.map(([text, control]) => labelled(text, control)),
+    );
   }
 }

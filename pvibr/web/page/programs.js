@@ -6,15 +6,18 @@ function picking({ vertex, fragment }) {
   const found = vertex.includes('int slot = int(known.w);')
     ? vertex.replace('int slot = int(known.w);', '$& ibr_picked = slot;')
     : vertex.replace(/int i = int\(block\.w\)[^;]*;/, '$& ibr_picked = i;');
-  const placed = found === vertex
-    ? vertex.replace(/void main\(\)\s*\{/, '$&\n  ibr_picked = gl_VertexID;')
-    : found;
+  const placed =
+    found === vertex
+      ? vertex.replace(/void main\(\)\s*\{/, '$&\n  ibr_picked = gl_VertexID;')
+      : found;
   const end = fragment.lastIndexOf('}');
   const code = 'ivec3(ibr_picked, ibr_picked >> 8, ibr_picked >> 16) & 255';
   return {
     vertex: placed.replace(main, `flat out int ibr_picked;\n${main}`),
     fragment:
-      fragment.slice(0, end).replace(main, `flat in int ibr_picked;\nuniform int ibr_thing;\n${main}`) +
+      fragment
+        .slice(0, end)
+        .replace(main, `flat in int ibr_picked;\nuniform int ibr_thing;\n${main}`) +
       `  fragOutput0 = vec4(vec3(${code}), float(ibr_thing)) / 255.0;\n}\n`,
   };
 }
@@ -22,22 +25,28 @@ function picking({ vertex, fragment }) {
 // Variants that write colors times weights, and weights.
 function weighted({ vertex, fragment }) {
   const end = fragment.lastIndexOf('}');
-  const declared = fragment.slice(0, end).replace(
-    /out vec4 fragOutput0;/,
-    'layout(location = 0) out vec4 fragOutput0;\nlayout(location = 1) out vec4 ibr_weight;');
+  const declared = fragment
+    .slice(0, end)
+    .replace(
+      /out vec4 fragOutput0;/,
+      'layout(location = 0) out vec4 fragOutput0;\nlayout(location = 1) out vec4 ibr_weight;',
+    );
   const code = `  float weight = fragOutput0.a * pow(max(1.1 - gl_FragCoord.z, 0.0), 2.0);
   ibr_weight = vec4(weight);
   fragOutput0.rgb *= weight;\n}\n`;
   return { vertex, fragment: declared + code };
 }
 
-const VARIANTS = { '': (sources) => sources, picks: picking, weighted };
+const VARIANTS = { '': (sources) => sources, 'picks': picking, weighted };
 
 class Program {
   constructor(gl, sources) {
     this.gl = gl;
     this.handle = gl.createProgram();
-    for (const [kind, text] of [['VERTEX_SHADER', sources.vertex], ['FRAGMENT_SHADER', sources.fragment]]) {
+    for (const [kind, text] of [
+      ['VERTEX_SHADER', sources.vertex],
+      ['FRAGMENT_SHADER', sources.fragment],
+    ]) {
       const shader = gl.createShader(gl[kind]);
       gl.shaderSource(shader, text);
       gl.compileShader(shader);
@@ -46,7 +55,10 @@ class Program {
     }
     gl.linkProgram(this.handle);
     if (!gl.getProgramParameter(this.handle, gl.LINK_STATUS) && !gl.isContextLost()) {
-      const logs = gl.getAttachedShaders(this.handle).map((s) => gl.getShaderInfoLog(s)).join('\n');
+      const logs = gl
+        .getAttachedShaders(this.handle)
+        .map((s) => gl.getShaderInfoLog(s))
+        .join('\n');
       throw new Error(`a shader was refused: ${logs}${gl.getProgramInfoLog(this.handle)}`);
     }
     this.uniforms = {};
@@ -108,7 +120,11 @@ export class Programs {
 }
 
 // A texture of floats, of 8 bits, or of an image; row 0 at v = 0.
-export function texture(gl, source, { width, height, linear = false, repeat = false, mipmap = false } = {}) {
+export function texture(
+  gl,
+  source,
+  { width, height, linear = false, repeat = false, mipmap = false } = {},
+) {
   const handle = gl.createTexture();
   gl.bindTexture(gl.TEXTURE_2D, handle);
   gl.pixelStorei(gl.UNPACK_ALIGNMENT, 1);
@@ -116,7 +132,11 @@ export function texture(gl, source, { width, height, linear = false, repeat = fa
   gl.pixelStorei(gl.UNPACK_COLORSPACE_CONVERSION_WEBGL, gl.NONE);
   const filter = linear ? gl.LINEAR : gl.NEAREST;
   gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MAG_FILTER, filter);
-  gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MIN_FILTER, mipmap ? gl.LINEAR_MIPMAP_LINEAR : filter);
+  gl.texParameteri(
+    gl.TEXTURE_2D,
+    gl.TEXTURE_MIN_FILTER,
+    mipmap ? gl.LINEAR_MIPMAP_LINEAR : filter,
+  );
   const wrap = repeat ? gl.REPEAT : gl.CLAMP_TO_EDGE;
   gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_WRAP_S, wrap);
   gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_WRAP_T, wrap);
@@ -133,13 +153,24 @@ export function fill(gl, handle, source, width, height) {
     gl.texImage2D(target, 0, gl.RGBA8, gl.RGBA, gl.UNSIGNED_BYTE, source);
   else if (source instanceof Float32Array) {
     const one = source.length === width * height;
-    gl.texImage2D(target, 0, one ? gl.R32F : gl.RGBA32F, width, height, 0, one ? gl.RED : gl.RGBA, gl.FLOAT, source);
+    gl.texImage2D(
+      target,
+      0,
+      one ? gl.R32F : gl.RGBA32F,
+      width,
+      height,
+      0,
+      one ? gl.RED : gl.RGBA,
+      gl.FLOAT,
+      source,
+    );
   } else gl.texImage2D(target, 0, gl.RGBA8, width, height, 0, gl.RGBA, gl.UNSIGNED_BYTE, source);
 }
 
 // The bytes of an image, exact: a canvas would multiply them by alpha.
 export function pixelsOf(gl, image) {
-  if (ArrayBuffer.isView(image)) return { data: image, width: image.shape[1], height: image.shape[0] };
+  if (ArrayBuffer.isView(image))
+    return { data: image, width: image.shape[1], height: image.shape[0] };
   const { width, height } = image;
   const handle = texture(gl, image);
   const target = gl.createFramebuffer();

@@ -40,7 +40,8 @@ export class Renderer {
       things.map((tree) => ({
         tree,
         shown: tree.kind === 'mesh' ? new Mesh(gl, tree) : new Instances(gl, tree),
-      })));
+      })),
+    );
     this.backdrop = this.programs.of(GRADIENT);
     this.average = this.programs.of(AVERAGE);
     gl.getExtension('EXT_color_buffer_float');
@@ -51,7 +52,9 @@ export class Renderer {
   // Targets: the picture's samples, the picture for picks, weighted colors.
   resize([fullWidth, fullHeight], quality) {
     const { gl } = this;
-    const [width, height] = [fullWidth, fullHeight].map((n) => Math.max(1, Math.round(n * quality)));
+    const [width, height] = [fullWidth, fullHeight].map((n) =>
+      Math.max(1, Math.round(n * quality)),
+    );
     if (this.width === width && this.height === height) return;
     Object.values(this.targets).forEach(({ release }) => release());
     Object.assign(this, { width, height });
@@ -66,7 +69,12 @@ export class Renderer {
   // Pixels of a subplot: left, bottom, width, height.
   rectangle({ viewport: [x0, y0, x1, y1] }) {
     const [left, bottom] = [Math.round(x0 * this.width), Math.round(y0 * this.height)];
-    return [left, bottom, Math.round(x1 * this.width) - left, Math.round(y1 * this.height) - bottom];
+    return [
+      left,
+      bottom,
+      Math.round(x1 * this.width) - left,
+      Math.round(y1 * this.height) - bottom,
+    ];
   }
 
   draw(cameras, size, quality = 1) {
@@ -118,14 +126,20 @@ export class Renderer {
     const view = new View(camera, rectangle[2], rectangle[3]);
     this.begin(subplot, rectangle, picks);
     const pass = new Pass(this, subplot, view, picks);
-    const visible = this.drawn[number].filter(({ tree }) => tree.visible !== false && !(picks && !tree.pickable));
-    const numbered = (list, each) => list.forEach((item) => {
-      pass.thing = this.drawn[number].indexOf(item) + 1;
-      each(item);
-    });
+    const visible = this.drawn[number].filter(
+      ({ tree }) => tree.visible !== false && !(picks && !tree.pickable),
+    );
+    const numbered = (list, each) =>
+      list.forEach((item) => {
+        pass.thing = this.drawn[number].indexOf(item) + 1;
+        each(item);
+      });
     const meshes = visible.filter(({ tree }) => tree.kind === 'mesh');
     const sets = visible.filter(({ tree }) => tree.kind === 'instances');
-    numbered(meshes.filter(({ tree }) => !tree.translucent), (item) => this.drawMesh(pass, item));
+    numbered(
+      meshes.filter(({ tree }) => !tree.translucent),
+      (item) => this.drawMesh(pass, item),
+    );
     for (const { shown } of sets) shown.prepare(view);
     numbered(sets, ({ shown }) => shown.drawMeshes(pass));
     if (picks) numbered(sets, ({ shown }) => shown.drawCards(pass, 'solid'));
@@ -137,7 +151,10 @@ export class Renderer {
     const translucent = meshes.filter(({ tree }) => tree.translucent);
     gl.depthMask(picks);
     if (translucent.length && !sets.length && !picks) this.drawWeighted(pass, translucent);
-    else numbered(picks ? translucent : sorted(translucent, view), (item) => this.drawMesh(pass, item));
+    else
+      numbered(picks ? translucent : sorted(translucent, view), (item) =>
+        this.drawMesh(pass, item),
+      );
     gl.depthMask(true);
   }
 
@@ -203,7 +220,8 @@ export class Renderer {
     pass.cull({});
     draw('verts', () => shown.draw('verts'));
     draw('lines', (program) =>
-      this.drawWide(pass, tree, program, uniforms, () => shown.draw('lines')));
+      this.drawWide(pass, tree, program, uniforms, () => shown.draw('lines')),
+    );
     if (!tree.edges || pass.picks) return;
     const edge = this.programs.of(EDGES, pass.variant);
     edge.use([uniforms, { color: tree.material.edge_color }]);
@@ -288,8 +306,7 @@ function target(gl, formats, { width, height, samples = 0 }) {
     gl.texStorage2D(gl.TEXTURE_2D, 1, format, width, height);
     for (const name of [gl.TEXTURE_MIN_FILTER, gl.TEXTURE_MAG_FILTER])
       gl.texParameteri(gl.TEXTURE_2D, name, gl.NEAREST);
-    gl.framebufferTexture2D(
-      gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0 + i, gl.TEXTURE_2D, made, 0);
+    gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0 + i, gl.TEXTURE_2D, made, 0);
     textures.push(made);
     return releases.push(() => gl.deleteTexture(made));
   });

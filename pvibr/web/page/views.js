@@ -18,7 +18,10 @@ export const times = (m, p) =>
 export function normalMatrix(m) {
   const [a, b, c] = [m.slice(0, 3), m.slice(4, 7), m.slice(8, 11)];
   const cross = (u, v) => [
-    u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]];
+    u[1] * v[2] - u[2] * v[1],
+    u[2] * v[0] - u[0] * v[2],
+    u[0] * v[1] - u[1] * v[0],
+  ];
   const rows = [cross(b, c), cross(c, a), cross(a, b)];
   const det = a[0] * rows[0][0] + a[1] * rows[0][1] + a[2] * rows[0][2] || 1;
   return rows.flat().map((x) => x / det);
@@ -37,22 +40,75 @@ export class View {
     const along = (axis) => -(axis[0] * eye[0] + axis[1] * eye[1] + axis[2] * eye[2]);
     Object.assign(this, { parallel, near, far, half, aspect, distance, eye, width, height });
     this.eyeFromWorld = [
-      right[0], up[0], back[0], 0, right[1], up[1], back[1], 0, right[2], up[2], back[2], 0,
-      along(right), along(up), along(back), 1];
+      right[0],
+      up[0],
+      back[0],
+      0,
+      right[1],
+      up[1],
+      back[1],
+      0,
+      right[2],
+      up[2],
+      back[2],
+      0,
+      along(right),
+      along(up),
+      along(back),
+      1,
+    ];
     const [sx, sy] = [1 / (half * aspect), 1 / half];
     this.clipFromEye = parallel
-      ? [sx, 0, 0, 0, 0, sy, 0, 0, 0, 0, -2 / (far - near), 0,
-        -cx, -cy, -(far + near) / (far - near), 1]
-      : [sx, 0, 0, 0, 0, sy, 0, 0, cx, cy, -(far + near) / (far - near), -1,
-        0, 0, (-2 * far * near) / (far - near), 0];
+      ? [
+          sx,
+          0,
+          0,
+          0,
+          0,
+          sy,
+          0,
+          0,
+          0,
+          0,
+          -2 / (far - near),
+          0,
+          -cx,
+          -cy,
+          -(far + near) / (far - near),
+          1,
+        ]
+      : [
+          sx,
+          0,
+          0,
+          0,
+          0,
+          sy,
+          0,
+          0,
+          cx,
+          cy,
+          -(far + near) / (far - near),
+          -1,
+          0,
+          0,
+          (-2 * far * near) / (far - near),
+          0,
+        ];
     this.pixelScale = height / (2 * half);
     const [m, e] = [this.clipFromEye, this.eyeFromWorld];
     this.rotation = [e[0], e[1], e[2], e[4], e[5], e[6], e[8], e[9], e[10]];
     this.uniforms = {
-      cameraParallel: Number(parallel), ibr_parallel: Number(parallel),
-      ibr_pixel_scale: this.pixelScale, ibr_eye_from_world: this.rotation,
-      ibr_clip_from_eye: m, ibr_clip_depth: [m[10], m[14], m[11], m[15]],
-      ibr_fades: 1, ibr_dither: 0, ibr_error: 1, PrimitiveIDOffset: 0,
+      cameraParallel: Number(parallel),
+      ibr_parallel: Number(parallel),
+      ibr_pixel_scale: this.pixelScale,
+      ibr_eye_from_world: this.rotation,
+      ibr_clip_from_eye: m,
+      ibr_clip_depth: [m[10], m[14], m[11], m[15]],
+      ibr_fades: 1,
+      ibr_dither: 0,
+      ibr_error: 1,
+      PrimitiveIDOffset: 0,
     };
     this.planes = this.sidePlanes();
   }
@@ -61,11 +117,13 @@ export class View {
   sidePlanes() {
     const m = this.clipFromEye;
     const row = (i) => [m[i], m[4 + i], m[8 + i], m[12 + i]];
-    return [0, 1].flatMap((i) => [1, -1].map((sign) => {
-      const plane = row(3).map((w, k) => w + sign * row(i)[k]);
-      const length = Math.hypot(plane[0], plane[1], plane[2]);
-      return plane.map((x) => x / length);
-    }));
+    return [0, 1].flatMap((i) =>
+      [1, -1].map((sign) => {
+        const plane = row(3).map((w, k) => w + sign * row(i)[k]);
+        const length = Math.hypot(plane[0], plane[1], plane[2]);
+        return plane.map((x) => x / length);
+      }),
+    );
   }
 
   // The uniforms of lights, numbered as VTK numbers those that are on.
@@ -75,7 +133,10 @@ export class View {
     const fromCamera = (p) => [p[0], p[1], p[2] - 1].map((x) => x * this.distance);
     lights.forEach((light, i) => {
       const place = light.kind === 'camera' ? fromCamera : fromScene;
-      let [position, direction] = [[0, 0, 0], [0, 0, -1]];
+      let [position, direction] = [
+        [0, 0, 0],
+        [0, 0, -1],
+      ];
       if (light.kind !== 'head') {
         position = place(light.position);
         direction = unit(add(place(light.focal_point), position, -1));
