@@ -142,7 +142,8 @@ def _props(renderer, effects) -> list:
         # Between frames, substitutes hide their own actors and show the plain ones.
         if isinstance(effect, Thing) and effect.web[0] != 'shown':
             hidden_addresses |= {address(a) for a in (*effect.actors(), *effect.picked())}
-        hidden_addresses |= {address(p) for p in effect.props}
+        if isinstance(effect, Thing) or effect.web[0] != 'shown':
+            hidden_addresses |= {address(p) for p in effect.props}
     prop_names = names_of(renderer)
     props = [p for p in renderer.GetViewProps() if address(p) not in hidden_addresses]
     return [(prop_names.get(address(p)), p) for p in props if p is not border_of(renderer)]

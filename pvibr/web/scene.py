@@ -41,7 +41,9 @@ def scene_of(plotter, plain_plotter, sets_by_subplot) -> dict:
     subplots = []
     for number, renderer in enumerate(renderers_of(plain_plotter)):
         subplot = subplot_of(renderer, sets_by_subplot.get(number, ()))
-        subplot['bounds'] = joined_bounds(renderers[number], renderer)
+        subplot['bounds'] = _bounds([renderers[number].ComputeVisiblePropBounds()])
+        every = [p.GetBounds() for p in renderer.GetViewProps() if p.GetVisibility()]
+        subplot['reach'] = _bounds([subplot['bounds'], *every])
         subplot['camera'] = camera_of(renderers[number].GetActiveCamera())
         subplot['link'] = cameras.index(cameras[number])
         size = renderers[number].GetSize()
@@ -62,11 +64,12 @@ def _border(renderer) -> dict | None:
     return {'color': css_of(look.GetColor()), 'width': look.GetLineWidth()}
 
 
-def joined_bounds(*renderers) -> list:
-    """Return the bounds of what is visible in some renderers."""
+def _bounds(parts) -> list:
+    """Return the bounds of some bounds, of which some may be None or empty."""
     box = _vtk.vtkBoundingBox()
-    for renderer in renderers:
-        box.AddBounds(renderer.ComputeVisiblePropBounds())
+    for part in parts:
+        if part is not None and part[0] <= part[1]:
+            box.AddBounds(part)
     bounds = [0.0] * 6
     box.GetBounds(bounds)
     return bounds if box.IsValid() else [-1.0, 1.0] * 3

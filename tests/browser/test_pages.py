@@ -186,6 +186,17 @@ def test_what_a_page_does_not_draw_itself_is_baked(page, tmp_path, until):
     pl.close()
 
 
+def test_the_ground_is_in_the_page(page, tmp_path, until):
+    pl = plotter()
+    pl.add_mesh(pv.Sphere(), color='orange')
+    pl.ibr.add(pvibr.Ground('navy'))
+    here = opened(page, pl, tmp_path / 'ground.html', until)
+    there = picture(page)
+    assert flip_of(there, here) < 0.2  # it does not fade
+    np.testing.assert_allclose(there[-60:, ::60], here[-60:, ::60], atol=3)
+    pl.close()
+
+
 def annotated(pl):
     ball = pv.Sphere()
     ball['height'] = ball.points[:, 2]

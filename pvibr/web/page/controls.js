@@ -1,5 +1,5 @@
 // Mouse, touch and keys, as vtkInteractorStyleTrackballCamera acts on them, in CSS pixels.
-import { dolly, isometric, pan, reset, resetClippingRange, roll, rotate } from './camera.js';
+import { dolly, isometric, pan, reset, roll, rotate } from './camera.js';
 
 const MOTION_FACTOR = 10;
 const CLICK_PIXELS = 4;
@@ -83,7 +83,7 @@ export class Controls {
     if (others.length) this.pinch(before, place, others[0][1]);
     else this.drag(event, before, place);
     this.pointers.set(event.pointerId, place);
-    this.moved();
+    this.view.moved();
   }
 
   drag(event, before, place) {
@@ -119,7 +119,7 @@ export class Controls {
     // A notch is 100 or 120 pixels, or 3 lines; touch pads send many small steps.
     const notches = event.deltaMode ? event.deltaY / 3 : event.deltaY / 100;
     dolly(this.camera, 1.1 ** (-0.2 * MOTION_FACTOR * Math.max(-3, Math.min(3, notches))));
-    this.moved();
+    this.view.moved();
   }
 
   key(event) {
@@ -139,21 +139,6 @@ export class Controls {
     else if (event.key === 'v') isometric(this.camera, bounds, aspect);
     else return;
     event.preventDefault();
-    this.moved();
-  }
-
-  // Linked subplots share one camera object; their clipping range spans all of their scenes.
-  moved() {
-    const { subplots, cameras } = this.view;
-    const linked = subplots.filter((_, i) => cameras[i] === this.camera && subplots[i].bounds);
-    const union = linked.map(({ bounds }) => bounds).reduce(joined, null);
-    if (union) resetClippingRange(this.camera, union);
     this.view.moved();
   }
-}
-
-function joined(a, b) {
-  if (!a || !(a[0] <= a[1])) return b;
-  if (!(b[0] <= b[1])) return a;
-  return a.map((x, i) => (i % 2 ? Math.max(x, b[i]) : Math.min(x, b[i])));
 }

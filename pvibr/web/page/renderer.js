@@ -122,7 +122,7 @@ export class Renderer {
     const rectangle = this.rectangle(subplot);
     if (rectangle[2] < 1 || rectangle[3] < 1) return;
     const camera = this.cameras[number];
-    resetClippingRange(camera, subplot.bounds);
+    resetClippingRange(camera, subplot.reach);
     const view = new View(camera, rectangle[2], rectangle[3]);
     this.begin(subplot, rectangle, picks);
     const pass = new Pass(this, subplot, view, picks);
