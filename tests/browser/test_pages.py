@@ -491,3 +491,16 @@ def test_firefox_draws_the_same(tmp_path, until):
     there = imageio.imread(io.BytesIO(base64.b64decode(image)))[..., :3]
     assert flip_of(there, here) < 0.04
     pl.close()
+
+
+def test_a_notebooks_frame_draws(page, until):
+    pl = plotter()
+    pl.add_mesh(pv.Cube(), color='red')
+    shown = pl.ibr.show_web(height=SIZE[1])
+    page.set_viewport_size({'width': SIZE[0], 'height': SIZE[1]})
+    page.set_content(f'<body style="margin: 0">{shown._repr_html_()}')
+    state = 'document.documentElement.dataset.state'
+    until(lambda: page.frames[-1].evaluate(state) == 'drawn')
+    red = picture(page).astype(int)
+    assert ((red[..., 0] > 100) & (red[..., 1] < 60)).mean() > 0.05
+    pl.close()
