@@ -45,7 +45,7 @@ pl.show(auto_close=False)
 print(pl.ibr.web_report('html'))
 
 # %%
-# 3. A plotter of plain actors, which `jupyter_backend='client'` shows; `pl.ibr.export_html` writes
+# 3. A plotter of plain actors, which `jupyter_backend='client'` shows; `pl.export_html` writes
 #    it as a page, and a GLB opens in any viewer.
 with tempfile.TemporaryDirectory() as folder:
     pl.ibr.export_glb(Path(folder) / 'scene.glb', triangles=60_000, texture=256)

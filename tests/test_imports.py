@@ -16,7 +16,17 @@ ROOT = Path(pvibr.__file__).parent
 # The floors of the house, highest first: an import goes down, or stays in its room.
 FLOORS = (
     ('api', 'cli', 'cluster'),
-    ('capture', 'export', 'figures', 'inspection', 'large', 'photos', 'scenes', 'substitutes'),
+    (
+        'capture',
+        'export',
+        'figures',
+        'inspection',
+        'large',
+        'photos',
+        'scenes',
+        'substitutes',
+        'web',
+    ),
     ('effects', 'instances', 'points', 'shadows', 'visibility'),
     ('meshes', 'things'),
     ('animation', 'textures'),

@@ -15,7 +15,8 @@ def web_report(self, backend='client') -> WebReport:
     ----------
     backend : str
         That of ``pl.show(jupyter_backend=...)``: 'client', 'html', 'trame' (while the page
-        renders by itself), 'server', 'static' or 'none'; or 'vtksz', 'wasm', 'gltf'.
+        renders by itself), 'server', 'static' or 'none'; or 'vtksz', 'wasm', 'gltf'; or
+        'page', that of :meth:`export_html` and :meth:`show_web`.
 
     Returns
     -------
@@ -40,6 +41,10 @@ def web_report(self, backend='client') -> WebReport:
     Bloom    lost                      works on frames, and a browser draws its own
     >>> pl.close()
     """
+    if backend == 'page':
+        from pvibr.api.page_methods import page_report
+
+        return page_report(self._plotter, self._subplots())
     return report_on({n: p.effects for n, p in self._subplots().items()}, backend)
 
 
@@ -141,31 +146,3 @@ def export_glb(self, path, **options):
 
     number = renderers_of(self._plotter).index(self._plotter.renderer)
     export_glb(path, number, lambda: self.to_plain_plotter(**options))
-
-
-@explicit
-@takes(options=to_plain_plotter)
-def export_html(self, path, **options):
-    """Write all subplots as a self-contained page that renders in the browser.
-
-    The page's cameras are in perspective with a view angle of 30 degrees: others are moved to
-    where the focal point keeps its size.
-
-    Parameters
-    ----------
-    path : str or pathlib.Path
-        File name ending in ``.html``.
-    **options
-        See :meth:`to_plain_plotter`.
-
-    Raises
-    ------
-    TypeError, ValueError
-        If a number or the name is not allowed; nothing is written.
-    OSError, ImportError
-        If the file cannot be written, or trame is not installed; the existing file is
-        unchanged.
-    """
-    from pvibr.export.html import export_html
-
-    export_html(path, lambda: self.to_plain_plotter(**options))

@@ -13,6 +13,7 @@ from pvibr.api import (
     camera_methods,
     capture_methods,
     export_methods,
+    page_methods,
     picking_methods,
     presets,
     setting_costs,
@@ -140,7 +141,8 @@ class IBRComponent(metaclass=Complete):
     web_report = export_methods.web_report
     to_plain_plotter = export_methods.to_plain_plotter
     export_glb = export_methods.export_glb
-    export_html = export_methods.export_html
+    export_html = page_methods.export_html
+    show_web = page_methods.show_web
     pick = picking_methods.pick
     enable_picking = picking_methods.enable_picking
     disable_picking = picking_methods.disable_picking

@@ -26,6 +26,7 @@ _MODULES = (
     'vtkRenderingLOD',
     'vtkIOImage',
     'vtkIOGeometry',
+    'vtkIOExportGL2PS',
     'vtkRenderingFreeType',
     'vtkRenderingVolume',
     'vtkRenderingVolumeOpenGL2',

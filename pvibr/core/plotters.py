@@ -49,6 +49,12 @@ def renderers_of(plotter) -> list:
     return list(getattr(plotter, 'renderers', [plotter.renderer]))
 
 
+def names_of(renderer) -> dict:
+    """Return the names of a renderer's actors by address."""
+    actors = getattr(renderer, 'actors', None)
+    return {address(a): n for n, a in actors.items()} if isinstance(actors, dict) else {}
+
+
 def draw_frame(plotter):
     """Draw a frame as the plotter's ``render`` does, even while it suppresses rendering.
 

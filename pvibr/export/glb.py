@@ -8,8 +8,9 @@ import pyvista as pv
 from pvibr.core._vtk import address
 from pvibr.core.errors import warn
 from pvibr.core.files import with_suffix
+from pvibr.core.plotters import names_of
 from pvibr.export.drawn_surfaces import albedo_of, surface_of_part
-from pvibr.export.scene import SKY, names_of
+from pvibr.export.scene import SKY
 from pvibr.export.strokes import COLORS
 from pvibr.io.glb_writer import CLAMPED, LINEAR, NEAREST, GlbWriter
 from pvibr.maths.cameras import aspect_of, vertical_angle

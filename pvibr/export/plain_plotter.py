@@ -10,8 +10,8 @@ import pyvista as pv
 from pvibr.core._vtk import address
 from pvibr.core.arguments import checked_number, checked_whole
 from pvibr.core.errors import warn
-from pvibr.core.plotters import border_of, renderers_of
-from pvibr.export.scene import BakedScene, names_of
+from pvibr.core.plotters import border_of, names_of, renderers_of
+from pvibr.export.scene import BakedScene
 from pvibr.export.web_report import web_report
 from pvibr.things.clipping_range import is_cut, reset_clipping_range
 from pvibr.things.frame import Frame
@@ -24,8 +24,20 @@ _RENDERER_SETTINGS = (
 _LIMITS = {'triangles': (1, 10**9), 'texture': (0, 16_384)}
 
 
-def to_plain_plotter(host, pipelines, make_cloud, *, triangles, texture, detail):
-    """Return a plotter of plain actors that shows the same, with clouds by `make_cloud`."""
+def to_plain_plotter(host, pipelines, make_cloud, **options):
+    """Return a plotter of plain actors that shows the same, and warn of what it lacks."""
+    plain_plotter, dropped = plain_copy(host, pipelines, make_cloud, **options)
+    renderers = renderers_of(host)
+    effects = {renderers.index(p.renderer): p.effects for p in pipelines}
+    _warn(web_report(effects, 'client'), dropped)
+    return plain_plotter
+
+
+def plain_copy(host, pipelines, make_cloud, *, triangles, texture, detail, without=()):
+    """Return a plotter of plain actors, and how many items of each thing it drops.
+
+    Clouds are by `make_cloud`; things in `without` are left out.
+    """
     for name, value in (('triangles', triangles), ('texture', texture)):
         checked_whole(name, value, *_LIMITS[name])
     checked_number('detail', detail, 1e-5, 1)
@@ -49,7 +61,9 @@ def to_plain_plotter(host, pipelines, make_cloud, *, triangles, texture, detail)
             )
             subplot_effects = effects.get(renderer, [])
             for effect in subplot_effects:
-                if effect.web[0] == 'baked' and effect.needed(scene.frame) is True:
+                if effect in without or effect.web[0] != 'baked':
+                    continue
+                if effect.needed(scene.frame) is True:
                     effect.bake_into(scene)
             _copy_view(renderer, plain_plotter.renderer, cameras)
             _copy_lights(renderer, plain_plotter.renderer, still=scene.lights_stand)
@@ -63,8 +77,7 @@ def to_plain_plotter(host, pipelines, make_cloud, *, triangles, texture, detail)
     except BaseException:
         plain_plotter.close()
         raise
-    _warn(web_report({renderers.index(r): e for r, e in effects.items()}, 'client'), dropped)
-    return plain_plotter
+    return plain_plotter, dropped
 
 
 def _like(host, renderers) -> pv.Plotter:
@@ -129,7 +142,8 @@ def _props(renderer, effects) -> list:
         # Between frames, substitutes hide their own actors and show the plain ones.
         if isinstance(effect, Thing) and effect.web[0] != 'shown':
             hidden_addresses |= {address(a) for a in (*effect.actors(), *effect.picked())}
-        hidden_addresses |= {address(p) for p in effect.props}
+        if isinstance(effect, Thing) or effect.web[0] != 'shown':
+            hidden_addresses |= {address(p) for p in effect.props}
     prop_names = names_of(renderer)
     props = [p for p in renderer.GetViewProps() if address(p) not in hidden_addresses]
     return [(prop_names.get(address(p)), p) for p in props if p is not border_of(renderer)]

@@ -66,6 +66,7 @@ def range_teller(scalar_bar):
     mapper.SelectColorArray('range')
     actor = pv.Actor(mapper=mapper)
     actor.UseBoundsOff()
+    actor.SetObjectName('pvibr: range of a scalar bar')
     return actor
 
 

@@ -245,12 +245,6 @@ def chosen(choice):
     return lambda surface: address(surface.owner) in owners
 
 
-def names_of(renderer) -> dict:
-    """Return the names of a renderer's actors by address."""
-    actors = getattr(renderer, 'actors', None)
-    return {address(a): n for n, a in actors.items()} if isinstance(actors, dict) else {}
-
-
 def _has_surface(prop) -> bool:
     if not prop.IsA('vtkActor') or prop.GetMapper() is None:
         return False

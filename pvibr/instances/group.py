@@ -86,8 +86,8 @@ class InstanceGroup:
         self.model, self.levels, self.atlas = model, model.levels, model.atlas
         self.unit, self.poses = unit, np.zeros((0, 3))
         self.placement = Placement(self.atlas, unit)
-        self._prop = _card_material(self.levels[0].parts)
-        self.cards = Cards(self.atlas, capacity, unit, draws, self._prop, binder)
+        self.card_prop = _card_material(self.levels[0].parts)
+        self.cards = Cards(self.atlas, capacity, unit, draws, self.card_prop, binder)
         self.cards.set(ibr_paint=model.paint)
         self.near = self._near_meshes(translucent)
         self.near.draw_many(capacity, self.atlas.center, binder)
@@ -118,7 +118,7 @@ class InstanceGroup:
 
     def follow_material(self):
         """Apply the current lighting of the mesh to images and lighter meshes."""
-        copy_light(self._prop, _largest(self.levels[0].parts).actor.GetProperty())
+        copy_light(self.card_prop, _largest(self.levels[0].parts).actor.GetProperty())
         for level in self.levels[1:]:
             for part, mesh_part in zip(level.parts, self.levels[0].parts, strict=False):
                 if part.actor.GetProperty() is not mesh_part.actor.GetProperty():

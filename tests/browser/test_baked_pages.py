@@ -150,25 +150,6 @@ def test_a_page_shows_draped_pictures_and_outlines(plotter, page, picture_of, fi
     assert green.sum() > 150
 
 
-@pytest.mark.parametrize('parallel', [False, True])
-def test_pages_frame_what_is_looked_at(page, picture_of, files, quiet, parallel):
-    pytest.importorskip('trame_pyvista')
-    pl = pv.Plotter(off_screen=True, window_size=SIZE, lighting='none')
-    card = np.array([[-2, 0, -1.5], [2, 0, -1.5], [2, 0, 1.5], [-2, 0, 1.5]])
-    pl.add_mesh(pv.PolyData.from_regular_faces(card, [[0, 1, 2, 3]]), color='k', lighting=False)
-    pl.camera_position = [(0, -4, 0), (0, 0, 0), (0, 0, 1)]
-    pl.camera.view_angle = 60
-    if parallel:
-        pl.enable_parallel_projection()
-        pl.camera.parallel_scale = 2.2
-    pl.show(auto_close=False)
-    here = pl.screenshot().astype(int)
-    there = html_page(pl.ibr.export_html, page, picture_of, files, quiet)
-    assert 0.2 < (here.sum(2) == 0).mean() < 0.9
-    assert np.abs((here.sum(2) < 50).mean() - (there.sum(2) < 50).mean()) < 0.01
-    pl.close()
-
-
 def test_far_from_the_origin_a_page_shows_the_same(page, picture_of, files, quiet):
     pytest.importorskip('trame_pyvista')
     pictures = []

@@ -1,0 +1,191 @@
+"""Pages that draw by themselves: methods of ``plotter.ibr``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from pvibr.api.export_methods import to_plain_plotter
+from pvibr.core._vtk import address
+from pvibr.core.arguments import checked_whole
+from pvibr.core.errors import warn
+from pvibr.core.files import replacing, with_suffix
+from pvibr.core.plotters import renderers_of
+from pvibr.core.signatures import explicit, takes
+from pvibr.export.web_report import WebReport, WebRow
+
+
+def page_report(plotter, pipelines_by_subplot) -> WebReport:
+    """Return what a page of pvibr draws of effects, and which props it does not draw."""
+    from pvibr.web.scene import sets_of
+
+    rows = []
+    for number, renderer in enumerate(renderers_of(plotter)):
+        pipeline = pipelines_by_subplot.get(number)
+        effects = [] if pipeline is None else pipeline.effects
+        sets = sets_of(effects)
+        rows += [_row(effect, number, effect in sets) for effect in effects]
+        rows += [WebRow(name, 'lost', why, number) for name, why in _missing(renderer, effects)]
+    return WebReport('page', rows)
+
+
+def _missing(renderer, effects) -> list:
+    """Return names of props that belong to no effect and that a page does not draw, and why."""
+    from pvibr.web.annotations import flat_props, why_no_annotation, widgets_missing
+    from pvibr.web.scene import props_of, why_missing
+
+    own_props = {address(prop) for e in effects for prop in (*e.props, *_actors(e))}
+    reasons = [(name, why_missing(prop), prop) for name, prop in props_of(renderer)]
+    reasons += [(name, why_no_annotation(prop), prop) for name, prop in flat_props(renderer)]
+    missing = [(n, why) for n, why, prop in reasons if why and address(prop) not in own_props]
+    return [*missing, *((name, 'pages do not draw it') for name in widgets_missing(renderer))]
+
+
+def _actors(effect) -> list:
+    return [*effect.actors(), *effect.picked()] if hasattr(effect, 'picked') else []
+
+
+def _row(effect, subplot, is_drawn) -> WebRow:
+    why_off = effect.why_neutral if effect.enabled else 'enabled is False'
+    if why_off:
+        return WebRow(effect.name, 'off', why_off, subplot)
+    if is_drawn:
+        return WebRow(effect.name, 'shown', 'instances, with their levels of detail', subplot)
+    state, what = effect.web
+    return WebRow(effect.name, 'lost' if state == 'lost' else 'shown', what, subplot)
+
+
+@explicit
+@takes(options=to_plain_plotter)
+def export_html(self, path, *, megabytes=None, **options):
+    """Write all subplots as one file that draws them in any browser with WebGL 2.
+
+    The file asks no host for anything. Meshes are lit by VTK's own shaders, instances keep their
+    levels of detail, and a click says what it hits. Everything else that pvibr draws is baked
+    into meshes as it is now; a warning names what is lost. ``pl.ibr.web_report('page')`` says
+    which is which.
+
+    Parameters
+    ----------
+    path : str or pathlib.Path
+        File name ending in ``.html``.
+    megabytes : float, optional
+        Largest size of the file, MB of 10^6 bytes: images of instances get smaller tiles, then
+        lower quality, which a warning says.
+    **options
+        See :meth:`to_plain_plotter`.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If a number or the name is not allowed, or the scene does not fit; nothing is written.
+    OSError
+        If the file cannot be written; the existing file is unchanged.
+
+    Warns
+    -----
+    PvibrWarning
+        If the page lacks something, or has smaller tiles.
+
+    Examples
+    --------
+    >>> import pathlib, tempfile
+    >>> import pyvista as pv
+    >>> pl = pv.Plotter(off_screen=True)
+    >>> cones = pl.ibr.add_instances(pv.Cone(), [[0, 0, 0], [2, 0, 0]], cache=False)
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     pl.ibr.export_html(pathlib.Path(folder) / 'cones.html', megabytes=5)
+    ...     print(*[p.name for p in pathlib.Path(folder).iterdir()])
+    cones.html
+    >>> pl.close()
+    """
+    path = with_suffix(path, '.html')
+    text = _text(self, path.stem, megabytes, options)
+    with replacing(path) as temporary_path:
+        Path(temporary_path).write_text(text, encoding='utf-8')
+
+
+@explicit
+@takes(options=to_plain_plotter)
+def show_web(self, *, height=480, megabytes=None, **options):
+    """Return the page of :meth:`export_html` in a frame, which notebooks show.
+
+    It needs no server, and stays in the notebook's file.
+
+    Parameters
+    ----------
+    height : int
+        Height of the frame, CSS pixels.
+    megabytes : float, optional
+        As in :meth:`export_html`.
+    **options
+        See :meth:`to_plain_plotter`.
+
+    Returns
+    -------
+    pvibr.web.page_file.WebPage
+        Shown as the last value of a cell; its ``text`` is that of the file.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If a number is not allowed, or the scene does not fit.
+
+    Warns
+    -----
+    PvibrWarning
+        If the page lacks something, or has smaller tiles.
+
+    Examples
+    --------
+    >>> import pyvista as pv
+    >>> pl = pv.Plotter(off_screen=True)
+    >>> _ = pl.add_mesh(pv.Cube())
+    >>> page = pl.ibr.show_web(height=300)
+    >>> page.text[:15]
+    '<!doctype html>'
+    >>> pl.close()
+    """
+    from pvibr.web.page_file import WebPage
+
+    checked_whole('height', height, 1, 100_000)
+    title = str(getattr(self._plotter, 'title', None) or 'Scene')
+    return WebPage(_text(self, title, megabytes, options), int(height))
+
+
+def _text(self, title, megabytes, options) -> str:
+    """Return the page of a plotter."""
+    from pvibr.export.plain_plotter import plain_copy
+    from pvibr.substitutes.billboard_cloud import billboard_cloud
+    from pvibr.web.page_file import page_text
+    from pvibr.web.scene import scene_of, sets_of
+
+    self._check_open()
+    self.wait()
+    self._show()
+    if self._every_pipeline() and self.pipeline.window is not None:
+        self._screenshots.draw()  # instances place themselves, and lights follow the camera
+    sets = {number: sets_of(p.effects) for number, p in self._subplots().items()}
+    without = [instances for subplot_sets in sets.values() for instances in subplot_sets]
+    plain, dropped = plain_copy(
+        self._plotter,
+        self._pipelines,
+        billboard_cloud,
+        without=without,
+        **to_plain_plotter.__kwdefaults__ | options,
+    )
+    try:
+        text = page_text(scene_of(self._plotter, plain, sets), title, megabytes)
+    finally:
+        plain.close()
+    _warn(page_report(self._plotter, self._subplots()), dropped)
+    return text
+
+
+def _warn(report, dropped):
+    """Warn about what a page lacks."""
+    parts = [f'not in the page: {row.effect} ({row.what})' for row in report.missing]
+    parts += [
+        f'{count} of {name} are dropped: increase triangles' for name, count in dropped.items()
+    ]
+    if parts:
+        warn('; '.join(parts))

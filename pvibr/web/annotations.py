@@ -1,0 +1,199 @@
+"""Text, scalar bars, axes and labels of subplots, as a page lays them out in SVG."""
+
+from __future__ import annotations
+
+import re
+import tempfile
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+import pyvista as pv
+
+from pvibr.core import _vtk
+from pvibr.core._vtk import address
+from pvibr.core.plotters import border_of, names_of
+from pvibr.gl.annotations import is_flat
+from pvibr.gl.scene_pass import is_marker
+from pvibr.web.surfaces import table_of
+
+#: Flat props of which GL2PS knows all text, and which have nothing else.
+_TEXTS = 'vtkCornerAnnotation', 'vtkTextActor', 'vtkLegendBoxActor'
+_LABELS = 'vtkLabelPlacementMapper'
+_SVG = '{http://www.w3.org/2000/svg}'
+
+
+def flat_props(renderer) -> list:
+    """Return names and visible 2D props of a renderer."""
+    names = names_of(renderer)
+    props = [p for p in renderer.GetViewProps() if is_flat(p) and not is_marker(p)]
+    visible = [p for p in props if p.GetVisibility() and p is not border_of(renderer)]
+    return [(names.get(address(p), type(p).__name__), p) for p in visible]
+
+
+def why_no_annotation(prop) -> str | None:
+    """Return why a page does not draw a 2D prop, or None if it does."""
+    if _is_bar(prop) or any(prop.IsA(kind) for kind in _TEXTS):
+        return None
+    mapper = prop.GetMapper() if prop.IsA('vtkActor2D') else None
+    if mapper is not None and mapper.IsA(_LABELS):
+        return None
+    return f'pages do not draw {type(prop).__name__}'
+
+
+def widgets_missing(renderer) -> list[str]:
+    """Return the names of widgets that a page does not draw."""
+    widget = getattr(renderer, 'axes_widget', None)
+    if widget is None or not widget.GetEnabled() or _axes_of(widget) is not None:
+        return []
+    return ['orientation widget']
+
+
+def annotations_of(renderer, plain_renderer, things, size) -> list[dict]:
+    """Return the annotations of a renderer, whose 2D props its plain copy gives away.
+
+    Positions are fractions of the viewport, whose size is in pixels; font sizes are in pixels.
+    """
+    props = [prop for _, prop in flat_props(plain_renderer) if why_no_annotation(prop) is None]
+    labels = [p for p in props if p.IsA('vtkActor2D') and _labels_mapper(p) is not None]
+    bars = [prop for prop in props if _is_bar(prop)]
+    texts = [prop for prop in props if prop not in labels and prop not in bars]
+    annotations = [{'kind': 'text', **text} for text in _texts_of(texts, size)]
+    annotations += [_bar(bar, things, size) for bar in bars]
+    annotations += [_labels(_labels_mapper(prop)) for prop in labels]
+    widget = getattr(renderer, 'axes_widget', None)
+    axes = _axes_of(widget) if widget is not None and widget.GetEnabled() else None
+    return annotations if axes is None else [*annotations, _axes(widget, axes)]
+
+
+def _is_bar(prop) -> bool:
+    return prop.IsA('vtkScalarBarActor')
+
+
+def _labels_mapper(prop):
+    mapper = prop.GetMapper() if prop.IsA('vtkActor2D') else None
+    return mapper if mapper is not None and mapper.IsA(_LABELS) else None
+
+
+def _texts_of(props, size) -> list[dict]:
+    """Return each text that VTK draws of 2D props, where and how."""
+    if not props:
+        return []
+    plotter = pv.Plotter(off_screen=True, window_size=list(size))
+    for prop in props:
+        plotter.renderer.AddViewProp(prop)
+    plotter.show(auto_close=False)
+    exporter = _vtk.vtkGL2PSExporter()
+    exporter.SetRenderWindow(plotter.render_window)
+    exporter.SetFileFormatToSVG()
+    exporter.CompressOff()
+    exporter.TextAsPathOff()
+    with tempfile.TemporaryDirectory() as folder:
+        exporter.SetFilePrefix(str(Path(folder) / 'page'))
+        exporter.Write()
+        text = (Path(folder) / 'page.svg').read_text(encoding='utf-8', errors='replace')
+    for prop in props:
+        plotter.renderer.RemoveViewProp(prop)
+    plotter.close()
+    return [_text(node, size) for node in ElementTree.fromstring(text).iter(f'{_SVG}text')]
+
+
+def _text(node, size) -> dict:
+    """Return a text of an SVG by GL2PS."""
+    font = node.get('font-family', '')
+    turned = re.match(r'rotate\((-?[\d.]+)', node.get('transform', ''))
+    return {
+        'text': (node.text or '').rstrip(),
+        'x': float(node.get('x')) / size[0],
+        'y': float(node.get('y')) / size[1],
+        'down': float(node.get('dy', 0)),
+        'size': float(node.get('font-size')),
+        'color': node.get('fill'),
+        'anchor': node.get('text-anchor', 'start'),
+        'rotate': float(turned[1]) if turned else 0.0,
+        'family': {'Cour': 'courier', 'Time': 'times'}.get(font[:4], 'arial'),
+        'bold': 'Bold' in font or node.get('font-weight') == 'bold',
+        'italic': 'Italic' in font or 'Oblique' in font or node.get('font-style') == 'italic',
+    }
+
+
+def _bar(bar, things, size) -> dict:
+    """Return a scalar bar, and the name of the thing whose colours it shows."""
+    title = bar.GetTitle() or ''
+    texts = _texts_of([bar], size)
+    plotter = pv.Plotter(off_screen=True, window_size=list(size))
+    plotter.renderer.AddViewProp(bar)
+    plotter.show(auto_close=False)
+    rect = [0] * 4
+    bar.GetScalarBarRect(rect, plotter.renderer)
+    plotter.renderer.RemoveViewProp(bar)
+    plotter.close()
+    left, bottom, width, height = np.array(rect) / np.tile(size, 2)
+    is_horizontal = bar.GetOrientation() == 0
+    labels = [text for text in texts if text['text'].strip() != title.strip()]
+    for label in labels:
+        along = (label['x'] - left) / (width - 1 / size[0])
+        up = (1 - label['y'] - bottom + (0.36 * label['size']) / size[1]) / height
+        label['at'] = float(along if is_horizontal else np.clip(up, 0, 1))
+    names = [t['name'] for t in things if t.get('coloring', {}).get('name') == title.strip()]
+    return {
+        'kind': 'bar',
+        'rect': [float(x) for x in (left, bottom, width, height)],
+        'horizontal': is_horizontal,
+        'colors': table_of(bar.GetLookupTable()),
+        'labels': labels,
+        'title': next((text for text in texts if text['text'].strip() == title.strip()), None),
+        'thing': names[0] if names else None,
+    }
+
+
+def _labels(mapper) -> dict:
+    """Return labels of points."""
+    hierarchy = mapper.GetInputAlgorithm(0, 0)
+    hierarchy.Update()
+    chooser = hierarchy.GetInputAlgorithm(0, 0)
+    # Which points are hidden depends on the camera: a page labels all.
+    chooses = chooser is not None and chooser.IsA('vtkSelectVisiblePoints')
+    source = (chooser if chooses else hierarchy).GetInputDataObject(0, 0)
+    names = source.GetPointData().GetAbstractArray(hierarchy.GetLabelArrayName())
+    prop = hierarchy.GetTextProperty()
+    has_box = mapper.GetShape() != 0
+    return {
+        'kind': 'labels',
+        'points': np.array(pv.wrap(source).points, np.float64),
+        'texts': [str(names.GetValue(i)) for i in range(names.GetNumberOfValues())],
+        'fill': css_of(mapper.GetBackgroundColor()) if has_box else None,
+        'fill_opacity': mapper.GetBackgroundOpacity(),
+        'margin': mapper.GetMargin(),
+        'text': {
+            'size': prop.GetFontSize(),
+            'color': css_of(prop.GetColor()),
+            'bold': bool(prop.GetBold()),
+            'italic': bool(prop.GetItalic()),
+            'family': prop.GetFontFamilyAsString().lower(),
+        },
+    }
+
+
+def _axes_of(widget):
+    marker = widget.GetOrientationMarker()
+    return marker if marker is not None and marker.IsA('vtkAxesActor') else None
+
+
+def _axes(widget, axes) -> dict:
+    """Return the arrows that show where the axes point."""
+    x0, y0, x1, y1 = widget.GetViewport()
+    captions = [getattr(axes, f'Get{c}AxisCaptionActor2D')() for c in 'XYZ']
+    prop = captions[0].GetCaptionTextProperty()
+    return {
+        'kind': 'axes',
+        'rect': [x0, y0, x1 - x0, y1 - y0],
+        'labels': [getattr(axes, f'Get{c}AxisLabelText')() for c in 'XYZ'],
+        'colors': [css_of(getattr(axes, f'Get{c}AxisShaftProperty')().GetColor()) for c in 'XYZ'],
+        'text': {'size': 10, 'color': css_of(prop.GetColor()), 'bold': True, 'italic': True},
+    }
+
+
+def css_of(color) -> str:
+    """Return a colour as CSS has it."""
+    return '#' + ''.join(f'{round(255 * c):02x}' for c in color)

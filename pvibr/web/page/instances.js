@@ -1,0 +1,145 @@
+// Instances as cards and as meshes.
+import { Levels, poseTexels, pyramid } from './levels.js';
+import { Mesh } from './meshes.js';
+import { fill, pixelsOf, texture } from './programs.js';
+
+const NONE = { ibr_tint: [0, 0, 0, 0] };
+
+export class Instances {
+  constructor(gl, tree) {
+    Object.assign(this, { gl, tree, levels: new Levels(tree) });
+    this.count = tree.radii.length;
+    const poses = poseTexels(tree);
+    this.textures = { ibr_poses: texture(gl, poses.texels, { width: 3072, height: poses.rows }) };
+    for (const name of tree.geometry ? ['geometry', 'albedo'] : []) {
+      const { pixels, width, height } = pyramid(pixelsOf(gl, tree[name]), tree.tile);
+      this.textures[`ibr_${name}`] = texture(gl, pixels, { width, height, linear: true });
+    }
+    if (tree.support) {
+      const [height, width] = tree.support.shape;
+      this.textures.ibr_support = texture(gl, tree.support, { width, height });
+    }
+    this.meshes = tree.levels.map((level) => level.map((part) => new Mesh(gl, part)));
+    this.rows = Math.max(1, Math.ceil(this.count / 1024));
+    this.entries = [...tree.levels, ...tree.cards].map(() =>
+      texture(gl, new Float32Array(4096), { width: 1024, height: 1 }),
+    );
+    this.corners = gl.createBuffer();
+    this.cornerRoom = 0;
+    this.look(tree.looks);
+  }
+
+  look(looks) {
+    const { gl } = this;
+    this.looks = looks;
+    const texels = new Uint8Array(4096 * this.rows);
+    if (looks) texels.set(looks);
+    const size = { width: 1024, height: this.rows };
+    if (this.textures.ibr_looks)
+      fill(gl, this.textures.ibr_looks, texels, size.width, size.height);
+    else this.textures.ibr_looks = texture(gl, texels, size);
+    this.uniforms = {
+      ...this.tree.uniforms,
+      ...NONE,
+      ibr_unit: 1,
+      ibr_texels: 3,
+      ibr_count: this.count,
+      ibr_has_looks: Number(Boolean(looks)),
+      ibr_first: 0,
+    };
+  }
+
+  // Colors instances by values, as a lookup table maps them; hidden ones stay so.
+  color(values, { range: [low, high], table, nan }) {
+    const looks = new Uint8Array(4 * this.count);
+    const count = table.length / 4;
+    for (let i = 0; i < this.count; i++) {
+      const share = high > low ? (values[i] - low) / (high - low) : 0;
+      const at = 4 * Math.min(Math.max(Math.floor(share * count), 0), count - 1);
+      const color = Number.isNaN(values[i])
+        ? (nan ?? [128, 128, 128, 255])
+        : table.subarray(at, at + 3);
+      looks.set(
+        [color[0], color[1], color[2], this.looks && this.looks[4 * i + 3] === 0 ? 0 : 255],
+        4 * i,
+      );
+    }
+    this.look(looks);
+  }
+
+  prepare(view) {
+    const { gl, tree, levels, looks } = this;
+    levels.choose(view, looks ? (i) => looks[4 * i + 3] > 0 : () => true);
+    tree.levels.forEach((_, k) =>
+      this.upload(k, levels.near[k], levels.near[k].length, false, true),
+    );
+    tree.cards.forEach((_, k) =>
+      this.upload(tree.levels.length + k, levels.cards[k], levels.cardCounts[k], true, false),
+    );
+    const most = Math.max(0, ...levels.cardCounts);
+    if (most > this.cornerRoom) {
+      this.cornerRoom = 2 ** Math.ceil(Math.log2(most));
+      const index = new Uint32Array(6 * this.cornerRoom);
+      for (let i = 0; i < this.cornerRoom; i++)
+        index.set(
+          [0, 1, 2, 0, 2, 3].map((c) => 4 * i + c),
+          6 * i,
+        );
+      gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, this.corners);
+      gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, index, gl.STATIC_DRAW);
+    }
+  }
+
+  upload(k, slots, count, isReversed, withShares) {
+    if (!count) return;
+    const { texels, rows } = this.levels.entries(slots, count, isReversed, withShares);
+    fill(this.gl, this.entries[k], texels, 1024, rows);
+  }
+
+  drawMeshes(pass) {
+    this.tree.levels.forEach((level, k) => {
+      const count = this.levels.near[k].length;
+      if (!count) return;
+      level.forEach((part, j) => {
+        const mesh = this.meshes[k][j];
+        const textures = { ...this.textures, ...mesh.textures, ibr_entries: this.entries[k] };
+        const own = { ...part.uniforms, ibr_end: count };
+        const program = pass.program(
+          part.program,
+          [this.uniforms, part.material.uniforms, own],
+          textures,
+        );
+        pass.cull(part.material);
+        mesh.bind(program);
+        mesh.draw('faces', count);
+      });
+    });
+    pass.cull({});
+  }
+
+  // Draws the cores, the fringes or the solid cards.
+  drawCards(pass, name) {
+    const { gl, tree, levels } = this;
+    const order = tree.cards.map((_, k) => k);
+    for (const k of name === 'core' ? order.reverse() : order) {
+      const [card, count] = [tree.cards[k], levels.cardCounts[k]];
+      const nearest = count ? levels.sizes[levels.cards[k][0]] : 0;
+      if (!count || card[name] === null || (name === 'core' && nearest < 0.99 * card.core_size))
+        continue;
+      const textures = { ...this.textures, ibr_entries: this.entries[tree.levels.length + k] };
+      const own = { ...card.uniforms, ...card.parts[name], ibr_end: count };
+      const program = pass.program(
+        card[name],
+        [this.uniforms, tree.material.uniforms, own],
+        textures,
+      );
+      gl.bindVertexArray(null);
+      for (let i = 0; i < 8; i++) gl.disableVertexAttribArray(i);
+      for (const attribute of Object.values(program.attributes))
+        if (attribute >= 0) gl.vertexAttrib4f(attribute, 0, 0, 0, 1);
+      gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, this.corners);
+      if (card.corners === 1) gl.drawArrays(gl.POINTS, 0, count);
+      else gl.drawElements(gl.TRIANGLES, 6 * count, gl.UNSIGNED_INT, 0);
+    }
+  }
+}

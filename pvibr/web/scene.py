@@ -1,0 +1,191 @@
+"""A plotter's subplots as one tree of numbers, arrays and shader texts that a page draws."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pyvista as pv
+
+from pvibr.core import _vtk
+from pvibr.core._vtk import address
+from pvibr.core.plotters import border_of, names_of, renderers_of
+from pvibr.effects.backgrounds import Sky
+from pvibr.gl.annotations import is_flat
+from pvibr.gl.scene_pass import is_end, is_marker
+from pvibr.instances.instances import Instances
+from pvibr.things.thing import Thing
+from pvibr.web.annotations import annotations_of, css_of
+from pvibr.web.instance_sets import instances_of, why_not_drawn
+from pvibr.web.programs import Programs
+from pvibr.web.surfaces import WebSurface, coloring_of, table_of
+
+#: What a viewer chooses from, beside the colours of the scene.
+_COLORMAPS = 'viridis', 'plasma', 'coolwarm', 'turbo', 'gray'
+_DRAWN_MAPPERS = ('vtkDataSetMapper', 'vtkPolyDataMapper')
+
+
+def sets_of(effects) -> list:
+    """Return the effects that a page draws as pvibr does: sets of instances, levels and all."""
+    enabled = [effect for effect in effects if effect.enabled and not effect.why_neutral]
+    # Shadows, projected images and outlines are baked into surfaces, instances included.
+    if any(e.web[0] == 'baked' and not isinstance(e, (Thing, Sky)) for e in enabled):
+        return []
+    return [e for e in enabled if type(e) is Instances and why_not_drawn(e) is None]
+
+
+def scene_of(plotter, plain_plotter, sets_by_subplot) -> dict:
+    """Return what a page draws: instances of a plotter, and the actors of its plain copy."""
+    renderers = renderers_of(plotter)
+    cameras = [address(renderer.GetActiveCamera()) for renderer in renderers]
+    subplots = []
+    for number, renderer in enumerate(renderers_of(plain_plotter)):
+        subplot = subplot_of(renderer, sets_by_subplot.get(number, ()))
+        subplot['bounds'] = _bounds([renderers[number].ComputeVisiblePropBounds()])
+        every = [p.GetBounds() for p in renderer.GetViewProps() if p.GetVisibility()]
+        subplot['reach'] = _bounds([subplot['bounds'], *every])
+        subplot['camera'] = camera_of(renderers[number].GetActiveCamera())
+        subplot['link'] = cameras.index(cameras[number])
+        size = renderers[number].GetSize()
+        arguments = renderers[number], renderer, subplot['things'], size
+        subplot['annotations'] = annotations_of(*arguments) if min(size) > 0 else []
+        subplot['border'] = _border(renderers[number])
+        subplots.append(subplot)
+    colored = any('coloring' in thing for s in subplots for thing in s['things'])
+    tables = {name: table_of(pv.LookupTable(name)) for name in _COLORMAPS} if colored else {}
+    return {'version': 1, 'colormaps': tables, 'subplots': subplots}
+
+
+def _border(renderer) -> dict | None:
+    prop = border_of(renderer)
+    if prop is None or not prop.GetVisibility():
+        return None
+    look = prop.GetProperty()
+    return {'color': css_of(look.GetColor()), 'width': look.GetLineWidth()}
+
+
+def _bounds(parts) -> list:
+    """Return the bounds of some bounds, of which some may be None or empty."""
+    box = _vtk.vtkBoundingBox()
+    for part in parts:
+        if part is not None and part[0] <= part[1]:
+            box.AddBounds(part)
+    bounds = [0.0] * 6
+    box.GetBounds(bounds)
+    return bounds if box.IsValid() else [-1.0, 1.0] * 3
+
+
+def subplot_of(renderer, sets) -> dict:
+    """Return what a page draws of a renderer of plain actors, and of sets of instances."""
+    programs = Programs([light for light in renderer.GetLights() if light.GetSwitch()])
+    things = [tree for instances in sets for tree in instances_of(instances, programs)]
+    for name, prop in props_of(renderer):
+        if why_missing(prop) is None and _has_points(prop):
+            things.append(_mesh(name, prop, programs))
+    background = renderer.GetBackground(), renderer.GetBackground2()
+    return {
+        'viewport': list(renderer.GetViewport()),
+        'background': {
+            'bottom': background[0],
+            'top': background[1] if renderer.GetGradientBackground() else None,
+        },
+        'lights': lights_of(renderer),
+        'things': things,
+        'programs': programs.read(),
+    }
+
+
+def props_of(renderer) -> list:
+    """Return names and visible props of a renderer, without annotations and pvibr's markers."""
+    names = names_of(renderer)
+    props = [p for p in renderer.GetViewProps() if not (is_marker(p) or is_end(p) or is_flat(p))]
+    return [(names.get(address(p), type(p).__name__), p) for p in props if p.GetVisibility()]
+
+
+def why_missing(prop) -> str | None:
+    """Return why a page does not draw a prop, or None if it does."""
+    if prop.IsA('vtkVolume'):
+        return 'pages draw no volumes'
+    mapper = prop.GetMapper() if prop.IsA('vtkActor') else None
+    if mapper is None or not any(mapper.IsA(kind) for kind in _DRAWN_MAPPERS):
+        return f'pages do not draw {type(prop if mapper is None else mapper).__name__}'
+    return None
+
+
+def _has_points(prop) -> bool:
+    dataset = prop.GetMapper().GetInput()
+    return dataset is not None and dataset.GetNumberOfPoints() > 0
+
+
+def _mesh(name, prop, programs) -> dict:
+    """Return an actor as a thing."""
+    mapper = prop.GetMapper()
+    matrix = pv.array_from_vtkmatrix(prop.GetMatrix())
+    surface = WebSurface(prop, _clipped(mapper, matrix))
+    tree = surface.tree() | {
+        'kind': 'mesh',
+        'name': name,
+        'pickable': bool(prop.GetPickable()),
+        'matrix': matrix.ravel().tolist(),
+        'translucent': bool(prop.HasTranslucentPolygonalGeometry()),
+        'programs': surface.programs(programs),
+    }
+    if surface.values is not None:
+        tree['coloring'] = coloring_of(mapper)
+        tree['scalars'] = surface.scalars()
+    return tree
+
+
+def _clipped(mapper, matrix) -> pv.DataSet | None:
+    """Return the part of a mapper's mesh within its clipping planes, None without planes."""
+    planes = list(mapper.GetClippingPlanes() or ())
+    mesh: Any = pv.wrap(mapper.GetInput()) if planes else None
+    for plane in planes:
+        normal = matrix[:3, :3].T @ plane.GetNormal()
+        origin = (np.linalg.inv(matrix) @ [*plane.GetOrigin(), 1])[:3]
+        mesh = mesh.clip(normal=normal, origin=origin, invert=False)
+    return mesh
+
+
+def camera_of(camera) -> dict:
+    """Return a camera as a page holds it."""
+    return {
+        'position': camera.GetPosition(),
+        'focal_point': camera.GetFocalPoint(),
+        'up': camera.GetViewUp(),
+        'view_angle': camera.GetViewAngle(),
+        'parallel_projection': bool(camera.GetParallelProjection()),
+        'parallel_scale': camera.GetParallelScale(),
+        'clipping_range': camera.GetClippingRange(),
+        'window_center': camera.GetWindowCenter(),
+    }
+
+
+def lights_of(renderer) -> list[dict]:
+    """Return the lights that are on, in the coordinates of their type."""
+    lights = []
+    for light in renderer.GetLights():
+        if not light.GetSwitch():
+            continue
+        kind = 'scene'
+        if light.LightTypeIsHeadlight():
+            kind = 'head'
+        elif light.LightTypeIsCameraLight():
+            kind = 'camera'
+        position, focal_point = light.GetPosition(), light.GetFocalPoint()
+        if kind == 'scene':
+            position = light.GetTransformedPosition()
+            focal_point = light.GetTransformedFocalPoint()
+        lights.append(
+            {
+                'kind': kind,
+                'position': position,
+                'focal_point': focal_point,
+                'color': [light.GetIntensity() * c for c in light.GetDiffuseColor()],
+                'positional': int(light.GetPositional()),
+                'cone': light.GetConeAngle(),
+                'exponent': light.GetExponent(),
+                'attenuation': light.GetAttenuationValues(),
+            }
+        )
+    return lights
