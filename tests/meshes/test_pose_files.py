@@ -293,6 +293,7 @@ def test_cities_are_drawn(tmp_path):
         {'CityObjects': {'a': {'type': 'Road', 'geometry': [{'type': 'Solid'}]}}},
         {'geometry-templates': {}},
         {'transform': {'scale': [1, 1], 'translate': [0, 0, 0]}},
+        {'transform': {'scale': [1, 1, None], 'translate': [0, 0, 0]}},
     ],
 )
 def test_broken_cities_say_so(tmp_path, changes):

@@ -41,7 +41,7 @@ def read_case(name, folder, files, seed, case) -> str:
         FORGERS[name](rng, file)
     else:
         for _ in range(rng.choice([1, 1, 2])):
-            file.write_bytes(broken(file.read_bytes(), rng) or b'')
+            file.write_bytes(broken(file.read_bytes() or b' ', rng))
     start = time.process_time()
     try:
         verdict = outcome(SOURCES[name].read, folder, files)
@@ -112,7 +112,7 @@ def in_child(name, seed, cases) -> dict[int, str]:
         try:
             child(name, seed, cases, theirs)
         except BaseException as error:
-            os.write(theirs, f'{cases[0]} wrong: no case begins: {error!r}\n'.encode())
+            os.write(theirs, f'{cases[0]} wrong: of the fuzz itself: {error!r}\n'.encode())
         os._exit(0)
     os.close(theirs)
     with os.fdopen(ours, encoding='utf-8', errors='replace') as lines:
