@@ -16,6 +16,8 @@ _CHUNK_SIZE, _ITEM_COUNT, _ITEM = struct.Struct('<I'), struct.Struct('<H'), stru
 _PLACE, _TABLE = struct.Struct('<q'), struct.Struct('<II')
 
 
+#: How much smaller points may be that are packed: real ones are by 5 to 20.
+_MOST_RATIO = 1000
 #: Places of the numbers of records, of extended ones from LAS 1.4 on, and the bytes of each.
 _RECORDS = ((100, 54), (243, 60))
 _MINOR_VERSION_PLACE = 25
@@ -31,6 +33,13 @@ def check_las(path):
         count = int.from_bytes(head[place : place + 4], 'little')
         if count * record_bytes > file_bytes:
             raise ValueError(f'records must fit in its {file_bytes} bytes, got {count} records')
+
+
+def check_points(path, header):
+    """Raise a ValueError unless a file holds its points, packed or not."""
+    most = path.stat().st_size * (_MOST_RATIO if header.are_points_compressed else 1)
+    if header.point_count * header.point_format.size > most:
+        raise ValueError(f'points must fit in the file, got {header.point_count} points')
 
 
 def check_laz(path, header) -> bool:

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from pvibr.core.errors import require
-from pvibr.io.las_headers import check_las, check_laz
+from pvibr.io.las_headers import check_las, check_laz, check_points
 
 #: Longest line of a table, characters.
 _MAX_LINE = 2**22
@@ -324,6 +324,7 @@ def _laz_backend(laspy, path):
     check_las(path)
     with laspy.open(path) as reader:
         header = reader.header
+    check_points(path, header)
     if not header.are_points_compressed or check_laz(path, header):
         return laspy.LazBackend.detect_available()
     return laspy.LazBackend.Lazrs  # not in parallel, which takes memory for whole chunks

@@ -71,7 +71,9 @@ BAD = {
     'no mesh': pv.PolyData(),
 }
 #: PyVista's own ``add_mesh`` raises the same for it.
-BY_PYVISTA = {('add_instances', 'use_transparency')}
+BY_PYVISTA = {(name, 'use_transparency') for name in ('add_instances', 'add_animated')}
+#: What errors call an argument that may be of several kinds.
+ALSO_CALLED = {('add_animated', 'figure'): 'figure|path|meshes'}
 #: Values of each argument that the quick tests try.
 QUICK = 2
 
@@ -96,9 +98,8 @@ def tried(pl, name, argument, value):
         after = [*pl.ibr.effects, *pl.renderer.actors.values()]
         if after != before:
             return f'left {len(after) - len(before)} behind'
-        known = (
-            re.search(rf'\b{argument.rstrip("s")}', str(error)) or (name, argument) in BY_PYVISTA
-        )
+        called = ALSO_CALLED.get((name, argument), rf'\b{argument.rstrip("s")}')
+        known = re.search(called, str(error)) or (name, argument) in BY_PYVISTA
         return '' if known else f'nameless: {error!r}'
     except Exception as error:
         return f'wrong: {error!r}'
