@@ -77,17 +77,11 @@ def test_each_wrong_is_found():
 
 
 def test_a_case_is_the_same_again():
-    program = (
-        'from tests.stress.fuzz import fuzz; print([*fuzz("s", ["poses.csv"], {}, count={})])'
-    )
-    first, again = (
-        subprocess.run(
-            [sys.executable, '-c', program.format(*cases)],
-            capture_output=True,
-            text=True,
-            check=True,
-            timeout=100,
-        ).stdout
-        for cases in ((3, 3), (5, 1))
-    )
-    assert ast.literal_eval(first)[2:] == ast.literal_eval(again)
+    program = """
+from tests.stress.fuzz import fuzz
+print([[*fuzz('s', ['poses.csv'], start, count=n)] for start, n in ((3, 3), (5, 1))])
+"""
+    command = [sys.executable, '-c', program]
+    done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=100)
+    first, again = ast.literal_eval(done.stdout)
+    assert first[2:] == again
