@@ -119,7 +119,8 @@ def test_windows_of_any_size(name, samples):
         pl.window_size = size
         assert shot(pl).shape[1::-1] == size
         assert {row.state for row in pl.ibr.report().rows} == {'ran'}, pl.ibr.report()
-    check(name, before, shot(pl))
+    # What was drawn as meshes may be shown in an image now, whose outlines are off.
+    check(name, before, shot(pl), share=0.01)
 
 
 @pytest.mark.stress
