@@ -228,8 +228,10 @@ def _drags(settings, results):
             late = np.mean(np.array(times) > 1.5 * budget_ms)
         title = f'{name}, dragged within {budget_ms:.0f} ms'
         yield Row(f'{title}: a frame, median', np.median(times), 'ms')
-        yield Row(f'{title}: frames of more than 1.5 times that', 100 * late, '%', 2)
-        yield Row(f'{title}: largest error', max(errors), 'px', 2)
+        yield Row(
+            f'{title}: frames of more than 1.5 times that', 100 * late, '%', 2, follows_times=True
+        )
+        yield Row(f'{title}: largest error', max(errors), 'px', 2, follows_times=True)
         yield Row(f'{title}: error, median', np.median(errors), 'px')
 
 

@@ -81,7 +81,7 @@ def _frame_change(name, old_ratios, new_ratios) -> Change:
 
 
 def _errors(old, new) -> Iterator[Change]:
-    """Yield changes of rows that are no times, and whose bar says which way is worse."""
+    """Yield changes of rows that depend on no times, and whose bar says which way is worse."""
     before = {row['name']: row['value'] for row in old['rows']}
     for row in new['rows']:
         if not _is_error(row) or row['name'] not in before:
@@ -94,8 +94,9 @@ def _errors(old, new) -> Iterator[Change]:
 
 
 def _is_error(row) -> bool:
-    """Whether a row is no time, and its bar says which way is worse."""
-    return row['unit'] not in _TIME_UNITS and row['bar'] is not None
+    """Whether a row depends on no time, and its bar says which way is worse."""
+    is_timed = row['unit'] in _TIME_UNITS or row.get('follows_times')  # of older runs, none says
+    return not is_timed and row['bar'] is not None
 
 
 def table(changes: list[Change]) -> Table:

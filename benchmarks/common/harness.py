@@ -24,6 +24,8 @@ class Row:
     unit: str = ''
     bar: float | None = None
     at_least: bool = False
+    #: Whether it depends on how long frames took, though it is no time.
+    follows_times: bool = False
 
     def __post_init__(self):
         object.__setattr__(self, 'value', float(self.value))  # numpy's numbers are no JSON

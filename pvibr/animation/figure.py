@@ -239,10 +239,10 @@ class Figure(Model):
         """
         if clip is None:
             return self.clips[0] if self.clips else None
-        if hasattr(clip, 'sample'):
+        if hasattr(clip, 'local_time'):
             return clip
         for i, candidate in enumerate(self.clips):
-            if clip in (candidate.name, i):
+            if not np.ndim(clip) and clip in (candidate.name, i):
                 return candidate
         names = ', '.join(repr(candidate.name) for candidate in self.clips) or 'none'
         raise ValueError(f'clip must be in the figure ({names}), got {clip!r}')

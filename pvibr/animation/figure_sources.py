@@ -161,6 +161,8 @@ def _surface(mesh, name):
         (mesh,) = leaves
     if mesh is None:
         raise ValueError(f'{name} must be a mesh, got None')
+    if not isinstance(mesh, pv.DataSet):
+        raise TypeError(f'{name} must be a mesh, got {type(mesh).__name__}')
     return mesh if isinstance(mesh, pv.PolyData) else mesh.extract_surface(algorithm=None)
 
 

@@ -23,7 +23,7 @@ from pvibr.animation.gltf_nodes import (
 )
 from pvibr.core.arguments import check_one_of
 from pvibr.io.gltf_accessors import Accessors
-from pvibr.io.gltf_file import GltfError, GltfFile, follow, naming
+from pvibr.io.gltf_file import GltfError, GltfFile, follow, naming, naming_file
 from pvibr.maths.transforms import trs
 
 #: Supported extensions; others are left out, with a warning.
@@ -105,7 +105,13 @@ def read_gltf(path, *, scene=None, up='y', pbr=False):
     >>> fox.mesh(0.5, 'Walk').plot()  # doctest: +SKIP
     """
     check_one_of('up', up, ('y', 'z'))
-    gltf_file = GltfFile(path)
+    with naming_file(path):
+        figure = _figure_of(GltfFile(path), scene, pbr)
+    return figure.upright() if up == 'z' else figure
+
+
+def _figure_of(gltf_file, scene, pbr) -> Figure:
+    """Return the figure of a scene of a file."""
     _check_extensions(gltf_file, EXTENSIONS)
     node_indices, visible_indices, skeleton = _graph(gltf_file, scene)
     accessors = Accessors(gltf_file)
@@ -118,7 +124,7 @@ def read_gltf(path, *, scene=None, up='y', pbr=False):
         cameras, lights = cameras_of(gltf_file, node_indices), lights_of(gltf_file, node_indices)
         figure = Figure(meshes, skeleton, clips, None, cameras, lights, gltf_file.path.stem)
     gltf_file.warn()
-    return figure.upright() if up == 'z' else figure
+    return figure
 
 
 def _affordable_copies(gltf_file, instance_copies):
@@ -132,7 +138,12 @@ def _affordable_copies(gltf_file, instance_copies):
 
 def read_scene(path, pbr=False):
     """Return a figure of the default scene without clips, and instances (k, 4, 4) by node."""
-    gltf_file = GltfFile(path)
+    with naming_file(path):
+        return _scene_of(GltfFile(path), pbr)
+
+
+def _scene_of(gltf_file, pbr):
+    """Return the figure and the instances of the default scene of a file."""
     _check_extensions(gltf_file, EXTENSIONS)
     _, nodes, skeleton = _graph(gltf_file, None)
     accessors = Accessors(gltf_file)

@@ -194,12 +194,20 @@ def _side_by_side(tiles) -> np.ndarray:
 
 def _read(folder, files) -> _Step:
     """Read the views of one time."""
+    try:
+        return _step_of(folder, files)
+    except (LookupError, TypeError, ValueError) as error:
+        raise ValueError(f'{folder}: {error}') from error
+
+
+def _step_of(folder, files) -> _Step:
+    """Return the views of one time, which are those of a whole grid."""
     side = next((n for n in range(2, 200) if len(grid_of(n)) >= len(files)), 0)
     directions = octahedral.view_directions(side)
     names = [files.get(row_of(0.0, d)[1:]) for d in directions.reshape(-1, 3)]
     if None in names or len(set(names)) != len(files):
         raise ValueError(
-            f'path must have the views of a whole octahedral grid, got {len(files)} others: '
+            f'it must have the views of a whole octahedral grid, got {len(files)} others: '
             'pvibr.cluster.views and ViewWriter store such'
         )
     read = {name: read_row(folder / name) for name in dict.fromkeys(names)}

@@ -33,10 +33,16 @@ def write_row(path, channels, meta):
 def read_row(path) -> tuple[dict, dict]:
     """Return the channels and what else is known of a picture."""
     h5py = require('h5py', 'cluster', 'Image databases')
-    with h5py.File(path, 'r') as file:
-        channels, meta = (
-            {k: np.asarray(v) for k, v in file[g].items()} for g in ('channels', 'meta')
-        )
+    # HDF5 raises various kinds for a damaged file.
+    try:
+        with h5py.File(path, 'r') as file:
+            channels, meta = (
+                {k: np.asarray(v) for k, v in file[g].items()} for g in ('channels', 'meta')
+            )
+    except FileNotFoundError:
+        raise
+    except Exception as error:
+        raise ValueError(f'{path}: not a readable picture of a database ({error})') from error
     return channels, meta
 
 
@@ -66,8 +72,16 @@ def read_table(folder) -> list[tuple[float, float, float, str]]:
     path = Path(folder) / TABLE
     if not path.exists():
         raise FileNotFoundError(f'path must be a folder with {TABLE}, got {str(folder)!r}')
-    with path.open(newline='') as file:
-        head, *rows = list(csv.reader(file))
+    try:
+        with path.open(newline='', encoding='utf-8') as file:
+            head, *rows = list(csv.reader(file))
+        return _checked_rows(path, head, rows)
+    except (ValueError, csv.Error) as error:
+        raise ValueError(f'{path}: {error}') from error
+
+
+def _checked_rows(path, head, rows) -> list[tuple[float, float, float, str]]:
+    """Return the rows of a table, whose files are in its folder."""
     if head != [*_PARAMETERS, FILE]:
         raise ValueError(
             f'{TABLE} must have the columns {", ".join([*_PARAMETERS, FILE])}, got {head}'

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import re
+import sys
 from contextlib import contextmanager
 from numbers import Real
 
 import numpy as np
 
-_LARGEST = np.finfo(float).max
+_LARGEST = sys.float_info.max  # Python's own: any whole number is compared with it
 _LONGEST = 1e18  # shaders square lengths in single precision
 _WRONG = TypeError, ValueError, LookupError, AttributeError, ArithmeticError, OSError
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import numbers
+import sys
 
 import numpy as np
 
@@ -29,7 +30,9 @@ class Interval:
     def __contains__(self, value) -> bool:
         above = value >= self.low if self.text[0] == '[' else value > self.low
         below = value <= self.high if self.text[-1] == ']' else value < self.high
-        return above and below
+        # Whole numbers may be beyond all floats.
+        is_float = not isinstance(value, int) or abs(value) <= sys.float_info.max
+        return above and below and is_float
 
     def __str__(self) -> str:
         return self.text

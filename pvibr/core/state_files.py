@@ -41,7 +41,11 @@ def restore(contents, state, *, plotter=None, lenient=False) -> list[str]:
 def load(contents, text, name, *, plotter=None) -> list[str]:
     """Apply the settings in a text, all or none; return the unknown names."""
     state, version = from_text('state', text, name)
-    return restore(contents, state, plotter=plotter, lenient=version != VERSION)
+    try:
+        return restore(contents, state, plotter=plotter, lenient=version != VERSION)
+    except (TypeError, ValueError) as error:
+        error.args = (f'{name}: {error}',)
+        raise
 
 
 def named(effects) -> dict:

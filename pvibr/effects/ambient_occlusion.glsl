@@ -157,7 +157,8 @@ void main()
   vec2 g = slopes(p, d);
   vec3 right = position(s.pixel + vec2(1.0, 0.0), d + g.x) - s.at;
   vec3 up = position(s.pixel + vec2(0.0, 1.0), d + g.y) - s.at;
-  s.normal = normalize(cross(right, up));
+  // Of unit vectors: the square of the cross product of tiny ones is no float.
+  s.normal = normalize(cross(normalize(right), normalize(up)));
   float z = -s.at.z;
   // Error of 24-bit depths, and of positions.
   float grain = (planes.y - planes.x) * (parallel == 1 ? 1.0 : z * z / (planes.x * planes.y));

@@ -75,6 +75,8 @@ def _as_mesh(source):
         mesh, look = as_dataset(source)
         return FigureMesh(mesh, look=look)
     if isinstance(source, pv.DataSet):
+        if not source.n_points:
+            raise ValueError('figure must have points, got an empty mesh')
         (surface,), _ = series_of([source])
         return FigureMesh(surface)
     raise TypeError(

@@ -6,6 +6,7 @@ import os
 import weakref
 
 LIMIT_MIB = 2048
+_MOST_MIB = 2**40  # more than any GPU has, and no float overflows
 _SMALLEST_TILE = 16  # texels of the smallest useful images
 _held: weakref.WeakValueDictionary = weakref.WeakValueDictionary()
 
@@ -38,8 +39,10 @@ def checked_share(mib, meshes) -> float | None:
     if mib is None:
         return None
     if not isinstance(mib, int | float) or not mib >= 0:
-        raise ValueError(f'gpu_memory must be None or a number of MiB, at least 0, got {mib!r}')
-    return mib * 2**20 / max(meshes, 1)
+        raise ValueError(
+            f'gpu_memory must be None or a number of MiB, at least 0, got {mib!r:.80}'
+        )
+    return min(mib, _MOST_MIB) * 2**20 / max(meshes, 1)
 
 
 def tiles(largest):

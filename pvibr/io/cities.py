@@ -107,7 +107,8 @@ class _City:
         self._lod = lod
         self._objects = list(tree['CityObjects'].values())
         transform = tree.get('transform', {'scale': (1, 1, 1), 'translate': (0, 0, 0)})
-        self._points = _points(tree['vertices']) * transform['scale'] + transform['translate']
+        vertices = _points(tree['vertices'])
+        self._points = _points(vertices * transform['scale'] + transform['translate'])
         templates = tree.get('geometry-templates', {})
         self._templates = templates.get('templates', [])
         self._template_points = _points(templates.get('vertices-templates', []))
@@ -163,6 +164,8 @@ class _City:
         matrix = np.array(geometry['transformationMatrix'], float).reshape(4, 4)
         anchor = np.eye(4)
         anchor[:3, 3] = self._points[geometry['boundaries'][0]]
+        if not np.isfinite(anchor @ matrix).all():
+            raise ValueError(f'transformationMatrix must be finite, got {matrix.tolist()}')
         return anchor @ matrix
 
     def _triangles(self, geometry, points):

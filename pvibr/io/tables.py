@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from pvibr.core.errors import require
+from pvibr.io.las_headers import check_las, check_laz, check_points
 
 #: Longest line of a table, characters.
 _MAX_LINE = 2**22
@@ -295,7 +296,7 @@ class _PointCloud(Table):
         self.path = path
         # Any exception of a third-party reader means an unreadable file.
         try:
-            self._points = laspy.read(path)
+            self._points = laspy.read(path, laz_backend=_laz_backend(laspy, path))
         except Exception as error:
             raise ValueError(f'{path}: not a readable LAS or LAZ file ({error})') from error
         dimension_names = self._points.point_format.dimension_names
@@ -316,6 +317,17 @@ class _PointCloud(Table):
         # LAS colours are 16-bit, but many files hold 8-bit values.
         deep = colors.size and colors.max() > 255
         return {'rgb': (colors >> 8 if deep else colors).astype(np.uint8)}
+
+
+def _laz_backend(laspy, path):
+    """Return what unpacks a file, which holds what its header promises."""
+    check_las(path)
+    with laspy.open(path) as reader:
+        header = reader.header
+    check_points(path, header)
+    if not header.are_points_compressed or check_laz(path, header):
+        return laspy.LazBackend.detect_available()
+    return laspy.LazBackend.Lazrs  # not in parallel, which takes memory for whole chunks
 
 
 class _Columns(Table):

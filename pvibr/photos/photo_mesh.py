@@ -114,7 +114,7 @@ class PhotoMesh(Thing):
     memory = Param(
         512.0,
         'Memory of pictures on the GPU, and of a bake; more keeps larger pictures.',
-        range='[1, inf)',
+        range='[1, 1048576]',
         unit='MiB',
     )
 

@@ -137,6 +137,8 @@ def check_values(keywords):
             checked_number(name, value, *_LIMITS[name])
         elif name in ('n_colors', 'component') or _is_count(name, value):
             checked_whole(name, value, int(name == 'n_colors'), 1 << 20)
+        elif name == 'scalars' and isinstance(value, pv.DataObject):
+            raise TypeError(f'scalars must be a name or values, got {type(value).__name__}')
         elif name == 'clim':
             _check_range(value)
         elif name in _COLORS or name in _CHECKS:

@@ -19,6 +19,7 @@ def run(seed, slower=1.0, *, error=0.02, sharpness=0.97, pairs=15, **settings):
         Row('FLIP', error, '', 0.1),
         Row('sharpness', sharpness, '', 0.9, at_least=True),
         Row('a frame', pace, 'ms', 1e3),
+        Row('frames that are late', 2 * pace, '%', 2, follows_times=True),
         Row('triangles', 100 * pace),
     ]
     results = Results('llvmpipe', {'quick': False, **settings}, rows, {}, {'trees': {8: times}})

@@ -222,7 +222,7 @@ def test_columns_of_text_colour_by_words(tmp_path):
 SQUARE = [[[0, 1, 2, 3], [4, 5, 6, 7]]]  # with a hole
 
 
-def _city(tmp_path, **changes):
+def city(tmp_path, **changes):
     pytest.importorskip('cjio')
     pytest.importorskip('mapbox_earcut')
     outer = [[0, 0, 0], [4000, 0, 0], [4000, 4000, 0], [0, 4000, 0]]
@@ -253,7 +253,7 @@ def _city(tmp_path, **changes):
 
 
 def test_cities_have_templates_and_objects(tmp_path):
-    meshes, index, matrices = read_city(_city(tmp_path))
+    meshes, index, matrices = read_city(city(tmp_path))
     assert index.tolist() == [0, 0, 1]
     assert meshes[0].area == pytest.approx(1)
     np.testing.assert_allclose(matrices[0][:3, 3], [84616 + 4 + 1, 447422, 5])
@@ -268,11 +268,11 @@ def test_cities_have_templates_and_objects(tmp_path):
 
 
 def test_cities_are_drawn(tmp_path):
-    file = _city(tmp_path)
+    file = city(tmp_path)
     pl = pv.Plotter(off_screen=True)
-    city = pl.ibr.add_instances(file, cache=False)
-    assert len(city) == 3
-    bounds, whole = np.array(city.bounds), np.array(read_mesh(file).bounds)
+    drawn = pl.ibr.add_instances(file, cache=False)
+    assert len(drawn) == 3
+    bounds, whole = np.array(drawn.bounds), np.array(read_mesh(file).bounds)
     assert (bounds[::2] <= whole[::2]).all()
     assert (bounds[1::2] >= whole[1::2]).all()
     pl.show(auto_close=False)
@@ -293,10 +293,11 @@ def test_cities_are_drawn(tmp_path):
         {'CityObjects': {'a': {'type': 'Road', 'geometry': [{'type': 'Solid'}]}}},
         {'geometry-templates': {}},
         {'transform': {'scale': [1, 1], 'translate': [0, 0, 0]}},
+        {'transform': {'scale': [1, 1, None], 'translate': [0, 0, 0]}},
     ],
 )
 def test_broken_cities_say_so(tmp_path, changes):
-    refused('town', read_city, _city(tmp_path, **changes))
+    refused('town', read_city, city(tmp_path, **changes))
 
 
 def test_other_json_is_no_city(tmp_path):
@@ -311,7 +312,7 @@ def test_a_city_leaves_the_json_of_others_as_it_is(tmp_path):
     """In a process of its own: the library is imported once."""
     program = 'import json, sys; from pvibr import read_city; read_city(sys.argv[1]); '
     program += 'assert json.loads(json.dumps([0.1 + 0.2, 1e-300])) == [0.1 + 0.2, 1e-300]'
-    subprocess.run([sys.executable, '-c', program, str(_city(tmp_path))], check=True)
+    subprocess.run([sys.executable, '-c', program, str(city(tmp_path))], check=True)
 
 
 def test_a_real_city(data_dir):
