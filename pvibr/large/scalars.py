@@ -58,8 +58,8 @@ def scalars_of(source, scalars, look) -> Scalars | None:
     is_plain = look.get('color') is None and look.get('texture') is None
     if scalars is None and (is_plain or look.get('rgb')):
         scalars = source.active
-    if scalars is None or look.get('texture') is not None:
-        if look.get('rgb') and scalars is None:
+    if scalars is None:
+        if look.get('rgb'):
             raise ValueError('rgb must be with scalars: colours of points or cells')
         return None
     name, values, on_cells = _found(source, scalars, _checked_preference(look))

@@ -11,7 +11,12 @@ from pvibr.core import _vtk
 from pvibr.core.files import existing
 from pvibr.io.cities import is_city, read_city
 from pvibr.io.ply_headers import check_ply
-from pvibr.io.trimesh_meshes import is_trimesh, read_trimesh, trimesh_instances
+from pvibr.io.trimesh_meshes import (
+    has_materials,
+    is_trimesh,
+    read_trimesh,
+    trimesh_instances,
+)
 
 _GLTF = ('.gltf', '.glb')
 
@@ -32,7 +37,10 @@ def read_mesh(path):
         except ValueError as error:
             raise ValueError(f'{path}: {error}') from error
     reasons = []
-    for reader in (_read_pyvista, read_trimesh):
+    readers = [_read_pyvista, read_trimesh]
+    if path.suffix.lower() == '.obj' and has_materials(path):
+        readers.reverse()  # VTK leaves out its materials
+    for reader in readers:
         # After any exception of a third-party reader, try the next one.
         try:
             return reader(path)

@@ -437,7 +437,7 @@ def test_what_it_does_not_draw_is_refused(case):
     [
         (pv.PolyData(np.zeros((3, 3))), 'triangles'),
         (pv.PolyData(), 'points'),
-        (pv.MultiBlock([pv.Sphere()]), 'combine'),
+        (pv.MultiBlock([pv.PolyData()]), 'no block'),
         (7, 'int'),
         (pv.Line(), 'triangles'),
     ],
