@@ -224,7 +224,7 @@ class LargeMesh(Thing):
             mapper.ShallowCopy(self._coloring.part.actor.mapper)
             mapper.SetInputDataObject(cut.data)
             set_planes(mapper, planes)
-        self._scalar_name, self.has_names = self._coloring.name, self._coloring.has_names
+        self._scalar_name, self.has_names = self._coloring.title, self._coloring.has_names
 
     def _adopt(self, hierarchy):
         """Draw a hierarchy from now on."""

@@ -20,7 +20,7 @@ from pvibr.textures.sheet import LARGEST, shelves
 #: Array of the colours of points or cells; names of this kind are taken for colours.
 COLORS = 'material_rgb'
 #: Texels around each image: what interpolation reads beyond its edges, and mip levels do.
-_MARGIN, _MIPMAP_MARGIN = 2, 8
+_MARGIN = 8
 #: Texels of an atlas at most, about; of an image with its repeats, else it has seams between them.
 _TEXELS, _REPEATED = 1 << 27, 1 << 20
 #: What lies beyond an edge of an image by rounding alone.
@@ -49,11 +49,11 @@ class _Tile:
         """Width and height of the largest image, with its repeats."""
         return np.max([i.shape[1::-1] for i in self.images.values()], 0) * self.repeats
 
-    def drawn(self, name, size, margin) -> np.ndarray:
+    def drawn(self, name, size) -> np.ndarray:
         """Return an image of some size, with its repeats and a margin."""
         image = _resized(self.images[name], size // self.repeats)
         image = np.tile(image, (self.repeats[1], self.repeats[0], 1))
-        around = [(margin, margin), (margin, margin), (0, 0)]
+        around = [(_MARGIN, _MARGIN), (_MARGIN, _MARGIN), (0, 0)]
         return np.pad(image, around, 'wrap' if self.wraps else 'edge')
 
 
@@ -80,13 +80,12 @@ def with_atlas(surfaces) -> tuple[pv.DataSet, dict]:
         shared['scalars'] = COLORS
     if len(tiles) == 1 and tiles[keys[0]].size.max() == 1:  # one colour, and no seams
         return mesh, shared | {name: looks[0][name] for name in _SHOWN if name in looks[0]}
-    margin = _MIPMAP_MARGIN if _modes(looks)[1] else _MARGIN
-    corners, sizes, atlas = _packed(list(tiles.values()), names, margin)
+    corners, sizes, atlas = _packed(list(tiles.values()), names)
     numbers = {key: k for k, key in enumerate(tiles)}
     total = np.array(atlas[names[0]].shape[1::-1], float)
     in_atlas = np.concatenate(
         [
-            (corners[numbers[key]] + margin + own * sizes[numbers[key]]) / total
+            (corners[numbers[key]] + _MARGIN + own * sizes[numbers[key]]) / total
             for key, own in zip(keys, coordinates, strict=True)
         ]
     )
@@ -246,21 +245,21 @@ def _with_colors(meshes, looks) -> list[pv.PolyData]:
     return colored
 
 
-def _packed(tiles, names, margin) -> tuple[np.ndarray, np.ndarray, dict[str, np.ndarray]]:
+def _packed(tiles, names) -> tuple[np.ndarray, np.ndarray, dict[str, np.ndarray]]:
     """Return the corners and sizes of tiles in an atlas, and its images."""
     sizes, repeats = (np.array([getattr(t, name) for t in tiles]) for name in ('size', 'repeats'))
     scale = min(np.sqrt(_TEXELS / sizes.prod(1).sum()), 1.0)
     while True:
         own = np.maximum((sizes * scale / repeats).astype(int), 1) * repeats
         try:
-            corners, (width, height) = shelves(own + 2 * margin, LARGEST)
+            corners, (width, height) = shelves(own + 2 * _MARGIN, LARGEST)
             break
         except ValueError:
             scale *= 0.8
     atlas = {name: np.full((height, width, 4), 255, np.uint8) for name in names}
     for tile, (x, y), size in zip(tiles, corners, own, strict=True):
         for name, image in atlas.items():
-            drawn = tile.drawn(name, size, margin)
+            drawn = tile.drawn(name, size)
             image[y : y + drawn.shape[0], x : x + drawn.shape[1]] = drawn
     return corners, own, atlas
 

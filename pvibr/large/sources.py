@@ -48,7 +48,7 @@ class Source:
         if self.image is None:
             return {}
         texture = pv.Texture(np.ascontiguousarray(self.image))
-        texture.interpolate = True
+        texture.interpolate = texture.mipmap = True
         colors = {'scalars': self.active} if self.active == COLORS else {}
         return colors | {'texture': texture}
 
