@@ -149,11 +149,9 @@ def _end_of_each(content, start, element, header) -> int:
 
 
 def _lists_of(element, order) -> tuple[list[tuple], int]:
-    """Return the lists of a record, and the bytes that follow the last one.
-
-    Each is the bytes before it, those of its number of items and of an item, its words, and where
-    it starts in each record.
-    """
+    """Return the lists of a record, and the bytes that follow the last one."""
+    # Of each the bytes before it, those of its number of items and of an item, its words, and
+    # where it starts in each record.
     lists: list[tuple] = []
     size = 0
     for words in element.properties:
@@ -222,7 +220,7 @@ def _check_corners(rows, element, n_points):
         _check_range(rows[name], n_points)
 
 
-class _Words:
+class Words:
     """The words of a text, by lines."""
 
     def __init__(self, text):
@@ -253,7 +251,7 @@ class _Words:
 
 def _check_lines(path, header):
     text = np.fromfile(path, np.uint8, offset=header.size)
-    words, line = _Words(text), 0
+    words, line = Words(text), 0
     line_count = len(words.counts) - (not words.counts[-1])
     for element in header.elements:
         count = min(element.count, line_count - line)

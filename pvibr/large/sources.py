@@ -13,6 +13,7 @@ from pvibr.large.given_mesh import given_mesh
 from pvibr.large.joined_meshes import is_triangles
 from pvibr.large.material_atlas import COLORS
 from pvibr.large.original_cells import edge_flags
+from pvibr.meshes.mesh_files import naming_file
 from pvibr.meshes.surfaces import check_points, polygons_of, surface_of
 
 #: Names of arrays that follow cells of a mesh, and polygons of its surface, to triangles.
@@ -69,7 +70,11 @@ def checked_texture(source, has_texture) -> Source:
 
 def source_of(mesh) -> Source:
     """Return the triangles of a mesh, or of a file of one."""
-    mesh, look = given_mesh(mesh, {})
+    with naming_file(mesh):
+        return _source_of(*given_mesh(mesh, {}))
+
+
+def _source_of(mesh, look) -> Source:
     check_points(mesh)
     texture = look.get('texture')
     image = None if texture is None else np.asarray(texture.to_array())

@@ -19,6 +19,7 @@ from pvibr.large.hierarchy import Hierarchy
 from pvibr.large.sources import Source, source_of
 from pvibr.large.workers import worker_count
 from pvibr.meshes.materials import merged_look
+from pvibr.meshes.mesh_files import naming_file
 
 SUFFIX = '.pvl'
 #: Raise it whenever another hierarchy is built of the same mesh.
@@ -87,8 +88,9 @@ def opened(mesh, look) -> tuple[Hierarchy | None, Source, dict[str, Any]]:
         hierarchy, source = load(mesh)
         given = {name: value for name, value in look.items() if value is not None}
         return hierarchy, source, merged_look(source.look(), given)
-    mesh, look = given_mesh(mesh, look)
-    return None, source_of(mesh), look
+    with naming_file(mesh):
+        dataset, look = given_mesh(mesh, look)
+        return None, source_of(dataset), look
 
 
 def load(path) -> tuple[Hierarchy, Source]:
