@@ -5,8 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
-from struct import calcsize, unpack_from
-from struct import error as struct_error
 
 import numpy as np
 
@@ -20,6 +18,9 @@ _ORDERS = {'binary_little_endian': '<', 'binary_big_endian': '>', 'ascii': ''}
 #: Bytes at most in which a header ends.
 _HEADER_BYTES = 1 << 16
 _OTHER_CORNERS = 'its faces must be of its {} points, got others'
+#: Whether each byte may be of the text of numbers: NaN and infinity are.
+_OF_NUMBERS = np.zeros(256, bool)
+_OF_NUMBERS[[*b'0123456789+-.eEnNaAiIfFtTyY \t\r\n']] = True
 #: Names of the list of a face's corners.
 CORNERS = 'vertex_indices', 'vertex_index'
 
@@ -113,34 +114,74 @@ def _end_of(content, start, element, header) -> int:
         if _are_alike(rows):  # as in most files
             _check_corners(rows, element, header.n_points)
             return end
-    return _end_of_each(content.data, start, element, header)
+    return _end_of_each(content, start, element, header)
 
 
 def _end_of_each(content, start, element, header) -> int:
     """Return the same of records of several sizes."""
-    steps = [
-        (
-            [header.order + np.dtype(PLY_TYPES[n]).char for n in words[words[0] == 'list' : -1]],
-            words[0] == 'list',
-            header.n_points if element.name == 'face' and words[-1] in CORNERS else None,
-        )
-        for words in element.properties
-    ]
-    at = start
+    lists, last_bytes = _lists_of(element, header.order)
+    at, data, order = start, content.data, {'<': 'little', '>': 'big'}[header.order]
+    steps = [(*own[:3], own[4].append) for own in lists]
     try:
         for _ in range(element.count):
-            for kinds, is_list, n_points in steps:
-                count = unpack_from(kinds[0], content, at)[0] if is_list else 1
-                at += calcsize(kinds[0]) * is_list
-                items = unpack_from(f'{kinds[-1][:1]}{count}{kinds[-1][1:]}', content, at)
-                at += calcsize(kinds[-1]) * count
-                if n_points is not None and items and not 0 <= min(items) <= max(items) < n_points:
-                    raise ValueError(_OTHER_CORNERS.format(n_points))
-    except struct_error as error:
-        size = len(content)
-        message = f'it is cut: its {size} bytes end before its last {element.name}'
-        raise ValueError(message) from error
+            for bytes_before, width, item_bytes, note in steps:
+                at += bytes_before
+                note(at)
+                count = data[at] if width == 1 else _integer(data, at, width, order)
+                at += width + count * item_bytes
+            at += last_bytes
+        is_cut = at > len(data)
+    except IndexError:
+        is_cut = True
+    if is_cut:
+        raise ValueError(f'it is cut: its {len(data)} bytes end before its last {element.name}')
+    for _, width, _, words, places in lists:
+        kinds = [header.order + PLY_TYPES[name] for name in words[1:3]]
+        places = np.array(places, np.int64)
+        counts = _at(content, places, kinds[0])
+        if len(counts) and counts.min() < 0:
+            raise ValueError(f'a list of a {element.name} has {counts.min()} items')
+        if element.name == 'face' and words[-1] in CORNERS:
+            for k in range(int(counts.max(initial=0))):
+                own = places[counts > k] + width + k * np.dtype(kinds[1]).itemsize
+                _check_range(_at(content, own, kinds[1]), header.n_points)
     return at
+
+
+def _lists_of(element, order) -> tuple[list[tuple], int]:
+    """Return the lists of a record, and the bytes that follow the last one."""
+    # Of each the bytes before it, those of its number of items and of an item, its words, and
+    # where it starts in each record.
+    lists: list[tuple] = []
+    size = 0
+    for words in element.properties:
+        sizes = [
+            np.dtype(order + PLY_TYPES[name]).itemsize for name in words[words[0] == 'list' : -1]
+        ]
+        if words[0] == 'list':
+            lists.append((size, *sizes, words, []))
+            size = 0
+        else:
+            size += sizes[0]
+    return lists, size
+
+
+def _integer(data, at, width, order) -> int:
+    """Return a number of items; none is negative."""
+    if at + width > len(data):
+        raise IndexError
+    return int.from_bytes(data[at : at + width], order)
+
+
+def _at(content, places, kind) -> np.ndarray:
+    """Return the numbers of a kind that start at some bytes."""
+    count = len(content) - np.dtype(kind).itemsize + 1
+    return np.ndarray((max(count, 0),), kind, content, strides=(1,))[places]
+
+
+def _check_range(corners, n_points):
+    if corners.size and not 0 <= corners.min() <= corners.max() < n_points:
+        raise ValueError(_OTHER_CORNERS.format(n_points))
 
 
 def _record_at(content, at, element, order) -> np.dtype:
@@ -176,40 +217,72 @@ def _are_alike(rows) -> bool:
 
 def _check_corners(rows, element, n_points):
     for name in {*CORNERS} & {*rows.dtype.names} if element.name == 'face' else ():
-        corners = rows[name]
-        if corners.size and not 0 <= corners.min() <= corners.max() < n_points:
-            raise ValueError(_OTHER_CORNERS.format(n_points))
+        _check_range(rows[name], n_points)
+
+
+class Words:
+    """The words of a text, by lines."""
+
+    def __init__(self, text):
+        self._text = np.append(text, np.uint8(10))
+        is_word = np.concatenate([[False], self._text > 32])  # the last is a line's end
+        changes = np.flatnonzero(is_word[1:] != is_word[:-1])
+        self._starts, self._ends = changes[::2], changes[1::2]
+        ends = np.flatnonzero(self._text == 10)
+        #: Number of the first word of each line, and how many it has.
+        self.first = np.searchsorted(self._starts, np.append(0, ends[:-1] + 1))
+        self.counts = np.diff(np.append(self.first, len(self._starts)))
+        #: Whether each line may be one of numbers.
+        self.are_numbers = np.ones(len(ends), bool)
+        self.are_numbers[np.searchsorted(ends, np.flatnonzero(~_OF_NUMBERS[text]))] = False
+
+    def integers(self, words, digits=10) -> np.ndarray:
+        """Return whole numbers, -1 for words that are none below a power of ten."""
+        starts, lengths = self._starts[words], self._ends[words] - self._starts[words]
+        numbers = np.where(lengths > digits, -1, 0)
+        for k in range(min(int(lengths.max(initial=0)), digits)):
+            is_digit = lengths > k
+            own = self._text[np.minimum(starts + k, len(self._text) - 1)].astype(np.int64) - 48
+            is_wrong = is_digit & ((own < 0) | (own > 9))
+            numbers = np.where(is_digit & (numbers >= 0), 10 * numbers + own, numbers)
+            numbers[is_wrong] = -1
+        return numbers
 
 
 def _check_lines(path, header):
-    with path.open('rb') as file:
-        file.seek(header.size)
-        for element in header.elements:
-            read = 0
-            for line in islice(file, element.count):
-                read += 1
-                if not _holds(line.split(), element, header.n_points):
-                    raise ValueError(f'{element.name} {read - 1} is wrong: {line[:60]!r}')
-            if read < element.count:
-                raise ValueError(f'it is cut: it has {read} of {element.count} {element.name}')
+    text = np.fromfile(path, np.uint8, offset=header.size)
+    words, line = Words(text), 0
+    line_count = len(words.counts) - (not words.counts[-1])
+    for element in header.elements:
+        count = min(element.count, line_count - line)
+        is_right = _are_whole(words, slice(line, line + count), element, header.n_points)
+        if not is_right.all():
+            at = int(is_right.argmin())
+            with path.open('rb') as file:
+                file.seek(header.size)
+                own = next(islice(file, line + at, None))
+            raise ValueError(f'{element.name} {at} is wrong: {own[:60]!r}')
+        if count < element.count:
+            raise ValueError(f'it is cut: it has {count} of {element.count} {element.name}')
+        line += count
 
 
-def _holds(words, element, n_points) -> bool:
-    """Return True if the words of a line are the values of an element."""
-    at = 0
-    try:
-        for own in element.properties:
-            count = int(words[at]) if own[0] == 'list' else 0
-            items = words[at : at + 1 + count]
-            at += 1 + count
-            if count < 0 or len(items) <= count:
-                return False
-            if own[-1] in CORNERS:
-                if not all(0 <= int(corner) < n_points for corner in items[1:]):
-                    return False
-            else:
-                for item in items:
-                    float(item)
-    except (IndexError, ValueError):
-        return False
-    return True
+def _are_whole(words, lines, element, n_points) -> np.ndarray:
+    """Return whether lines have the values of an element."""
+    first, counts = words.first[lines], words.counts[lines]
+    read, is_right = np.zeros(len(first), np.int64), words.are_numbers[lines].copy()
+    for own in element.properties:
+        if own[0] != 'list':
+            read += 1
+            continue
+        is_right &= read < counts
+        items = np.zeros(len(first), np.int64)
+        items[is_right] = words.integers(first[is_right] + read[is_right])
+        is_right &= (items >= 0) & (read + items < counts)
+        if own[-1] in CORNERS:
+            for k in range(int(items[is_right].max(initial=0))):
+                rows = np.flatnonzero(is_right & (items > k))
+                corners = words.integers(first[rows] + read[rows] + 1 + k)
+                is_right[rows] &= (corners >= 0) & (corners < n_points)
+        read += 1 + items
+    return is_right & (read <= counts)

@@ -10,6 +10,8 @@ import pyvista as pv
 from pvibr.core.errors import warn
 
 COLORS = 'trimesh_colors'
+#: Bytes of a file in which it names its materials.
+_HEAD_BYTES = 1 << 16
 _INSTANCING = 'EXT_mesh_gpu_instancing'
 
 
@@ -17,6 +19,14 @@ def is_trimesh(value, class_name):
     """Return whether a value is an instance of a trimesh class, without importing trimesh."""
     module = sys.modules.get('trimesh')
     return module is not None and isinstance(value, getattr(module, class_name))
+
+
+def has_materials(path) -> bool:
+    """Return True if a file of Wavefront names a library of materials that is there."""
+    with path.open('rb') as file:
+        head = file.read(_HEAD_BYTES)
+    names = [line[6:].strip() for line in head.splitlines() if line.startswith(b'mtllib')]
+    return any((path.parent / name.decode(errors='replace')).is_file() for name in names)
 
 
 def read_trimesh(path):

@@ -22,6 +22,7 @@ from pvibr.large.pieces import digest_of, source_in_pieces
 from pvibr.large.sources import Source, source_of
 from pvibr.large.stored import SUFFIX, VERSION, arrays_of, hierarchy_key, meta_of
 from pvibr.large.workers import worker_count
+from pvibr.meshes.mesh_files import naming_file
 
 #: Memory of a build by default, GB.
 MEMORY = 2.0
@@ -40,12 +41,8 @@ def write_large(mesh, path, progress=None, workers=None, memory=None) -> Path:
     source, key = _source_and_key(mesh, memory_bytes)
     with _locked(path):
         if _key_of(path) != key:
-            try:
+            with naming_file(mesh):
                 _build(source, path, key, progress, workers, memory_bytes)
-            except ValueError as error:
-                if isinstance(mesh, str | Path):
-                    raise ValueError(f'{mesh}: {error}') from error
-                raise
     return path
 
 

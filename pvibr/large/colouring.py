@@ -38,9 +38,9 @@ class Coloring:
         return cls(as_parts(triangle, scalars=found.name, **found.look(look))[0], found)
 
     @property
-    def name(self) -> str:
-        """Name of the scalars."""
-        return '' if self.scalars is None else self.scalars.name
+    def title(self) -> str:
+        """Title of the scalar bar."""
+        return '' if self.scalars is None else self.scalars.title
 
     @property
     def has_texture(self) -> bool:

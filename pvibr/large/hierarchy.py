@@ -150,7 +150,30 @@ class Hierarchy:
                 means[first:last] = np.bincount(places, products, last - first)
                 means[first:last] /= totals[first:last]
         means[totals == 0] = np.nan
-        return means
+        return self.with_neighbours(means, totals == 0)
+
+    def with_neighbours(self, values, is_unknown) -> np.ndarray:
+        """Return values of vertices; those that none was merged into have that of the nearest."""
+        if not is_unknown[len(self.areas) :].any():
+            return values
+        for at in np.flatnonzero(self._is_lonely[self.vertices]).tolist():
+            patch = np.searchsorted(self.vertex_starts, at, side='right') - 1
+            own = self.vertices[slice(*self.vertex_starts[patch : patch + 2])]
+            own = own[~self._is_lonely[own]]
+            if len(own):
+                gaps = self.points[own] - self.points[self.vertices[at]]
+                values[self.vertices[at]] = values[own[np.einsum('ij,ij->i', gaps, gaps).argmin()]]
+        return values
+
+    @cached_property
+    def _is_lonely(self) -> np.ndarray:
+        """Whether no vertex of the full mesh was merged into each one."""
+        # Of cells that meet at a vertex alone each may merge it, and one of them has it.
+        is_lonely = np.ones(len(self.points), bool)
+        is_lonely[: len(self.areas)] = False
+        for _, _, children in self.merges():
+            is_lonely[self.parents[children[~is_lonely[children]]]] = False
+        return is_lonely
 
     def merges(self):
         """Yield the vertices of each level, first and last, and those merged into them."""

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 from operator import attrgetter
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -25,10 +24,9 @@ from pvibr.large.cut import ModelView, cut_of
 from pvibr.large.cut_mesh import CutLook, CutMesh
 from pvibr.large.drawn_surface import DrawnSurface
 from pvibr.large.full_picking import nearest_triangle
-from pvibr.large.given_mesh import given_mesh
 from pvibr.large.solid_cut import SolidCut
-from pvibr.large.sources import NO_COORDINATES, checked_texture, source_of
-from pvibr.large.stored import SUFFIX, built, cache_of, hierarchy_key, load
+from pvibr.large.sources import NO_COORDINATES, checked_texture
+from pvibr.large.stored import built, cache_of, hierarchy_key, opened
 from pvibr.large.tolerance import Tolerance
 from pvibr.meshes.parts import as_parts
 from pvibr.textures.material_textures import copy_property
@@ -51,9 +49,9 @@ class LargeMesh(Thing):
 
     Parameters
     ----------
-    mesh : pyvista.DataSet, trimesh mesh or path
-        The mesh; its surface is drawn. Also a ``.pvl`` file that ``pvibr build`` or
-        ``mesh.ibr.large`` wrote, which is mapped into memory.
+    mesh : pyvista.DataSet, pyvista.MultiBlock, trimesh mesh or scene, or path
+        The mesh; its surface is drawn, by its materials. Also a ``.pvl`` file that ``pvibr build``
+        or ``mesh.ibr.large`` wrote, which is mapped into memory.
     max_error : float
         Maximum distance of the drawn surface from the mesh, in pixels.
     moving : float, optional
@@ -177,12 +175,8 @@ class LargeMesh(Thing):
         self._cut, self._other_cut = CutMesh(), CutMesh()
         self._other_actor = pv.Actor()
         self._solid = SolidCut()
-        if isinstance(mesh, (str, Path)) and Path(mesh).suffix.lower() == SUFFIX:
-            hierarchy, self._source = load(mesh)
-        else:
-            mesh, look = given_mesh(mesh, look | {'scalars': scalars})
-            scalars = look.pop('scalars', None)
-            hierarchy, self._source = None, source_of(mesh)
+        hierarchy, self._source, look = opened(mesh, look | {'scalars': scalars})
+        scalars = look.pop('scalars', None)
         self._look = look
         self._coloring = Coloring.of(self._source, scalars, look)
         has_texture = self._coloring.has_texture
@@ -230,7 +224,7 @@ class LargeMesh(Thing):
             mapper.ShallowCopy(self._coloring.part.actor.mapper)
             mapper.SetInputDataObject(cut.data)
             set_planes(mapper, planes)
-        self._scalar_name, self.has_names = self._coloring.name, self._coloring.has_names
+        self._scalar_name, self.has_names = self._coloring.title, self._coloring.has_names
 
     def _adopt(self, hierarchy):
         """Draw a hierarchy from now on."""

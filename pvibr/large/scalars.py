@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from pvibr.core.arguments import checked_whole
 
-#: PyVista's title of scalars without a name.
+#: PyVista's name of scalars that have none; their bar has no title.
 _UNNAMED = 'Data'
 #: Suffixes of names of arrays that hold colours, as in PyVista.
 _COLORS = '_rgb', '_rgba'
@@ -28,6 +28,8 @@ class Scalars:
     are_categories: bool = False
     #: Words of the categories, which `values` count.
     words: tuple[str, ...] = ()
+    #: Title of their bar: the name of the mesh's array.
+    title: str = ''
 
     @property
     def are_colors(self) -> bool:
@@ -58,21 +60,21 @@ def scalars_of(source, scalars, look) -> Scalars | None:
     is_plain = look.get('color') is None and look.get('texture') is None
     if scalars is None and (is_plain or look.get('rgb')):
         scalars = source.active
-    if scalars is None or look.get('texture') is not None:
-        if look.get('rgb') and scalars is None:
+    if scalars is None:
+        if look.get('rgb'):
             raise ValueError('rgb must be with scalars: colours of points or cells')
         return None
     name, values, on_cells = _found(source, scalars, _checked_preference(look))
     argument = f'scalars {name!r}' if name else 'scalars'
-    rgb, name = look.get('rgb'), name or _UNNAMED
+    title, rgb, name = name, look.get('rgb'), name or _UNNAMED
     if rgb is None and name.endswith(_COLORS):
         rgb = True
     if rgb:
         return Scalars(name, _checked_colors(argument, values), on_cells)
     if values.dtype.kind in 'bUS':
-        return _categories(argument, name, values, on_cells)
-    values, name = _checked_numbers(argument, name, values, look.get('component'))
-    return Scalars(name, values, on_cells, bool(look.get('categories')))
+        return replace(_categories(argument, name, values, on_cells), title=title)
+    values = _checked_numbers(argument, values, look.get('component'))
+    return Scalars(name, values, on_cells, bool(look.get('categories')), title=title)
 
 
 def _checked_preference(look) -> str:
@@ -134,19 +136,19 @@ def _categories(argument, name, values, on_cells) -> Scalars:
     return Scalars(name, numbers.astype(np.float32), on_cells, True, words)
 
 
-def _checked_numbers(argument, name, values, component) -> tuple[np.ndarray, str]:
-    """Return one number each, and the name as `add_mesh` has it: a component, or the norm."""
+def _checked_numbers(argument, values, component) -> np.ndarray:
+    """Return one number each: of vectors a component, or the norm."""
     if values.dtype.kind not in 'iuf' or values.ndim > 2:
         raise ValueError(
             f'{argument} must be numbers, words or colours, got {values.dtype} of shape '
             f'{values.shape}'
         )
     if values.ndim == 1:
-        return values, name
+        return values
     if component is None:
-        return np.linalg.norm(values, axis=1), f'{name}-normed'
+        return np.linalg.norm(values, axis=1)
     component = checked_whole('component', component, 0, values.shape[1] - 1)
-    return values[:, component], f'{name}-{component}'
+    return values[:, component]
 
 
 def range_of(values):

@@ -10,7 +10,10 @@ import pyvista as pv
 
 from pvibr.large.build import TriangleMesh
 from pvibr.large.given_mesh import given_mesh
+from pvibr.large.joined_meshes import is_triangles
+from pvibr.large.material_atlas import COLORS
 from pvibr.large.original_cells import edge_flags
+from pvibr.meshes.mesh_files import naming_file
 from pvibr.meshes.surfaces import check_points, polygons_of, surface_of
 
 #: Names of arrays that follow cells of a mesh, and polygons of its surface, to triangles.
@@ -38,6 +41,17 @@ class Source:
     #: all.
     point_count: int = 0
     points: np.ndarray | None = None
+    #: Image of its materials, (h, w, 3 or 4) uint8, or None.
+    image: np.ndarray | None = None
+
+    def look(self) -> dict[str, Any]:
+        """Return the keywords of `add_mesh` that show its image."""
+        if self.image is None:
+            return {}
+        texture = pv.Texture(np.ascontiguousarray(self.image))
+        texture.interpolate = texture.mipmap = True
+        colors = {'scalars': self.active} if self.active == COLORS else {}
+        return colors | {'texture': texture}
 
     @property
     def triangle_count(self) -> int:
@@ -56,11 +70,18 @@ def checked_texture(source, has_texture) -> Source:
 
 def source_of(mesh) -> Source:
     """Return the triangles of a mesh, or of a file of one."""
-    mesh, _ = given_mesh(mesh, {})
+    with naming_file(mesh):
+        return _source_of(*given_mesh(mesh, {}))
+
+
+def _source_of(mesh, look) -> Source:
     check_points(mesh)
-    if isinstance(mesh, pv.PolyData) and mesh.is_all_triangles and not _has_strokes(mesh):
+    texture = look.get('texture')
+    image = None if texture is None else np.asarray(texture.to_array())
+    if is_triangles(mesh):
         faces = mesh.regular_faces
-        return _source(mesh, mesh, faces, np.arange(len(faces)), None)
+        source = _source(mesh, mesh, faces, np.arange(len(faces)), None)
+        return replace(source, image=image)
     tagged = mesh.copy(deep=False)
     tagged.cell_data[_CELL] = np.arange(mesh.n_cells)
     tagged.point_data[_CELL] = np.arange(mesh.n_points)
@@ -72,10 +93,6 @@ def source_of(mesh) -> Source:
     points, mesh_cells = (np.asarray(d[_CELL]) for d in (surface.point_data, surface.cell_data))
     flags = edge_flags(surface.regular_faces, np.asarray(surface.cell_data[_POLYGON]))
     return _source(mesh, surface, surface.regular_faces, mesh_cells, points, flags)
-
-
-def _has_strokes(mesh) -> bool:
-    return bool(mesh.n_verts + mesh.n_lines + mesh.n_strips)
 
 
 def _source(mesh, surface, faces, mesh_cells, points, flags=None) -> Source:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,9 +14,12 @@ from pvibr.core.progress import baking
 from pvibr.instances.cache import AtlasCache, key_of
 from pvibr.large.build import build_hierarchy
 from pvibr.large.checked_file import map_arrays, open_checked
+from pvibr.large.given_mesh import given_mesh
 from pvibr.large.hierarchy import Hierarchy
-from pvibr.large.sources import Source
+from pvibr.large.sources import Source, source_of
 from pvibr.large.workers import worker_count
+from pvibr.meshes.materials import merged_look
+from pvibr.meshes.mesh_files import naming_file
 
 SUFFIX = '.pvl'
 #: Raise it whenever another hierarchy is built of the same mesh.
@@ -63,7 +67,8 @@ def arrays_of(source) -> dict[str, Any]:
     """Return the arrays of a source by their names in a file."""
     arrays = {_SCALARS + name: values for name, values in source.arrays.items()}
     arrays |= {_OF_CELLS + name: values for name, values in source.cell_arrays.items()}
-    return arrays if source.points is None else arrays | {'source_points': source.points}
+    optional = {'source_points': source.points, 'image': source.image}
+    return arrays | {name: values for name, values in optional.items() if values is not None}
 
 
 def meta_of(source) -> dict[str, Any]:
@@ -75,6 +80,17 @@ def meta_of(source) -> dict[str, Any]:
         'cell_count': source.cell_count,
         'point_count': source.point_count,
     }
+
+
+def opened(mesh, look) -> tuple[Hierarchy | None, Source, dict[str, Any]]:
+    """Return the hierarchy of a mesh if it is a file of one; its triangles, and its look."""
+    if isinstance(mesh, str | Path) and Path(mesh).suffix.lower() == SUFFIX:
+        hierarchy, source = load(mesh)
+        given = {name: value for name, value in look.items() if value is not None}
+        return hierarchy, source, merged_look(source.look(), given)
+    with naming_file(mesh):
+        dataset, look = given_mesh(mesh, look)
+        return None, source_of(dataset), look
 
 
 def load(path) -> tuple[Hierarchy, Source]:
@@ -102,9 +118,15 @@ def _check(source, hierarchy):
         and all(len(values) == source.cell_count for values in source.cell_arrays.values())
         and 0 <= cells.min() <= cells.max() < source.cell_count
         and source.active in (None, *source.arrays, *source.cell_arrays)
+        and _is_image(source.image)
     )
     if not is_whole:
         raise ValueError('its arrays do not belong together')
+
+
+def _is_image(image) -> bool:
+    """Return True for an image, or None."""
+    return image is None or (image.dtype == np.uint8 and image.shape[2:] in ((3,), (4,)))
 
 
 def _are_numbers_of(points, point_count, count) -> bool:
@@ -125,6 +147,7 @@ def _stored_source(entry) -> Source:
         _arrays(entry, _OF_CELLS),
         *counts,
         entry.get('source_points'),
+        entry.get('image'),
     )
 
 

@@ -80,6 +80,7 @@ def _most(hierarchy, vertices, values, weights) -> np.ndarray:
         children = children[winners[children] < len(kinds)]
         parents = hierarchy.parents[children][:, None]
         _elect(winners, shares, (first, last), parents, winners[children], shares[children])
+    winners = hierarchy.with_neighbours(winners, winners == len(kinds))
     return np.append(kinds, np.nan).astype(np.float32)[winners]
 
 

@@ -2,18 +2,41 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
 import pyvista as pv
 
 from pvibr.core import _vtk
+from pvibr.core.errors import PvibrError
 from pvibr.core.files import existing
 from pvibr.io.cities import is_city, read_city
+from pvibr.io.legacy_vtk import check_legacy
 from pvibr.io.ply_headers import check_ply
-from pvibr.io.trimesh_meshes import is_trimesh, read_trimesh, trimesh_instances
+from pvibr.io.trimesh_meshes import (
+    has_materials,
+    is_trimesh,
+    read_trimesh,
+    trimesh_instances,
+)
 
 _GLTF = ('.gltf', '.glb')
+#: What VTK's readers do not check, and crash by.
+_CHECKS = {'.ply': check_ply, '.vtk': check_legacy}
+
+
+@contextmanager
+def naming_file(mesh) -> Iterator[None]:
+    """Name the file in errors, if a mesh is a path."""
+    try:
+        yield
+    except ValueError as error:
+        if not isinstance(mesh, str | Path) or str(mesh) in str(error):
+            raise
+        kind = type(error) if isinstance(error, PvibrError) else ValueError
+        raise kind(f'{mesh}: {error}') from error
 
 
 def has_graph(mesh) -> bool:
@@ -26,13 +49,15 @@ def read_mesh(path):
     path = existing(path, 'mesh file')
     if is_city(path):
         return _city_blocks(path)
-    if path.suffix.lower() == '.ply':
-        try:
-            check_ply(path)
-        except ValueError as error:
-            raise ValueError(f'{path}: {error}') from error
+    check = _CHECKS.get(path.suffix.lower())
+    if check is not None:
+        with naming_file(path):
+            check(path)
     reasons = []
-    for reader in (_read_pyvista, read_trimesh):
+    readers = [_read_pyvista, read_trimesh]
+    if path.suffix.lower() == '.obj' and has_materials(path):
+        readers.reverse()  # VTK leaves out its materials
+    for reader in readers:
         # After any exception of a third-party reader, try the next one.
         try:
             return reader(path)
@@ -53,7 +78,8 @@ def scene_instances(scene, pbr=False):
             gltf_instances,  # a heavy import that few files need
         )
 
-        return gltf_instances(path, pbr)
+        with naming_file(path):
+            return gltf_instances(path, pbr)
     return trimesh_instances(read_trimesh(path))
 
 

@@ -13,8 +13,10 @@ from pvibr.large.columns import Columns
 from pvibr.large.cut import cell_pixels, gathered, patches_in_view
 from pvibr.large.distribution import merge_points
 from pvibr.large.hierarchy import NO_CELL, Hierarchy
+from pvibr.large.scalars import scalars_of
 from pvibr.large.simplified_cell import nearest_faces
 from pvibr.large.sources import source_of
+from pvibr.large.vertex_values import vertex_values
 from tests.large.surfaces import folded, hierarchy_of, terrain, view_from, views_of, whole_cut
 
 both = pytest.mark.parametrize('make', [terrain, folded])
@@ -282,3 +284,20 @@ def test_arrays_of_another_kind_are_found(name):
     for other in others:
         with pytest.raises(ValueError, match='belong together'):
             Hierarchy.of_arrays(arrays | {name: other})
+
+
+@pytest.mark.parametrize('seed', [0, 1])
+def test_every_vertex_has_a_value_where_holes_meet(seed):
+    """Cells that meet at one vertex may each merge it: what has none has that of the nearest."""
+    mesh = terrain(300)
+    is_kept = np.random.default_rng(seed).random(mesh.n_cells) > 0.1
+    mesh = pv.PolyData.from_regular_faces(mesh.points, mesh.regular_faces[is_kept])
+    hierarchy = build_hierarchy(source_of(mesh).mesh)
+    heights = np.asarray(mesh.points)[:, 2]
+    values = hierarchy.averaged(heights)[hierarchy.vertices, 0]
+    own = hierarchy.points[hierarchy.vertices, 2] + hierarchy.origin[2]
+    assert np.abs(values - own).max() < 0.05
+    words = np.where(heights > 0, 'high', 'low')
+    source = source_of(mesh)
+    kinds = vertex_values(hierarchy, scalars_of(source, words, {})).by_vertex
+    assert np.isfinite(kinds[hierarchy.vertices]).all()

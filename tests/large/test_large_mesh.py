@@ -218,6 +218,26 @@ def test_scalars_that_single_precision_does_not_hold(of, place):
     assert (off(shot(pl), shot(other)) > 3).mean() < 2e-3
 
 
+@pytest.mark.parametrize(
+    'look',
+    [
+        {'scalars': 'height'},
+        {'scalars': np.arange(64_082)},
+        {'scalars': 'vectors'},
+        {'scalars': 'vectors', 'component': 1},
+        {'scalars': np.zeros((32_400, 3))},
+    ],
+)
+def test_bar_has_the_title_of_add_mesh(look):
+    mesh = terrain().copy()
+    mesh['vectors'] = np.asarray(mesh.points)
+    titles = []
+    for large in (True, False):
+        pl, _ = drawn(mesh, large=large, show_scalar_bar=True, **look)
+        titles.append([*pl.scalar_bars.keys()])
+    assert titles[0] == titles[1]
+
+
 def test_scalar_bar_and_its_range():
     pl, thing = drawn(scalars='height', show_scalar_bar=True)
     assert list(pl.scalar_bars.keys()) == ['height']
@@ -439,7 +459,7 @@ def test_what_it_does_not_draw_is_refused(case):
     [
         (pv.PolyData(np.zeros((3, 3))), 'triangles'),
         (pv.PolyData(), 'points'),
-        (pv.MultiBlock([pv.Sphere()]), 'combine'),
+        (pv.MultiBlock([pv.PolyData()]), 'no block'),
         (7, 'int'),
         (pv.Line(), 'triangles'),
     ],

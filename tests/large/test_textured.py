@@ -218,20 +218,3 @@ def test_materials_are_those_of_instances(pbr, tmp_path):
     look = {'view': BALL['middle'], 'smooth_shading': True, 'max_error': 0, 'pbr': pbr}
     found, _ = drawn(tmp_path / 'a.glb', **look)
     assert np.abs(shot(found) - shot(pl)).mean() < 1
-
-
-def test_scenes_are_refused_and_their_parts_are_not(tmp_path):
-    ball = textured_trimesh()
-    box = trimesh.creation.box()
-    box.apply_translation((2, 0, 0))
-    scene = trimesh.Scene([ball, box])
-    refused('scene of 2', drawn, scene, kind=TypeError)
-    scene.export(tmp_path / 'two.glb')
-    refused('scene of 2', drawn, tmp_path / 'two.glb', kind=TypeError)
-    pl = plotter(SIZE)
-    things = [
-        pl.ibr.add_large_mesh(part) for part in trimesh.load_scene(tmp_path / 'two.glb').dump()
-    ]
-    pl.show(auto_close=False)
-    assert sorted(thing.n_triangles for thing in things) == [12, len(ball.faces)]
-    assert {row.state for row in pl.ibr.report().rows} == {'ran'}

@@ -6,8 +6,12 @@ import sys
 import numpy as np
 import pytest
 import pyvista as pv
+import trimesh
+from vtkmodules.vtkIOLegacy import vtkPolyDataWriter
 
-from pvibr.meshes.mesh_files import read_mesh
+from pvibr.io.gltf_file import GltfError
+from pvibr.meshes.mesh_files import read_mesh, scene_instances
+from pvibr.meshes.parts import as_parts
 from tests.refusals import refused
 
 _READ = """
@@ -48,11 +52,24 @@ def quads(*, colors=False):
     return mesh
 
 
+def save(mesh, path, *, binary, version=51):
+    """Write a mesh, to legacy VTK files in some version of them."""
+    if path.suffix != '.vtk':
+        mesh.save(path, binary=binary)
+        return
+    writer = vtkPolyDataWriter()
+    writer.SetFileVersion(version)
+    writer.SetFileType(2 if binary else 1)
+    writer.SetFileName(str(path))
+    writer.SetInputData(mesh)
+    writer.Write()
+
+
 @pytest.mark.parametrize('binary', [True, False], ids=['binary', 'text'])
-@pytest.mark.parametrize('suffix', ['.ply', '.stl', '.vtp'])
+@pytest.mark.parametrize('suffix', ['.ply', '.stl', '.vtp', '.vtk', '42.vtk'])
 def test_damaged_files(suffix, binary, tmp_path):
     path = tmp_path / f'mesh{suffix}'
-    quads().save(path, binary=binary)
+    save(quads(), path, binary=binary, version=42 if suffix == '42.vtk' else 51)
     assert read_mesh(path).n_cells
     command = [sys.executable, '-c', _READ, str(path), '7']
     done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=120)
@@ -85,3 +102,26 @@ def test_corners_that_are_not_there(tmp_path):
     lines[-1] = '4 0 1 2 99999'
     path.write_text('\n'.join(lines) + '\n')
     refused('face [0-9]+ is wrong', read_mesh, path)
+
+
+@pytest.mark.parametrize('binary', [True, False], ids=['binary', 'text'])
+def test_old_vtk_files_without_all_their_cells(binary, tmp_path):
+    """VTK reads beyond the end of what it read, and crashes, which other versions do not."""
+    path = tmp_path / 'old.vtk'
+    save(quads(), path, binary=binary, version=42)
+    assert read_mesh(path).n_cells == quads().n_cells
+    content = path.read_bytes()
+    start = content.index(b'POLYGONS')
+    for cut in (content[: start + 60], content.replace(b'Version 4.2', b'5.2')):
+        path.write_bytes(cut)
+        refused('old.vtk: (its 90 polygons are cut|it has no header)', read_mesh, path)
+    save(quads(), path, binary=binary)
+    path.write_bytes(path.read_bytes().replace(b'Version 5.1', b'Version 4.1'))
+    refused('old.vtk: its .* are cut, or wrong', read_mesh, path)
+
+
+def test_errors_of_gltf_files_name_them(tmp_path):
+    path = tmp_path / 'cut.glb'
+    path.write_bytes(trimesh.creation.box().export(file_type='glb')[:-40])
+    refused('cut.glb: the GLB is truncated', scene_instances, path, kind=GltfError)
+    refused('cut.glb: the GLB is truncated', as_parts, path, kind=GltfError)
