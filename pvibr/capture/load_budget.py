@@ -32,9 +32,10 @@ class LoadBudget:
     def __init__(self):
         self._level = 0
         self._load = 0.0
-        #: Milliseconds per triangle of the last lowered frames, and of the last full one.
+        #: Milliseconds per triangle of the last lowered frames.
         self._rates: list[float] = []
-        self._full_rate = 0.0
+        #: Milliseconds of the last full frame, and its triangles, counted when asked for.
+        self._full_frame: tuple[float, Callable[[], float]] = 0.0, lambda: _BASE
         self._level_ms: dict[int, float] = {}
         self._easy_frames = self._stuck_frames = 0
         self._is_first = True
@@ -73,7 +74,8 @@ class LoadBudget:
     def _ms(self, level, load, of=max) -> float:
         """Return the milliseconds of a level, if they are as its triangles."""
         if not level or not self._rates:
-            return self._full_rate * load(level)
+            full_ms, full_load = self._full_frame
+            return full_ms / full_load() * load(level)
         return of(self._rates) * load(level)
 
     def _move(self, level, budget_ms):
@@ -101,13 +103,13 @@ class LoadBudget:
     def drawn(self, frame_ms):
         """Record a frame of the quality that was chosen last."""
         if not self._level:
-            self._full_rate = frame_ms / self._load
+            load = self._load
+            self._full_frame = frame_ms, lambda: load
             return
         self._rates = [*self._rates[1 - _FRAMES :], frame_ms / self._load]
         self._level_ms[self._level] = frame_ms
 
     def rested(self, frame_ms, triangles):
         """Record a frame at full quality that no one chose."""
-        self._is_first = True
-        self._level, self._load = 0, _BASE + triangles(1.0)
-        self.drawn(frame_ms)
+        self._is_first, self._level = True, 0
+        self._full_frame = frame_ms, cache(lambda: _BASE + triangles(1.0))
