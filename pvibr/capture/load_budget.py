@@ -16,12 +16,14 @@ LEVELS = tuple(STEP ** (k / 8) for k in range(8)) + tuple(STEP**k for k in range
 #: First level without any detail.
 _COARSER = LEVELS.index(STEP)
 #: What a frame costs beside what is counted, in triangles: at least, and at most relative to those
-#: of recent frames.
-_BASE, _MOST_BASE = 10_000, 3.0
+#: of recent frames; and until that is known.
+_BASE, _MOST_BASE, _GUESS = 10_000, 3.0, 50_000
 #: Frames from which that is found, and least difference of their triangles that tells, relative.
 _HISTORY, _TELLING = 24, 0.1
 #: Fractions of the budget: quality is lowered beyond one, and raised if it keeps the other.
 _LATE, _EASY = 1.08, 0.96
+#: The same as `_LATE` for the first frame of all, which compiles and uploads.
+_FIRST_LATE = 1.4
 #: Frames that tell how fast triangles are; quality rises after so many.
 _FRAMES = 2
 #: Frames until lower quality is tried again, after none was fast enough.
@@ -42,9 +44,10 @@ class LoadBudget:
         self._frames: list[tuple[float, float]] = []
         self._history: deque[tuple[float, float]] = deque(maxlen=_HISTORY)
         #: Triangles that would take as long as what is not counted does.
-        self._base: float = _BASE
+        self._base: float = _GUESS
         #: Triangles of the last full frame, counted when asked for, and its milliseconds.
         self._full_frame: tuple[Callable[[], float], float] = (lambda: 0.0), 0.0
+        self._drawn_level = -1
         self._level_ms: dict[int, float] = {}
         self._easy_frames = self._stuck_frames = 0
         self._is_first = True
@@ -66,7 +69,8 @@ class LoadBudget:
         is_first, self._is_first = self._is_first, False
         if is_first:  # as fast as the last frames, in motion or at rest
             return self._finest(budget_ms, load)
-        if self._ms(self._level, load, least=True) > _LATE * budget_ms:
+        late = _LATE if len(self._frames) == _FRAMES else _FIRST_LATE
+        if self._ms(self._level, load, least=True) > late * budget_ms:
             return max(self._finest(budget_ms, load), self._level)
         if self._history:
             self._learn_base()
@@ -137,7 +141,9 @@ class LoadBudget:
             self._full_frame = (lambda: load), frame_ms
             return
         self._frames = [*self._frames[1 - _FRAMES :], (self._load, frame_ms)]
-        self._history.append(self._frames[-1])
+        if self._level == self._drawn_level:  # the first frame of a level uploads all of it
+            self._history.append(self._frames[-1])
+        self._drawn_level = self._level
         self._level_ms[self._level] = frame_ms
 
     def rested(self, frame_ms, triangles):

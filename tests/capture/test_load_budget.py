@@ -51,6 +51,14 @@ def test_one_slow_frame_changes_little():
     assert after[-1] == qualities[-1]
 
 
+def test_a_first_frame_that_compiles_lowers_nothing():
+    budget = LoadBudget()
+    budget.rested(400.0, triangles(4e5))
+    quality = budget.choose(MS, triangles(4e5))
+    budget.drawn(1.2 * MS)
+    assert budget.choose(MS, triangles(4e5)) == quality
+
+
 def test_what_comes_near_is_met_before_it_is_drawn():
     budget = LoadBudget()
     budget.rested(400.0, triangles(2e5))
