@@ -140,6 +140,33 @@ def _files(settings, results):
         yield Row(f'{title}: time of a build, per million', wall, 's', 12)
         yield Row(f'{title}: bytes per triangle', out.stat().st_size / mesh.n_cells, 'B')
         yield Row(f'{title}: opened', timed(lambda: load(out))[1], 's')
+        yield from _flight_of_file(settings, title, out, mesh['pattern'])
+
+
+def _flight_of_file(settings, title, path, values):
+    """Yield frames of a flight over the terrain of a file, beside those of a plane, by turns."""
+    look = _LOOK | {'scalars': values}  # which PLY files do not hold
+    with (
+        contextlib.closing(_plotter(settings, 0)) as pl,
+        contextlib.closing(_plotter(settings, 0)) as plane,
+    ):
+        large = pl.ibr.add_large_mesh(path, detail='none', **look)  # as it moves
+        _fill_with_plane(plane)
+        times: dict = {pl: [], plane: []}
+        counts = []
+        for plotter in times:
+            plotter.show(auto_close=False)
+        for camera in flight('terrain', settings.frames):
+            pl.camera_position = camera
+            for plotter, spents in times.items():
+                spents.append(spent(plotter.render_window))
+            counts.append(large.report()['triangles'])
+    patches, others = (np.array(spents)[2:] for spents in times.values())
+    yield Row(f'{title}: a frame of a flight, median', 1e3 * np.median(patches[:, 1]), 'ms', 135)
+    yield Row(f'{title}: a frame of a flight, worst', 1e3 * patches[:, 1].max(), 'ms', 230)
+    ratios = np.median(patches, axis=0) / np.median(others, axis=0)
+    yield Row(f'{title}: the same over a plane that fills the screen, CPU', ratios[0], 'x')
+    yield Row(f'{title}: triangles of a frame, median', np.median(counts))
 
 
 def _most_memory(process) -> int:

@@ -107,12 +107,6 @@ def cut_of(hierarchy, view, max_error) -> tuple[np.ndarray, np.ndarray]:
     return patches, front_to_back(hierarchy, patches_in_view(hierarchy, patches, view), view)
 
 
-def triangles_in_view(hierarchy, view, max_error) -> int:
-    """Return how many triangles of a cut are in patches that are in view."""
-    patches = patches_within(hierarchy, cell_pixels(hierarchy, view), max_error)
-    return int(hierarchy.triangle_counts[patches_in_view(hierarchy, patches, view)].sum())
-
-
 def gathered(hierarchy, patches) -> tuple[np.ndarray, np.ndarray]:
     """Return the vertices of patches and their triangles among these, (n, 3) int32."""
     starts, ends = hierarchy.vertex_starts[patches], hierarchy.vertex_starts[patches + 1]

@@ -8,8 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pvibr.core import _vtk
-from pvibr.large.corners import Corners
-from pvibr.large.cut import gathered, gathered_coordinates
+from pvibr.large.patch_arrays import PatchArrays
 from pvibr.large.vertex_values import Values
 
 _EDGE_FLAGS = _vtk.vtkDataSetAttributes.EDGEFLAG
@@ -31,12 +30,6 @@ class CutLook:
         has_cell_values = self.values is not None and self.values.by_triangle is not None
         return has_cell_values or self.edges is not None
 
-    @property
-    def key(self) -> tuple:
-        """All but the values, to be compared."""
-        edges = None if self.edges is None else self.edges.tobytes()
-        return self.has_normals, self.has_texture, edges
-
 
 class CutMesh:
     """Patches as one mesh of VTK, whose bounds are always those of the full mesh."""
@@ -47,7 +40,8 @@ class CutMesh:
         self.data.SetPoints(self._points)
         self.patches = np.zeros(0, int)
         self._key: tuple = ()
-        self._shown: tuple = ()
+        self._source: tuple = ()
+        self._arrays: PatchArrays | None = None
         #: Triangles of the patches.
         self.n_triangles = 0
 
@@ -58,50 +52,37 @@ class CutMesh:
 
     def show(self, hierarchy, patches, look):
         """Let the mesh be of some patches, with the look of their vertices."""
-        key, shown = (patches.tobytes(), *look.key), (hierarchy, look.values)
-        if key == self._key and all(map(operator.is_, shown, self._shown)):
+        source = hierarchy, look.values, look.has_normals, look.has_texture, look.has_corners
+        is_same = len(self._source) and all(map(operator.is_, source, self._source))
+        edges = None if look.edges is None else look.edges.tobytes()
+        key = patches.tobytes(), edges
+        if key == self._key and is_same:
             return
-        self._key, self._shown, self.patches = key, shown, patches
-        vertices, triangles = gathered(hierarchy, patches)
-        coordinates = gathered_coordinates(hierarchy, patches) if look.has_texture else None
-        self.n_triangles = len(triangles)
-        corners = None
-        if look.has_corners:
-            corners = Corners.of(hierarchy, patches, triangles, len(vertices))
-            vertices, triangles = vertices[corners.places], corners.triangles
-            coordinates = coordinates if coordinates is None else coordinates[corners.places]
-        # VTK reads no flags of edges beside indices of 32 bits.
-        kind = np.int32 if look.edges is None else np.int64
-        self._set_triangles(hierarchy, vertices, triangles.astype(kind, copy=False))
-        point_data = self.data.GetPointData()
-        normals = hierarchy.normals[vertices] if look.has_normals else None
-        point_data.SetNormals(_array('Normals', normals))
-        point_data.SetTCoords(_array('Texture Coordinates', coordinates))
-        self._set_scalars(vertices, look.values, corners)
-        flags = None
-        if corners is not None and look.edges is not None:
-            flags = corners.edge_flags(hierarchy, look.edges, len(vertices))
+        self._key, self._source, self.patches = key, source, patches
+        if self._arrays is None or not is_same:
+            self._arrays = PatchArrays.looked_up(hierarchy, look)
+        self._arrays = arrays = self._arrays.moved_to(hierarchy, look, patches.tolist())
+        self.n_triangles = len(arrays.triangles)
+        self._set_triangles(hierarchy, arrays, look)
+        columns, point_data = arrays.columns, self.data.GetPointData()
+        point_data.SetNormals(_array('Normals', columns.get('normals')))
+        point_data.SetTCoords(_array('Texture Coordinates', columns.get('coordinates')))
+        name = '' if look.values is None else look.values.name
+        point_data.SetScalars(_array(name, columns.get('scalars')))
+        flags = None if look.edges is None else arrays.edge_flags(hierarchy, look.edges)
         point_data.SetAttribute(_array('vtkEdgeFlags', flags), _EDGE_FLAGS)
         self.data.Modified()
 
-    def _set_scalars(self, vertices, values, corners):
-        if values is None:
-            self.data.GetPointData().SetScalars(None)
-            return
-        scalars = values.by_vertex[vertices]
-        if corners is not None and values.by_triangle is not None:
-            corners.set_values(scalars, values.by_triangle)
-        self.data.GetPointData().SetScalars(_array(values.name, scalars))
-
-    def _set_triangles(self, hierarchy, vertices, triangles):
-        points = np.empty((len(vertices) + 2, 3))
-        np.add(hierarchy.points[vertices], hierarchy.origin, out=points[:-2])
+    def _set_triangles(self, hierarchy, arrays, look):
+        points = arrays.columns['points']
         # Two corners hold the bounds, by which VTK also places what it uploads; they draw nothing.
-        points[-2:] = hierarchy.bounds
-        ends = np.repeat(np.array([[0], [1]], triangles.dtype) + len(vertices), 3, axis=1)
-        triangles = np.concatenate([triangles, ends])
-        self._points.SetData(_vtk.numpy_to_vtk(points))
-        offsets = np.arange(0, 3 * len(triangles) + 1, 3, dtype=triangles.dtype)
+        ends = np.array(hierarchy.bounds, points.dtype)
+        self._points.SetData(_vtk.numpy_to_vtk(np.concatenate([points, ends])))
+        # VTK reads no flags of edges beside indices of 32 bits.
+        kind = np.int32 if look.edges is None else np.int64
+        ends = np.repeat([[len(points)], [len(points) + 1]], 3, axis=1)
+        triangles = np.concatenate([arrays.triangles, ends], dtype=kind)
+        offsets = np.arange(0, 3 * len(triangles) + 1, 3, dtype=kind)
         cells = _vtk.vtkCellArray()
         cells.SetData(_vtk.numpy_to_vtk(offsets), _vtk.numpy_to_vtk(triangles.ravel()))
         self.data.SetPolys(cells)

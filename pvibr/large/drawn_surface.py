@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
-from functools import cached_property
+from collections.abc import Callable
+from functools import cache, cached_property
 
 import numpy as np
 
-from pvibr.large.cut import ModelView, triangles_in_view
+from pvibr.large.cut import ModelView, patches_in_view, patches_within, pixels_of
 from pvibr.large.cut_mesh import CutLook
 from pvibr.large.detail import Detail
 from pvibr.large.hierarchy import Hierarchy
@@ -18,6 +19,7 @@ from pvibr.large.original_cells import (
     patches_with_edges,
     with_visible_cells,
 )
+from pvibr.large.tolerance import Tolerance
 
 _FLAT = 0  # VTK_FLAT
 _NOTHING = np.zeros(0, int)
@@ -29,8 +31,6 @@ class DrawnSurface:
     def __init__(self, built: Hierarchy, coloring, prop):
         self._built, self.coloring, self._prop = built, coloring, prop
         self._detail = Detail()
-        #: Hierarchy, view and error of which triangles were counted last, and their number.
-        self._counted: tuple = (None, None, 0.0, 0)
 
     @cached_property
     def _values(self):
@@ -63,13 +63,24 @@ class DrawnSurface:
         values = self._values
         return self._detail.of(self.hierarchy, values, value_range, factor, is_lit=is_lit)
 
-    def triangles(self, thing, view, tolerance) -> int:
-        """Return how many triangles are drawn within a tolerance."""
-        chosen, error = self.chosen(thing, tolerance.detail_factor), tolerance.error
-        hierarchy, last_view, last_error, _ = self._counted
-        if hierarchy is not chosen or last_view is not view or last_error != error:
-            self._counted = chosen, view, error, triangles_in_view(chosen, view, error)
-        return self._counted[-1]
+    def triangles_by_tolerance(self, thing, view_of) -> Callable[[Tolerance], int]:
+        """Return how many triangles each tolerance draws in the view that is got when asked."""
+
+        @cache
+        def scales_and_counts():
+            hierarchy, view = self.hierarchy, view_of()
+            counts = np.zeros_like(hierarchy.triangle_counts)
+            in_view = patches_in_view(hierarchy, np.arange(len(counts)), view)
+            counts[in_view] = hierarchy.triangle_counts[in_view]
+            return pixels_of(1.0, hierarchy.boxes, view), counts
+
+        def count(tolerance):
+            scales, counts = scales_and_counts()
+            chosen = self.chosen(thing, tolerance.detail_factor)
+            patches = patches_within(chosen, chosen.errors * scales, tolerance.error)
+            return int(counts[patches].sum())
+
+        return count
 
     def look(self, patches, view: ModelView | None = None, max_error=0.0) -> CutLook:
         """Return the look of patches, with edges as a view shows them."""

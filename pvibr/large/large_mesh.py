@@ -462,9 +462,9 @@ class LargeMesh(Thing):
         return Tolerance.of(1.0 if self.moving == 0 else quality, self.max_error)
 
     def triangles_of(self, frame):
-        """Return the triangles in view as a function of the quality."""
-        view = self._view(frame)
-        return lambda quality: self._surface.triangles(self, view, self._tolerance_of(quality))
+        """Return the triangles in view as a function of the quality, counted when it is called."""
+        count = self._surface.triangles_by_tolerance(self, lambda: self._view(frame))
+        return lambda quality: count(self._tolerance_of(quality))
 
     def _matrix(self) -> np.ndarray:
         """Return the world from the space about the hierarchy's origin."""

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import pyvista as pv
 
+from pvibr.instances.sharpness import sharpness
 from pvibr.large.cut import patches_within
 from pvibr.large.detail import lost_lengths, spread_of, vertex_areas
 from pvibr.large.hierarchy import NO_CELL
@@ -49,7 +50,10 @@ def truth_of(mesh, view, **look):
 
 
 def errors_of(mesh, view, **look):
-    """Return FLIP of the large mesh with and without detail, and of the mesh, at one sample."""
+    """Return FLIP of the large mesh with and without detail, and of the mesh, at one sample.
+
+    Also triangles with and without detail, and its sharpness with it over that of the mesh.
+    """
     truth = truth_of(mesh, view, **look)
     pl, thing = drawn(mesh, view=view, size=SIZE, detail='normals', **look)
     plain, _ = drawn(mesh, view=view, size=SIZE, large=False, **look)
@@ -58,7 +62,9 @@ def errors_of(mesh, view, **look):
     thing.detail = 'none'
     pictures.insert(1, shot(pl))
     counts.append(thing.report()['triangles'])
-    return *(float(flip(truth, p / np.float32(255)).mean()) for p in pictures), counts
+    sharp, own_sharp = (sharpness(pictures[k] / 255, truth) for k in (0, 2))
+    errors = (float(flip(truth, p / np.float32(255)).mean()) for p in pictures)
+    return *errors, counts, sharp / own_sharp
 
 
 CASES = {
@@ -74,10 +80,11 @@ def test_at_rest_it_looks_like_the_mesh(case):
     make, direction, look, bound = CASES[case]
     mesh = make()
     view = around(mesh, direction, 1.6)
-    detailed, plain, own, (fine, coarse) = errors_of(mesh, view, max_error=1.0, **look)
+    detailed, plain, own, (fine, coarse), sharp = errors_of(mesh, view, max_error=1.0, **look)
     assert detailed < bound * own
     assert plain > 1.3 * detailed
     assert coarse < fine
+    assert sharp > 0.85
     *_, own = found = errors_of(mesh, view, max_error=0.25, **look)[:3]
     assert found[0] < 1.15 * own
 

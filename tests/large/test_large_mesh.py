@@ -9,8 +9,8 @@ from scipy.ndimage import binary_dilation, binary_erosion, median_filter
 
 import pvibr
 from pvibr.large import drawn_surface
-from pvibr.large.cut import triangles_in_view
-from pvibr.things.frame import STEP
+from pvibr.large.cut import patches_in_view
+from pvibr.things.frame import STEP, Frame
 from tests.large.surfaces import blob, terrain
 from tests.pictures import off, place, plotter, shot
 from tests.refusals import refused
@@ -480,28 +480,18 @@ def test_report_names_meshes_that_could_be_one(monkeypatch):
     assert pl.ibr.report().large_meshes == {}
 
 
-def test_still_frames_count_no_triangles(monkeypatch):
-    """What tells a frame's load is counted again only if view, matrix or detail changed."""
+def test_triangles_are_counted_once_a_frame_where_it_is_asked(monkeypatch):
     counted = []
 
     def count(*args):
         counted.append(args)
-        return triangles_in_view(*args)
+        return patches_in_view(*args)
 
-    monkeypatch.setattr(drawn_surface, 'triangles_in_view', count)
+    monkeypatch.setattr(drawn_surface, 'patches_in_view', count)
     pl, thing = drawn(detail='normals')
-    pl.render()
-    counted.clear()
     for _ in range(3):
         pl.render()
+    triangles = thing.triangles_of(Frame.of(pl.renderer))
     assert not counted
-    for change in (
-        lambda: pl.camera.Azimuth(5.0),
-        lambda: thing.SetPosition(0.1, 0.0, 0.0),
-        lambda: setattr(thing, 'detail', 'none'),
-    ):
-        change()
-        pl.render()
-        assert counted
-        pl.render()
-        counted.clear()
+    assert triangles(0.25) < triangles(1.0)
+    assert len(counted) == 1
