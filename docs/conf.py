@@ -11,6 +11,7 @@ DOCS = Path(__file__).parent
 sys.path.insert(0, str(DOCS))
 os.environ['PYVISTA_OFF_SCREEN'] = 'true'
 
+import pages  # noqa: E402
 import reference  # noqa: E402
 
 import pvibr  # noqa: E402
@@ -36,6 +37,7 @@ html_theme_options = {
 }
 html_sidebars = {'index': [], 'techniques': []}
 html_show_sourcelink = False
+html_static_path = [str(pages.FOLDER)]
 templates_path = []
 linkcheck_timeout = 20
 
@@ -87,6 +89,7 @@ def adapt(_app, name, source):
 
 
 def setup(app):
-    """Write the reference, and adapt the pages."""
+    """Write the reference and the pages in frames, and adapt the guides."""
     reference.build()
+    pages.build()
     app.connect('source-read', adapt)

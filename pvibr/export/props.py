@@ -97,7 +97,7 @@ def _dataset_mapper(mapper):
     mapper_copy.SetStatic(False)
     mesh_data = mapper.GetInputDataObject(0, 0)
     if mesh_data is not None:
-        mapper_copy.dataset = pv.wrap(mesh_data).copy(deep=False)
+        mapper_copy.SetInputDataObject(pv.wrap(mesh_data).copy(deep=False))
     return mapper_copy
 
 

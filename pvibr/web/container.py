@@ -17,21 +17,19 @@ from pvibr.web.bundle import page_of
 TYPES = ('uint8', 'int8', 'uint16', 'int16', 'uint32', 'int32', 'float32', 'float64')
 #: Bytes of an array whose deflated size decides how it is filtered.
 _TRIAL_BYTES = 1 << 17
-#: Qualities of WebP that are tried in turn until a page keeps its budget.
-QUALITIES = (90, 75, 50, 30)
 _QUANTA = 65535
 
 
 @dataclass(frozen=True)
 class Points:
-    """Points (n, 3), stored with 16 bits a coordinate within their bounds unless lossless."""
+    """Points (n, 3), stored with 16 bits a coordinate within their bounds."""
 
     values: np.ndarray
 
 
 @dataclass(frozen=True)
 class Directions:
-    """Unit vectors (n, 3), stored as octahedral coordinates of 16 bits unless lossless."""
+    """Unit vectors (n, 3), stored as octahedral coordinates of 16 bits."""
 
     values: np.ndarray
 
@@ -47,13 +45,10 @@ class Image:
 class Container:
     """The chunks of a page while its scene is encoded."""
 
-    def __init__(self, *, lossless=False, quality=QUALITIES[0]):
-        self.lossless, self.quality = lossless, quality
+    def __init__(self, quality=90):
+        #: Of images with loss, as WebP, 0 to 100.
+        self.quality = quality
         self.chunks: list[bytes] = []
-        #: Bytes of images with loss, which a lower quality makes smaller.
-        self.lossy_bytes = 0
-        #: Largest distance between a point and where it is stored.
-        self.point_error = 0.0
 
     def tree(self, value) -> Any:
         """Return a value as JSON in which arrays and images refer to chunks."""
@@ -94,29 +89,24 @@ class Container:
 
     def _points(self, points):
         points = np.ascontiguousarray(points, np.float64).reshape(-1, 3)
-        if self.lossless or not len(points):
+        if not len(points):
             return self._array(points.astype(np.float32))
         low, high = points.min(axis=0), points.max(axis=0)
         step = np.where(high > low, high - low, 1) / _QUANTA
         whole = np.rint((points - low) / step)
-        self.point_error = max(self.point_error, float(np.linalg.norm(step) / 2))
         leaf = self._array(whole.astype(np.uint16))
         return leaf | {'$leaf': 'points', 'low': low.tolist(), 'step': step.tolist()}
 
     def _directions(self, vectors):
         vectors = np.ascontiguousarray(vectors, np.float64).reshape(-1, 3)
-        if self.lossless or not len(vectors):
-            return self._array(vectors.astype(np.float32))
         return self._array(octahedral(vectors)) | {'$leaf': 'directions'}
 
     def _image(self, image):
         pixels = np.ascontiguousarray(image.pixels)
         if pixels.dtype != np.uint8:
             raise TypeError(f'pixels must be uint8, got {pixels.dtype}')
-        lossless = image.lossless or self.lossless
-        encoded = encoded_image(pixels, None if lossless else self.quality)
-        self.lossy_bytes += 0 if lossless else len(encoded)
-        kind = 'image/png' if lossless else 'image/webp'
+        encoded = encoded_image(pixels, None if image.lossless else self.quality)
+        kind = 'image/png' if image.lossless else 'image/webp'
         return {'$leaf': 'image', 'chunk': self._chunk(encoded), 'type': kind}
 
 

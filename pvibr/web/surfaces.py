@@ -9,6 +9,7 @@ import pyvista as pv
 
 from pvibr.core import _vtk
 from pvibr.textures.material_textures import copied_property
+from pvibr.web.container import Directions, Points
 
 _FLAT = 0  # VTK_FLAT
 _POINTS, _WIREFRAME = 0, 1
@@ -148,7 +149,7 @@ class WebSurface:
     def tree(self) -> dict:
         """Return the arrays for the page."""
         tree = {
-            'points': (self.points - self.origin).astype(np.float32),
+            'points': Points(self.points - self.origin),
             'origin': self.origin.tolist(),
             'material': material_of(self.prop),
         }
@@ -160,7 +161,7 @@ class WebSurface:
         if self.edges is not None:
             tree['edges'] = self.edges.astype(np.uint32).ravel()
         if self.normals is not None:
-            tree['normals'] = self.normals
+            tree['normals'] = Directions(self.normals)
         if self.colors is not None:
             tree['colors'] = self.colors
         elif self.values is not None:

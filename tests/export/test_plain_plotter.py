@@ -568,3 +568,17 @@ def test_ranges_of_bars_are_told_before_the_bars_are_drawn():
         if prop.IsA('vtkActor') and prop.GetMapper().GetLookupTable() is table
     ]
     assert [prop.GetMapper().GetScalarRange() for prop in tellers] == [(0.0, 59.0)]
+
+
+def test_cells_keep_their_range_beside_other_scalars():
+    mesh = pv.Plane(i_resolution=4, j_resolution=4)
+    mesh.point_data['points'] = np.arange(mesh.n_points, dtype=float)
+    mesh.cell_data['cells'] = 100.0 + np.arange(mesh.n_cells)
+    mesh.set_active_scalars('points')
+    pl = pv.Plotter(off_screen=True)
+    actor = pl.add_mesh(mesh, scalars='cells', name='plane')
+    plain = pl.ibr.to_plain_plotter()
+    assert plain.actors['plane'].GetMapper().GetScalarRange() == (100, 115)
+    assert actor.mapper.scalar_range == (100, 115)
+    pl.close()
+    plain.close()
