@@ -58,7 +58,7 @@ class Distributed(Thing):
         plotter with shard `index` of `count`. Nothing of it is in this process. By default the
         things of the subplot that can be divided are sent away: instances, spheres, cylinders
         and ellipsoids, with their poses, colours and materials; their scalar bars stay, their
-        labels in legends do not. Large meshes are not sent: make these by `make_shard`.
+        labels in legends do not. Large meshes are not sent: `make_shard` adds a `part` of each.
     count : int, optional
         Number of shards, by default that of the workers.
     args : tuple

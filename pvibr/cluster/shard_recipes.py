@@ -9,6 +9,7 @@ import numpy as np
 import pyvista as pv
 
 from pvibr.instances.instances import Instances
+from pvibr.maths.kd_boxes import divided
 from pvibr.meshes.stored_parts import from_arrays, to_arrays
 from pvibr.points.quadrics import Quadrics
 
@@ -45,29 +46,9 @@ def recipes_of(present, chosen, count) -> tuple[list, list[bytes]]:
             )
         thing.wait()
     centers = [np.asarray(thing.item_spheres()[0]) for thing in things]
-    shards = divided(np.concatenate(centers), count)
+    shards = [items for items, _ in divided(np.concatenate(centers), count)]
     starts = np.cumsum([0, *map(len, centers)])
     return things, [_packed(things, starts, items) for items in shards if len(items)]
-
-
-def divided(points, count) -> list[np.ndarray]:
-    """Return indices of points in boxes, of about equally many each: a k-d tree."""
-    shards = [(np.arange(len(points)), count)]
-    while any(parts > 1 for _, parts in shards):
-        halves = []
-        for ids, parts in shards:
-            if parts == 1 or len(ids) < 2:
-                halves.append((ids, 1))
-                continue
-            axis = int(np.ptp(points[ids], axis=0).argmax())
-            first = len(ids) * (parts // 2) // parts
-            ids = ids[np.argsort(points[ids, axis], kind='stable')]
-            halves += [
-                (np.sort(ids[:first]), parts // 2),
-                (np.sort(ids[first:]), parts - parts // 2),
-            ]
-        shards = halves
-    return [ids for ids, _ in shards]
 
 
 def _packed(things, starts, items) -> bytes:

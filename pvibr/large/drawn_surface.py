@@ -8,7 +8,8 @@ from functools import cache, cached_property
 
 import numpy as np
 
-from pvibr.large.cut import ModelView, patches_in_view, patches_within, pixels_of
+from pvibr.core.arguments import checked_whole
+from pvibr.large.cut import ModelView, cut_of, patches_in_view, patches_within, pixels_of
 from pvibr.large.cut_mesh import CutLook
 from pvibr.large.detail import Detail
 from pvibr.large.hierarchy import Hierarchy
@@ -20,6 +21,7 @@ from pvibr.large.original_cells import (
     with_visible_cells,
 )
 from pvibr.large.tolerance import Tolerance
+from pvibr.maths.kd_boxes import divided, inside
 
 _FLAT = 0  # VTK_FLAT
 _NOTHING = np.zeros(0, int)
@@ -28,8 +30,9 @@ _NOTHING = np.zeros(0, int)
 class DrawnSurface:
     """What draws a hierarchy by a colouring and a material."""
 
-    def __init__(self, built: Hierarchy, coloring, prop):
+    def __init__(self, built: Hierarchy, coloring, prop, part=None):
         self._built, self.coloring, self._prop = built, coloring, prop
+        self._is_own = None if part is None else _patches_of(built, *part)
         self._detail = Detail()
 
     @cached_property
@@ -62,6 +65,14 @@ class DrawnSurface:
         value_range, is_lit = thing.GetMapper().GetScalarRange(), bool(self._prop.GetLighting())
         values = self._values
         return self._detail.of(self.hierarchy, values, value_range, factor, is_lit=is_lit)
+
+    def cut(self, thing, view, tolerance) -> tuple[np.ndarray, np.ndarray]:
+        """Return the patches of a cut, and those of them that are in view, front to back."""
+        cut = cut_of(self.chosen(thing, tolerance.detail_factor), view, tolerance.error)
+        if self._is_own is None:
+            return cut
+        whole, in_view = (patches[self._is_own[patches]] for patches in cut)
+        return whole, in_view
 
     def triangles_by_tolerance(self, thing, view_of) -> Callable[[Tolerance], int]:
         """Return how many triangles each tolerance draws in the view that is got when asked."""
@@ -96,3 +107,22 @@ class DrawnSurface:
     def show(self, cut, patches, view=None, max_error=0.0):
         """Let a cut mesh be of some patches."""
         cut.show(self.hierarchy, patches, self.look(patches, view, max_error))
+
+
+def _patches_of(hierarchy, index, count) -> np.ndarray:
+    """Return which patches of all levels are in a part of space, of parts with as many patches."""
+    centers = hierarchy.patch_boxes.mean(1)
+    boxes = [box for _, box in divided(centers[hierarchy.full_patches], count)]
+    if index >= len(boxes):
+        return np.zeros(len(centers), bool)
+    return inside(centers, boxes[index])
+
+
+def checked_part(part) -> tuple[int, int] | None:
+    """Return the index of a part and the count of parts, checked, or None for the whole."""
+    if part is None:
+        return None
+    if not isinstance(part, (tuple, list)) or len(part) != 2:
+        raise ValueError(f'part must be an index and a count, as (0, 4), got {part!r:.80}')
+    count = checked_whole('part[1]', part[1], 1, 100_000)
+    return checked_whole('part[0]', part[0], 0, count - 1), count

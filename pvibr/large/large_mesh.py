@@ -20,9 +20,9 @@ from pvibr.large.baked_cut import bake_cut
 from pvibr.large.build import build_draft
 from pvibr.large.build_job import BuildJob
 from pvibr.large.colouring import Coloring
-from pvibr.large.cut import ModelView, cut_of
+from pvibr.large.cut import ModelView
 from pvibr.large.cut_mesh import CutLook, CutMesh
-from pvibr.large.drawn_surface import DrawnSurface
+from pvibr.large.drawn_surface import DrawnSurface, checked_part
 from pvibr.large.full_picking import nearest_triangle
 from pvibr.large.solid_cut import SolidCut
 from pvibr.large.sources import NO_COORDINATES, checked_texture
@@ -85,6 +85,9 @@ class LargeMesh(Thing):
         Defaults of the looks.
     user_matrix : array_like, shape (4, 4), optional
         Its transform, as of any actor.
+    part : (int, int), optional
+        Draw only what is in box `index` of `count` that divide the mesh: for shards of a cluster.
+        All parts together are the mesh.
     **look
         As in :meth:`pyvista.Plotter.add_mesh`.
 
@@ -158,9 +161,11 @@ class LargeMesh(Thing):
         wait=None,
         theme=None,
         user_matrix=None,
+        part=None,
         **look,
     ):
         super().__init__(max_error=max_error, moving=moving, detail=detail)
+        self._part = checked_part(part)
         if user_matrix is not None:
             self.user_matrix = user_matrix
         self.name, self.pickable = name, pickable
@@ -229,7 +234,7 @@ class LargeMesh(Thing):
     def _adopt(self, hierarchy):
         """Draw a hierarchy from now on."""
         self._built = hierarchy
-        self._surface = DrawnSurface(hierarchy, self._coloring, self.prop)
+        self._surface = DrawnSurface(hierarchy, self._coloring, self.prop, self._part)
         self._changes += 1
         self._empty()
 
@@ -306,7 +311,7 @@ class LargeMesh(Thing):
         self._take_result()
         cut, surface = CutMesh(), self._surface
         view = self._view(self.pipeline.view())
-        _, patches = cut_of(surface.chosen(self), view, max_error)
+        _, patches = surface.cut(self, view, Tolerance(max_error))
         look = replace(surface.look(patches, view, max_error), has_normals=True)
         cut.show(surface.hierarchy, patches, look)
         mesh = pv.wrap(cut.data)
@@ -451,8 +456,8 @@ class LargeMesh(Thing):
             self._surface.show(self._cut, self._whole)
             return
         self._tolerance, self._own_view = self._tolerance_of(frame.quality), frame.view
-        view, error, factor = self._view(frame), *self._tolerance
-        whole, patches = cut_of(self._surface.chosen(self, factor), view, error)
+        view, error = self._view(frame), self._tolerance.error
+        whole, patches = self._surface.cut(self, view, self._tolerance)
         self._surface.show(self._cut, patches, view, np.inf if self.is_draft else error)
         if not np.array_equal(whole, self._whole):
             self._whole = whole
@@ -483,8 +488,8 @@ class LargeMesh(Thing):
         patches, view = self._whole, None
         if not frame.depth_map:
             view = self._view(frame)
-            factor = np.inf if depth else 1.0
-            _, patches = cut_of(self._surface.chosen(self, factor), view, self.max_error)
+            tolerance = Tolerance(self.max_error, np.inf if depth else 1.0)
+            _, patches = self._surface.cut(self, view, tolerance)
         self._surface.show(self._other_cut, patches, view, self.max_error)
         self._other_actor.SetUserMatrix(self.GetMatrix())
         return [self._other_actor]

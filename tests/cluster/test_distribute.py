@@ -9,7 +9,6 @@ import pyvista as pv
 
 import pvibr
 from pvibr.cluster.shard_pictures import ShardPicture, composited
-from pvibr.cluster.shard_recipes import divided
 from pvibr.core import _vtk
 from pvibr.core.errors import PvibrError
 from pvibr.maths.flip import flip
@@ -120,6 +119,28 @@ def test_cards(client):
     pl.ibr.distribute(client)
     assert flip(shot(pl) / 255, expected / 255).mean() <= 0.01
     pl.close()
+
+
+def test_parts_of_a_large_mesh(client, tmp_path):
+    x, y = np.meshgrid(*[np.linspace(-5, 5, 200)] * 2)
+    hills = pv.StructuredGrid(x, y, np.sin(x) * np.cos(2 * y))
+    path = tmp_path / 'hills.pvl'
+    hills.extract_surface(algorithm='dataset_surface').triangulate().ibr.large(path)
+
+    def make(index, count, path):
+        pl = pv.Plotter(off_screen=True)
+        pl.ibr.add_large_mesh(path, color='tan', part=(index, count))
+        return pl
+
+    pl, local = plotter(), plotter()
+    whole = local.ibr.add_large_mesh(path, color='tan')
+    expected = [shot(local, camera) for camera in CAMERAS]
+    assert whole.report()['patches'] > 10
+    pl.ibr.distribute(client, make, count=3, args=(path,))
+    for camera, picture in zip(CAMERAS, expected, strict=True):
+        assert np.abs(shot(pl, camera) - picture).max() <= 1
+    pl.close()
+    local.close()
 
 
 def test_far_from_the_origin(client):
@@ -239,14 +260,6 @@ def test_translucent_ones_by_order_of_shards():
     front = composited([red, nothing, blue])
     np.testing.assert_array_equal(front.color, [[[128, 0, 127, 255]]])
     np.testing.assert_array_equal(composited([blue, red]).color, blue.color)
-
-
-@pytest.mark.parametrize('count', [1, 3, 8, 200])
-def test_divided_by_space(count):
-    points = np.random.default_rng(0).random((100, 3))
-    shards = divided(points, count)
-    np.testing.assert_array_equal(np.sort(np.concatenate(shards)), np.arange(100))
-    assert max(map(len, shards)) - min(map(len, shards)) <= 2
 
 
 @pytest.mark.parametrize(

@@ -436,6 +436,8 @@ REFUSED = {
     'style': (TypeError, 'prop.style', {'style': 'wireframe'}),
     'sharp edges': (TypeError, 'smooth_shading=False', {'split_sharp_edges': True}),
     'negative': (ValueError, 'max_error', {'max_error': -1}),
+    'part': (ValueError, r'part must be an index and a count', {'part': 3}),
+    'part beyond': (ValueError, r'part\[0\]', {'part': (4, 4)}),
     'opacity': (ValueError, 'opacity', {'opacity': 2}),
     'opacities': (TypeError, 'opacity', {'opacity': 'linear'}),
     'rgb alone': (ValueError, 'rgb', {'rgb': True, 'color': 'red'}),
