@@ -25,8 +25,8 @@ _SHARE, _LIGHTEST = 0.7, 150
 #: Errors of levels in radii: a pixel at diameters of 1024 px to 45 px, below which images serve.
 _ERRORS = 2.0 ** -np.arange(9.0, 4.0, -0.5)
 #: Points at which errors of a mesh are measured in each pose, about, and as many between them.
-_SAMPLES = 2000
-#: Most poses in which distances count while a mesh is simplified.
+_SAMPLES = 1000
+#: Most poses in which distances count, and errors are measured.
 _POSES = 4
 _FLAT = 0  # VTK's interpolation
 #: Point array of a lighter mesh: the number of each point in the mesh.
@@ -103,10 +103,10 @@ def _ladder(sampler, index, poses, radius, weld) -> list[_Rung]:
     if not part.mesh.n_cells or not is_surface(part, weld):
         return rungs
     posed_points = [np.asarray(sampler.points(index, pose), float) for pose in poses]
-    faces = np.asarray(part.mesh.regular_faces)
-    posed_surfaces = [Surface(points, faces) for points in posed_points]
     is_smooth = part.actor.GetProperty().GetInterpolation() > _FLAT
     chosen_points = _most_different(posed_points)
+    faces = np.asarray(part.mesh.regular_faces)
+    posed_surfaces = [Surface(points, faces) for points in chosen_points]
     left = collapsed(part.mesh, weld(part), chosen_points, _STEP, smooth=is_smooth)
     for corners, cells in left:
         error = max(_error(posed_surfaces, corners) / radius, rungs[-1].error)
@@ -139,6 +139,7 @@ def _subset(mesh, corners, cells) -> pv.PolyData:
 
 def _error(posed_surfaces, corners) -> float:
     """Return how far a mesh of some of the points is off in the worst pose, in their units."""
+    # The distance of the surfaces: where joints bend, places that correspond are farther apart.
     point_ids, place = np.unique(corners, return_inverse=True)
     faces = place.reshape(-1, 3)
     return max(hausdorff(s, Surface(s.points[point_ids], faces), _SAMPLES) for s in posed_surfaces)
