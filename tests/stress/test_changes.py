@@ -73,7 +73,7 @@ def test_all_at_once(name):
     check(name, unchanged(name), found)
 
 
-@pytest.mark.slow
+@pytest.mark.stress
 @every
 @pytest.mark.parametrize('place', [name for name in PLACES if name != 'UTM'])
 def test_each_place(name, place):
