@@ -305,7 +305,7 @@ def test_clipped_things_are_not_sent(client):
 
 @pytest.mark.slow
 def test_a_scene_of_three_times_the_memory_of_a_worker():
-    limit, count, points = 3 * 2**29, 4, 7_500_000
+    count, points = 4, 8_000_000
 
     def make(index, count, points):
         import numpy as np
@@ -322,7 +322,8 @@ def test_a_scene_of_three_times_the_memory_of_a_worker():
 
         return psutil.Process().memory_info().rss
 
-    options = {'threads_per_worker': 1, 'dashboard_address': ':0', 'memory_limit': limit}
+    # By driver, a worker takes 1.4 to 1.7 GB as it draws.
+    options = {'threads_per_worker': 1, 'dashboard_address': ':0', 'memory_limit': '2GiB'}
     # Dask would pause workers that use more than four fifths, which these do.
     keeps_on = {'distributed.worker.memory.pause': False, 'distributed.worker.memory.spill': False}
     with (
@@ -334,9 +335,8 @@ def test_a_scene_of_three_times_the_memory_of_a_worker():
         pl = plotter()
         shards = pl.ibr.distribute(own, make, args=(points,))
         assert (shot(pl) < 250).any(-1).mean() > 0.1
-        held = [used - bare for used in own.run(memory).values()]
+        used = list(own.run(memory).values())
         assert shards.report()['deaths'] == 0
-        assert max(held) < limit
-        assert sum(held) + bare > 3 * limit
-        assert memory() - here < limit / 4
+        assert sum(used) - (count - 1) * bare > 3 * max(used)  # all of it in one process
+        assert memory() - here < max(used) / 4
         pl.close()
