@@ -171,6 +171,7 @@ class Distributed(Thing):
                 pipeline.remove(thing)
         super().attach(pipeline)
         for kept in self._bars:
+            kept.pipeline = pipeline
             kept.bar.show(kept)
 
     def detach(self):

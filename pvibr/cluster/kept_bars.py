@@ -8,8 +8,6 @@ from pvibr.things.scalar_bars import Bar
 class KeptBar:
     """The scalar bar of a thing that is no longer in this process, with its colours as sent."""
 
-    has_names = False
-
     def __init__(self, thing):
         self._mapper, self._title = thing.scalar_mapper(), thing.scalar_title()
         self.bar: Bar | None = thing.bar

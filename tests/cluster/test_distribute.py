@@ -167,6 +167,12 @@ def test_scalar_bars_stay(client):
     assert not len(pl.scalar_bars)
     pl.ibr.add(shards)
     assert np.abs(shot(pl) - expected).max() <= 1
+    pl.ibr.remove(shards)
+    other = plotter()
+    other.ibr.add(shards)
+    assert np.abs(shot(other) - expected).max() <= 1
+    assert not len(pl.scalar_bars)
+    other.close()
     pl.close()
 
 
