@@ -11,8 +11,7 @@ import pyvista as pv
 import pvibr
 from benchmarks.common import plots
 from benchmarks.common.harness import Bench, Row
-from benchmarks.common.whole_frames import real_plotter, turning
-from pvibr.cli.timing import spent
+from benchmarks.common.whole_frames import median_seconds, real_plotter, turning
 from pvibr.scenes.walker import walker
 
 #: Effects in the order in which they are added.
@@ -113,11 +112,7 @@ def _seconds(fill, count, size, frames) -> float:
     plotter = real_plotter(size)
     fill(plotter, count)
     plotter.camera_position = [(2.2, -2.4, 1.4), (0, 0, 0), (0, 0, 1)]
-    draw = turning(plotter)
-    plotter.show(auto_close=False)
-    times = [spent(plotter.render_window, partial(draw, k))[0] for k in range(-2, frames)]
-    plotter.close()
-    return float(np.median(times[2:]))
+    return median_seconds(plotter, turning(plotter), frames)
 
 
 def exponents(counts, times) -> tuple[float, float]:

@@ -10,8 +10,7 @@ import pyvista as pv
 from benchmarks.common import plots
 from benchmarks.common.harness import Bench, Row
 from benchmarks.common.timing import mean_flip, pictures
-from benchmarks.common.whole_frames import real_plotter, turning
-from pvibr.cli.timing import spent
+from benchmarks.common.whole_frames import median_seconds, real_plotter, turning
 from pvibr.scenes.stage import SAMPLES, SKY, Stage
 
 #: The tolerance that users have, in pixels.
@@ -89,11 +88,7 @@ def _milliseconds(fill, settings) -> float:
     plotter.set_background(SKY)
     fill(plotter, settings)
     plotter.camera_position = _cameras(settings)[0]
-    draw = turning(plotter)
-    plotter.show(auto_close=False)
-    times = [spent(plotter.render_window, partial(draw, k))[0] for k in range(-2, settings.frames)]
-    plotter.close()
-    return 1e3 * float(np.median(times[2:]))
+    return 1e3 * median_seconds(plotter, turning(plotter), settings.frames)
 
 
 def knee(times, errors) -> int:

@@ -42,6 +42,14 @@ def turning(plotter, degrees=0.2) -> Callable[[int], object]:
     return draw
 
 
+def median_seconds(plotter, draw, frames) -> float:
+    """Return the median processor time of frames, and close the plotter."""
+    plotter.show(auto_close=False)
+    times = [spent(plotter.render_window, partial(draw, k))[0] for k in range(-2, frames)]
+    plotter.close()
+    return float(np.median(times[2:]))  # the first two upload, compile and settle
+
+
 def measured(make, settings, size, pairs) -> dict[int, dict[str, list[tuple[float, float]]]]:
     """Return the seconds of frames with and without, in pairs, by multisamples; of both clocks."""
     both = {name: make(settings, size, name == 'with') for name in ('with', 'without')}

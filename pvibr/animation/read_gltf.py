@@ -22,8 +22,9 @@ from pvibr.animation.gltf_nodes import (
     with_copies,
 )
 from pvibr.core.arguments import check_one_of
+from pvibr.core.files import naming_file
 from pvibr.io.gltf_accessors import Accessors
-from pvibr.io.gltf_file import GltfError, GltfFile, follow, naming, naming_file
+from pvibr.io.gltf_file import GltfError, GltfFile, follow, naming
 from pvibr.maths.transforms import trs
 
 #: Supported extensions; others are left out, with a warning.
@@ -105,7 +106,7 @@ def read_gltf(path, *, scene=None, up='y', pbr=False):
     >>> fox.mesh(0.5, 'Walk').plot()  # doctest: +SKIP
     """
     check_one_of('up', up, ('y', 'z'))
-    with naming_file(path):
+    with naming_file(path, GltfError):
         figure = _figure_of(GltfFile(path), scene, pbr)
     return figure.upright() if up == 'z' else figure
 
@@ -138,7 +139,7 @@ def _affordable_copies(gltf_file, instance_copies):
 
 def read_scene(path, pbr=False):
     """Return a figure of the default scene without clips, and instances (k, 4, 4) by node."""
-    with naming_file(path):
+    with naming_file(path, GltfError):
         return _scene_of(GltfFile(path), pbr)
 
 

@@ -7,7 +7,6 @@ from pathlib import Path
 from pvibr.api.export_methods import to_plain_plotter
 from pvibr.core._vtk import address
 from pvibr.core.arguments import checked_whole
-from pvibr.core.errors import warn
 from pvibr.core.files import replacing, with_suffix
 from pvibr.core.plotters import renderers_of
 from pvibr.core.signatures import explicit, takes
@@ -154,7 +153,7 @@ def show_web(self, *, height=480, megabytes=None, **options):
 
 def _text(self, title, megabytes, options) -> str:
     """Return the page of a plotter."""
-    from pvibr.export.plain_plotter import plain_copy
+    from pvibr.export.plain_plotter import plain_copy, warn_of_losses
     from pvibr.substitutes.billboard_cloud import billboard_cloud
     from pvibr.web.page_file import page_text
     from pvibr.web.scene import scene_of, sets_of
@@ -177,15 +176,5 @@ def _text(self, title, megabytes, options) -> str:
         text = page_text(scene_of(self._plotter, plain, sets), title, megabytes)
     finally:
         plain.close()
-    _warn(page_report(self._plotter, self._subplots()), dropped)
+    warn_of_losses(page_report(self._plotter, self._subplots()), dropped, 'page')
     return text
-
-
-def _warn(report, dropped):
-    """Warn about what a page lacks."""
-    parts = [f'not in the page: {row.effect} ({row.what})' for row in report.missing]
-    parts += [
-        f'{count} of {name} are dropped: increase triangles' for name, count in dropped.items()
-    ]
-    if parts:
-        warn('; '.join(parts))

@@ -6,9 +6,11 @@ import contextlib
 import errno
 import os
 import uuid
+from collections.abc import Iterator
 from pathlib import Path
 
 from pvibr.core.arguments import naming
+from pvibr.core.errors import PvibrError
 
 
 def _as_path(path):
@@ -82,3 +84,15 @@ def replacing(path):
     finally:
         with contextlib.suppress(OSError):
             temporary.unlink()
+
+
+@contextlib.contextmanager
+def naming_file(source, kind=ValueError) -> Iterator[None]:
+    """Name the file in errors of a kind, if a source is a path."""
+    try:
+        yield
+    except kind as error:
+        if not isinstance(source, str | Path) or str(source) in str(error):
+            raise
+        own_kind = type(error) if isinstance(error, PvibrError) else ValueError
+        raise own_kind(f'{source}: {error}') from error

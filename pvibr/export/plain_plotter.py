@@ -29,7 +29,7 @@ def to_plain_plotter(host, pipelines, make_cloud, **options):
     plain_plotter, dropped = plain_copy(host, pipelines, make_cloud, **options)
     renderers = renderers_of(host)
     effects = {renderers.index(p.renderer): p.effects for p in pipelines}
-    _warn(web_report(effects, 'client'), dropped)
+    warn_of_losses(web_report(effects, 'client'), dropped, 'plain plotter')
     return plain_plotter
 
 
@@ -149,11 +149,12 @@ def _props(renderer, effects) -> list:
     return [(prop_names.get(address(p)), p) for p in props if p is not border_of(renderer)]
 
 
-def _warn(report, dropped):
+def warn_of_losses(report, dropped, target):
+    """Warn about effects and items that a plain plotter, or what is made of it, lacks."""
     lost = [f'{r.effect} ({r.what})' for r in report.missing if r.state == 'lost']
     parts = []
     if lost:
-        parts.append(f'not in the plain plotter: {", ".join(lost)}')
+        parts.append(f'not in the {target}: {", ".join(lost)}')
     for name, count in dropped.items():
         parts.append(
             f'{count} of {name}, the smallest on the screen, are dropped: increase triangles'

@@ -58,16 +58,6 @@ def naming(json_path):
         raise GltfError(f'{json_path}: {error}') from error
 
 
-@contextmanager
-def naming_file(path):
-    """Let GltfErrors begin with the path of the file."""
-    try:
-        yield
-    except GltfError as error:
-        error.args = (_clipped(f'{path}: {error}'),)
-        raise
-
-
 def follow(things, index, json_path, kind):
     """Return the element that an index in the file refers to."""
     if index >= len(things):

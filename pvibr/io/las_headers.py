@@ -14,8 +14,6 @@ _MOST_CHUNK_POINTS = 2**20
 _CHUNK_SIZE, _ITEM_COUNT, _ITEM = struct.Struct('<I'), struct.Struct('<H'), struct.Struct('<HHH')
 #: Place of the table of chunks, before the points; version and number of chunks, in the table.
 _PLACE, _TABLE = struct.Struct('<q'), struct.Struct('<II')
-
-
 #: How much smaller points may be that are packed: real ones are by 5 to 20.
 _MOST_RATIO = 1000
 #: Places of the numbers of records, of extended ones from LAS 1.4 on, and the bytes of each.

@@ -12,7 +12,7 @@ import filelock
 
 from pvibr.core.arguments import checked_number
 from pvibr.core.errors import warn
-from pvibr.core.files import existing, in_a_folder, with_suffix
+from pvibr.core.files import existing, in_a_folder, naming_file, with_suffix
 from pvibr.core.progress import baking
 from pvibr.instances.cache import key_of
 from pvibr.large.build import Builder
@@ -22,7 +22,6 @@ from pvibr.large.pieces import digest_of, source_in_pieces
 from pvibr.large.sources import Source, source_of
 from pvibr.large.stored import SUFFIX, VERSION, arrays_of, hierarchy_key, meta_of
 from pvibr.large.workers import worker_count
-from pvibr.meshes.mesh_files import naming_file
 
 #: Memory of a build by default, GB.
 MEMORY = 2.0

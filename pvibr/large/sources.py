@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 import pyvista as pv
 
+from pvibr.core.files import naming_file
 from pvibr.large.build import TriangleMesh
 from pvibr.large.given_mesh import given_mesh
 from pvibr.large.joined_meshes import is_triangles
 from pvibr.large.material_atlas import COLORS
 from pvibr.large.original_cells import edge_flags
-from pvibr.meshes.mesh_files import naming_file
 from pvibr.meshes.surfaces import check_points, polygons_of, surface_of
 
 #: Names of arrays that follow cells of a mesh, and polygons of its surface, to triangles.

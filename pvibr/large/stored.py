@@ -9,7 +9,7 @@ import numpy as np
 
 from pvibr.core.arguments import naming
 from pvibr.core.errors import PvibrError
-from pvibr.core.files import existing
+from pvibr.core.files import existing, naming_file
 from pvibr.core.progress import baking
 from pvibr.instances.cache import AtlasCache, key_of
 from pvibr.large.build import build_hierarchy
@@ -19,7 +19,6 @@ from pvibr.large.hierarchy import Hierarchy
 from pvibr.large.sources import Source, source_of
 from pvibr.large.workers import worker_count
 from pvibr.meshes.materials import merged_look
-from pvibr.meshes.mesh_files import naming_file
 
 SUFFIX = '.pvl'
 #: Raise it whenever another hierarchy is built of the same mesh.

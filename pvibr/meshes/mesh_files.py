@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
 import pyvista as pv
 
 from pvibr.core import _vtk
-from pvibr.core.errors import PvibrError
-from pvibr.core.files import existing
+from pvibr.core.files import existing, naming_file
 from pvibr.io.cities import is_city, read_city
 from pvibr.io.legacy_vtk import check_legacy
 from pvibr.io.ply_headers import check_ply
@@ -25,18 +22,6 @@ from pvibr.io.trimesh_meshes import (
 _GLTF = ('.gltf', '.glb')
 #: What VTK's readers do not check, and crash by.
 _CHECKS = {'.ply': check_ply, '.vtk': check_legacy}
-
-
-@contextmanager
-def naming_file(mesh) -> Iterator[None]:
-    """Name the file in errors, if a mesh is a path."""
-    try:
-        yield
-    except ValueError as error:
-        if not isinstance(mesh, str | Path) or str(mesh) in str(error):
-            raise
-        kind = type(error) if isinstance(error, PvibrError) else ValueError
-        raise kind(f'{mesh}: {error}') from error
 
 
 def has_graph(mesh) -> bool:
