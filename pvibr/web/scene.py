@@ -10,14 +10,16 @@ import pyvista as pv
 from pvibr.core import _vtk
 from pvibr.core._vtk import address
 from pvibr.core.plotters import border_of, names_of, renderers_of
-from pvibr.effects.backgrounds import Sky
 from pvibr.gl.annotations import is_flat
 from pvibr.gl.scene_pass import is_end, is_marker
 from pvibr.instances.instances import Instances
+from pvibr.shadows.shadows import Shadows
 from pvibr.things.thing import Thing
+from pvibr.web import image_effects, shadows
 from pvibr.web.annotations import annotations_of, css_of
 from pvibr.web.instance_sets import instances_of, why_not_drawn
 from pvibr.web.programs import Programs
+from pvibr.web.shadows import PageShadows
 from pvibr.web.surfaces import WebSurface, coloring_of, table_of
 
 #: What a viewer chooses from, beside the colours of the scene.
@@ -25,22 +27,41 @@ _COLORMAPS = 'viridis', 'plasma', 'coolwarm', 'turbo', 'gray'
 _DRAWN_MAPPERS = ('vtkDataSetMapper', 'vtkPolyDataMapper')
 
 
-def sets_of(effects) -> list:
-    """Return the effects that a page draws as pvibr does: sets of instances, levels and all."""
+def drawn_of(effects) -> list:
+    """Return the effects that a page draws as pvibr does, in their order."""
     enabled = [effect for effect in effects if effect.enabled and not effect.why_neutral]
-    # Shadows, projected images and outlines are baked into surfaces, instances included.
-    if any(e.web[0] == 'baked' and not isinstance(e, (Thing, Sky)) for e in enabled):
-        return []
-    return [e for e in enabled if type(e) is Instances and why_not_drawn(e) is None]
+    drawn = [e for e in enabled if type(e) is Shadows or image_effects.is_drawn(e)]
+    # Projected images are baked into surfaces, instances included.
+    if any(e.web[0] == 'baked' and not isinstance(e, Thing) and e not in drawn for e in enabled):
+        return drawn
+    return drawn + [e for e in enabled if type(e) is Instances and why_not_drawn(e) is None]
 
 
-def scene_of(plotter, plain_plotter, sets_by_subplot) -> dict:
-    """Return what a page draws: instances of a plotter, and the actors of its plain copy."""
+def what_of(effect) -> str:
+    """Return what a page draws of an effect of :func:`drawn_of`."""
+    if type(effect) is Shadows:
+        return 'shadow maps of one light, filtered (pcf)'
+    return 'by its own programs' if image_effects.is_drawn(effect) else 'with its levels of detail'
+
+
+def losses_of(drawn) -> list[tuple[str, str]]:
+    """Return what a page lacks of effects that it draws: names and why."""
+    lost = []
+    for effect in drawn:
+        lost += (shadows if isinstance(effect, Shadows) else image_effects).lost_of(effect)
+    return lost
+
+
+def scene_of(plotter, plain_plotter, effects_by_subplot) -> dict:
+    """Return what a page draws: effects of a plotter, and the actors of its plain copy."""
     renderers = renderers_of(plotter)
     cameras = [address(renderer.GetActiveCamera()) for renderer in renderers]
     subplots = []
     for number, renderer in enumerate(renderers_of(plain_plotter)):
-        subplot = subplot_of(renderer, sets_by_subplot.get(number, ()))
+        effects = effects_by_subplot.get(number, ())
+        received = PageShadows.of(effects, renderers[number])
+        subplot = subplot_of(renderer, effects, received)
+        subplot['stage'] = image_effects.stage_of(effects, renderers[number])
         subplot['bounds'] = _bounds([renderers[number].ComputeVisiblePropBounds()])
         every = [p.GetBounds() for p in renderer.GetViewProps() if p.GetVisibility()]
         subplot['reach'] = _bounds([subplot['bounds'], *every])
@@ -75,9 +96,10 @@ def _bounds(parts) -> list:
     return bounds if box.IsValid() else [-1.0, 1.0] * 3
 
 
-def subplot_of(renderer, sets) -> dict:
-    """Return what a page draws of a renderer of plain actors, and of sets of instances."""
-    programs = Programs([light for light in renderer.GetLights() if light.GetSwitch()])
+def subplot_of(renderer, effects, received) -> dict:
+    """Return what a page draws of a renderer of plain actors, and of effects."""
+    programs = Programs([light for light in renderer.GetLights() if light.GetSwitch()], received)
+    sets = [effect for effect in effects if isinstance(effect, Instances)]
     things = [tree for instances in sets for tree in instances_of(instances, programs)]
     for name, prop in props_of(renderer):
         if why_missing(prop) is None and _has_points(prop):
@@ -91,6 +113,7 @@ def subplot_of(renderer, sets) -> dict:
         },
         'lights': lights_of(renderer),
         'things': things,
+        'shadows': None if received is None else received.tree(),
         'programs': programs.read(),
     }
 

@@ -52,10 +52,11 @@ def test_what_is_lost_is_said(plotter, tmp_path):
         plotter.ibr.export_html(tmp_path / 'page.html')
 
 
-def test_shadows_make_meshes_of_instances(plotter):
-    plotter.ibr.add(pvibr.Shadows())
+def test_instances_keep_their_levels_under_shadows(plotter):
+    shadows = plotter.ibr.add(pvibr.Shadows())
     rows = {row.effect: row.what for row in plotter.ibr.web_report('page').rows}
-    assert 'billboard' in rows['balls']
+    assert 'levels of detail' in rows['balls']
+    assert 'one light' in rows[shadows.name]
 
 
 def test_a_frame_for_notebooks(plotter):
