@@ -11,11 +11,15 @@ from pvibr.core import _vtk
 from pvibr.core._vtk import address
 from pvibr.core.plotters import border_of, names_of, renderers_of
 from pvibr.effects.backgrounds import Sky
+from pvibr.figures.animated_actor import AnimatedActor
+from pvibr.figures.crowd import Crowd
+from pvibr.figures.mesh_actors import transformed_bounds
 from pvibr.gl.annotations import is_flat
 from pvibr.gl.scene_pass import is_end, is_marker
 from pvibr.instances.instances import Instances
 from pvibr.things.thing import Thing
 from pvibr.web.annotations import annotations_of, css_of
+from pvibr.web.figures import crowd_of, figure_of, is_played, posing_program
 from pvibr.web.instance_sets import instances_of, why_not_drawn
 from pvibr.web.programs import Programs
 from pvibr.web.surfaces import WebSurface, coloring_of, table_of
@@ -26,16 +30,20 @@ _DRAWN_MAPPERS = ('vtkDataSetMapper', 'vtkPolyDataMapper')
 
 
 def sets_of(effects) -> list:
-    """Return the effects that a page draws as pvibr does: sets of instances, levels and all."""
+    """Return the effects that a page draws as pvibr does: sets of instances, and what plays."""
     enabled = [effect for effect in effects if effect.enabled and not effect.why_neutral]
     # Shadows, projected images and outlines are baked into surfaces, instances included.
     if any(e.web[0] == 'baked' and not isinstance(e, (Thing, Sky)) for e in enabled):
         return []
-    return [e for e in enabled if type(e) is Instances and why_not_drawn(e) is None]
+    return [e for e in enabled if is_played(e) or _is_set(e)]
 
 
-def scene_of(plotter, plain_plotter, sets_by_subplot) -> dict:
-    """Return what a page draws: instances of a plotter, and the actors of its plain copy."""
+def _is_set(effect) -> bool:
+    return type(effect) is Instances and why_not_drawn(effect) is None
+
+
+def scene_of(plotter, plain_plotter, sets_by_subplot, time=0.0) -> dict:
+    """Return what a page draws: sets of a plotter at a time, and the actors of its plain copy."""
     renderers = renderers_of(plotter)
     cameras = [address(renderer.GetActiveCamera()) for renderer in renderers]
     subplots = []
@@ -43,6 +51,7 @@ def scene_of(plotter, plain_plotter, sets_by_subplot) -> dict:
         subplot = subplot_of(renderer, sets_by_subplot.get(number, ()))
         subplot['bounds'] = _bounds([renderers[number].ComputeVisiblePropBounds()])
         every = [p.GetBounds() for p in renderer.GetViewProps() if p.GetVisibility()]
+        every += [_moved(figure) for figure in subplot['figures']]
         subplot['reach'] = _bounds([subplot['bounds'], *every])
         subplot['camera'] = camera_of(renderers[number].GetActiveCamera())
         subplot['link'] = cameras.index(cameras[number])
@@ -53,7 +62,15 @@ def scene_of(plotter, plain_plotter, sets_by_subplot) -> dict:
         subplots.append(subplot)
     colored = any('coloring' in thing for s in subplots for thing in s['things'])
     tables = {name: table_of(pv.LookupTable(name)) for name in _COLORMAPS} if colored else {}
-    return {'version': 1, 'colormaps': tables, 'subplots': subplots}
+    scene = {'version': 1, 'colormaps': tables, 'subplots': subplots}
+    if any(s['figures'] or any('plays' in t for t in s['things']) for s in subplots):
+        scene |= {'clock': {'time': float(time)}, 'posing': posing_program()}
+    return scene
+
+
+def _moved(figure) -> np.ndarray:
+    """Return world bounds of what a figure that plays reaches."""
+    return transformed_bounds(np.reshape(figure['matrix'], (4, 4)), np.array(figure['reach']))
 
 
 def _border(renderer) -> dict | None:
@@ -78,7 +95,12 @@ def _bounds(parts) -> list:
 def subplot_of(renderer, sets) -> dict:
     """Return what a page draws of a renderer of plain actors, and of sets of instances."""
     programs = Programs([light for light in renderer.GetLights() if light.GetSwitch()])
-    things = [tree for instances in sets for tree in instances_of(instances, programs)]
+    things = [t for s in sets if isinstance(s, Instances) for t in _trees(s, programs)]
+    figures: list = []
+    for actor in (s for s in sets if isinstance(s, AnimatedActor)):
+        figure, meshes = figure_of(actor, programs, len(figures))
+        figures.append(figure)
+        things += meshes
     for name, prop in props_of(renderer):
         if why_missing(prop) is None and _has_points(prop):
             things.append(_mesh(name, prop, programs))
@@ -91,8 +113,13 @@ def subplot_of(renderer, sets) -> dict:
         },
         'lights': lights_of(renderer),
         'things': things,
+        'figures': figures,
         'programs': programs.read(),
     }
+
+
+def _trees(instances, programs) -> list[dict]:
+    return (crowd_of if isinstance(instances, Crowd) else instances_of)(instances, programs)
 
 
 def props_of(renderer) -> list:

@@ -1,5 +1,6 @@
 // Draws scenes: VTK's programs with their uniforms, in the order of pvibr's frames.
 import { resetClippingRange } from './camera.js';
+import { Crowd, Figures } from './figures.js';
 import { Instances } from './instances.js';
 import { Mesh } from './meshes.js';
 import { Programs } from './programs.js';
@@ -36,17 +37,21 @@ class Pass {
 export class Renderer {
   constructor(gl, scene) {
     Object.assign(this, { gl, scene, programs: new Programs(gl) });
+    gl.getExtension('EXT_color_buffer_float');
     this.drawn = scene.subplots.map(({ things }) =>
-      things.map((tree) => ({
-        tree,
-        shown: tree.kind === 'mesh' ? new Mesh(gl, tree) : new Instances(gl, tree),
-      })),
+      things.map((tree) => ({ tree, shown: this.shown(tree) })),
     );
+    this.figures = new Figures(gl, this.programs, scene, this.drawn);
     this.backdrop = this.programs.of(GRADIENT);
     this.average = this.programs.of(AVERAGE);
-    gl.getExtension('EXT_color_buffer_float');
     this.samples = Math.min(MAX_SAMPLES, gl.getParameter(gl.MAX_SAMPLES));
     this.targets = {};
+  }
+
+  shown(tree) {
+    const { gl, programs, scene } = this;
+    if (tree.kind === 'mesh') return new Mesh(gl, tree);
+    return tree.plays ? new Crowd(gl, tree, programs, scene.posing) : new Instances(gl, tree);
   }
 
   // Targets: the picture's samples, the picture for picks, weighted colors.
@@ -77,8 +82,9 @@ export class Renderer {
     ];
   }
 
-  draw(cameras, size, quality = 1) {
+  draw(cameras, size, quality = 1, time = 0) {
     const { gl } = this;
+    this.figures.at(time);
     this.resize(size, quality);
     this.cameras = cameras;
     const { frame } = this.targets.picture;
@@ -223,8 +229,8 @@ export class Renderer {
       this.drawWide(pass, tree, program, uniforms, () => shown.draw('lines')),
     );
     if (!tree.edges || pass.picks) return;
-    const edge = this.programs.of(EDGES, pass.variant);
-    edge.use([uniforms, { color: tree.material.edge_color }]);
+    const edge = this.programs.of(shown.textures.ibr_posed ? posed(EDGES) : EDGES, pass.variant);
+    edge.use([uniforms, { color: tree.material.edge_color }], shown.textures);
     shown.bind(edge);
     this.drawWide(pass, tree, edge, uniforms, () => shown.draw('edges'));
   }
@@ -343,6 +349,18 @@ uniform vec3 color;
 out vec4 fragOutput0;
 void main() { fragOutput0 = vec4(color, 1.0); }`,
 };
+
+// The same for vertices that are posed, as posing.glsl fetches them.
+const posed = ({ vertex, fragment }) => ({
+  vertex: vertex.replace('in vec4 vertexMC;', 'uniform highp sampler2D ibr_posed;\nuniform int ibr_posed_row;').replace(
+    'void main() {',
+    `void main() {
+  int width = textureSize(ibr_posed, 0).x;
+  ivec2 texel = ivec2(gl_VertexID % width, ibr_posed_row + gl_VertexID / width);
+  vec4 vertexMC = vec4(texelFetch(ibr_posed, texel, 0).xyz, 1.0);`,
+  ),
+  fragment,
+});
 
 const AVERAGE = {
   vertex: GRADIENT.vertex,
