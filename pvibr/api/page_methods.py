@@ -176,7 +176,8 @@ def _text(self, title, megabytes, options) -> str:
         **to_plain_plotter.__kwdefaults__ | options,
     )
     try:
-        text = page_text(scene_of(self._plotter, plain, drawn), title, megabytes)
+        scene = scene_of(self._plotter, plain, drawn, self.time)
+        text = page_text(scene, title, megabytes)
     finally:
         plain.close()
     warn_of_losses(page_report(self._plotter, self._subplots()), dropped, 'page')

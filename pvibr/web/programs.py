@@ -19,6 +19,7 @@ _OLD_LINES = re.compile(
 _REPLACED = (
     # A copy of a mesh for each instance: WebGL draws them instanced.
     ('int(floor((float(gl_VertexID) + 0.5) / VERTICES))', 'gl_InstanceID'),
+    ('gl_VertexID - copy * int(VERTICES)', 'gl_VertexID'),
 )
 _SHRUNK = re.compile(r'^#define SHRUNK .*$', re.M)
 _SIZE = 'uniform float ibr_point_size;\nvoid main()', '  gl_PointSize = ibr_point_size;\n'

@@ -10,6 +10,9 @@ import pyvista as pv
 from pvibr.core import _vtk
 from pvibr.core._vtk import address
 from pvibr.core.plotters import border_of, names_of, renderers_of
+from pvibr.figures.animated_actor import AnimatedActor
+from pvibr.figures.crowd import Crowd
+from pvibr.figures.mesh_actors import transformed_bounds
 from pvibr.gl.annotations import is_flat
 from pvibr.gl.scene_pass import is_end, is_marker
 from pvibr.instances.instances import Instances
@@ -17,6 +20,7 @@ from pvibr.shadows.shadows import Shadows
 from pvibr.things.thing import Thing
 from pvibr.web import image_effects, shadows
 from pvibr.web.annotations import annotations_of, css_of
+from pvibr.web.figures import crowd_of, figure_of, is_played, posing_program
 from pvibr.web.instance_sets import instances_of, why_not_drawn
 from pvibr.web.programs import Programs
 from pvibr.web.shadows import PageShadows
@@ -34,14 +38,20 @@ def drawn_of(effects) -> list:
     # Projected images are baked into surfaces, instances included.
     if any(e.web[0] == 'baked' and not isinstance(e, Thing) and e not in drawn for e in enabled):
         return drawn
-    return drawn + [e for e in enabled if type(e) is Instances and why_not_drawn(e) is None]
+    return drawn + [e for e in enabled if is_played(e) or _is_set(e)]
+
+
+def _is_set(effect) -> bool:
+    return type(effect) is Instances and why_not_drawn(effect) is None
 
 
 def what_of(effect) -> str:
     """Return what a page draws of an effect of :func:`drawn_of`."""
     if type(effect) is Shadows:
         return 'shadow maps of one light, filtered (pcf)'
-    return 'by its own programs' if image_effects.is_drawn(effect) else 'with its levels of detail'
+    if image_effects.is_drawn(effect):
+        return 'by its own programs'
+    return 'it plays' if is_played(effect) else 'instances, with their levels of detail'
 
 
 def losses_of(drawn) -> list[tuple[str, str]]:
@@ -52,8 +62,8 @@ def losses_of(drawn) -> list[tuple[str, str]]:
     return lost
 
 
-def scene_of(plotter, plain_plotter, effects_by_subplot) -> dict:
-    """Return what a page draws: effects of a plotter, and the actors of its plain copy."""
+def scene_of(plotter, plain_plotter, effects_by_subplot, time=0.0) -> dict:
+    """Return what a page draws: effects of a plotter at a time, and actors of its plain copy."""
     renderers = renderers_of(plotter)
     cameras = [address(renderer.GetActiveCamera()) for renderer in renderers]
     subplots = []
@@ -64,6 +74,7 @@ def scene_of(plotter, plain_plotter, effects_by_subplot) -> dict:
         subplot['stage'] = image_effects.stage_of(effects, renderers[number])
         subplot['bounds'] = _bounds([renderers[number].ComputeVisiblePropBounds()])
         every = [p.GetBounds() for p in renderer.GetViewProps() if p.GetVisibility()]
+        every += [_moved(figure) for figure in subplot['figures']]
         subplot['reach'] = _bounds([subplot['bounds'], *every])
         subplot['camera'] = camera_of(renderers[number].GetActiveCamera())
         subplot['link'] = cameras.index(cameras[number])
@@ -74,7 +85,15 @@ def scene_of(plotter, plain_plotter, effects_by_subplot) -> dict:
         subplots.append(subplot)
     colored = any('coloring' in thing for s in subplots for thing in s['things'])
     tables = {name: table_of(pv.LookupTable(name)) for name in _COLORMAPS} if colored else {}
-    return {'version': 1, 'colormaps': tables, 'subplots': subplots}
+    scene = {'version': 1, 'colormaps': tables, 'subplots': subplots}
+    if any(s['figures'] or any('plays' in t for t in s['things']) for s in subplots):
+        scene |= {'clock': {'time': float(time)}, 'posing': posing_program()}
+    return scene
+
+
+def _moved(figure) -> np.ndarray:
+    """Return world bounds of what a figure that plays reaches."""
+    return transformed_bounds(np.reshape(figure['matrix'], (4, 4)), np.array(figure['reach']))
 
 
 def _border(renderer) -> dict | None:
@@ -99,8 +118,12 @@ def _bounds(parts) -> list:
 def subplot_of(renderer, effects, received) -> dict:
     """Return what a page draws of a renderer of plain actors, and of effects."""
     programs = Programs([light for light in renderer.GetLights() if light.GetSwitch()], received)
-    sets = [effect for effect in effects if isinstance(effect, Instances)]
-    things = [tree for instances in sets for tree in instances_of(instances, programs)]
+    things = [t for s in effects if isinstance(s, Instances) for t in _trees(s, programs)]
+    figures: list = []
+    for actor in (s for s in effects if isinstance(s, AnimatedActor)):
+        figure, meshes = figure_of(actor, programs, len(figures))
+        figures.append(figure)
+        things += meshes
     for name, prop in props_of(renderer):
         if why_missing(prop) is None and _has_points(prop):
             things.append(_mesh(name, prop, programs))
@@ -114,8 +137,13 @@ def subplot_of(renderer, effects, received) -> dict:
         'lights': lights_of(renderer),
         'things': things,
         'shadows': None if received is None else received.tree(),
+        'figures': figures,
         'programs': programs.read(),
     }
+
+
+def _trees(instances, programs) -> list[dict]:
+    return (crowd_of if isinstance(instances, Crowd) else instances_of)(instances, programs)
 
 
 def props_of(renderer) -> list:

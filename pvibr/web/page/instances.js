@@ -1,5 +1,5 @@
 // Instances as cards and as meshes.
-import { Levels, poseTexels, pyramid } from './levels.js';
+import { Levels, pages, poseTexels } from './levels.js';
 import { Mesh } from './meshes.js';
 import { fill, pixelsOf, texture } from './programs.js';
 
@@ -12,7 +12,8 @@ export class Instances {
     const poses = poseTexels(tree);
     this.textures = { ibr_poses: texture(gl, poses.texels, { width: 3072, height: poses.rows }) };
     for (const name of tree.geometry ? ['geometry', 'albedo'] : []) {
-      const { pixels, width, height } = pyramid(pixelsOf(gl, tree[name]), tree.tile);
+      const images = [tree[name]].flat().map((image) => pixelsOf(gl, image));
+      const { pixels, width, height } = pages(images, tree.tile, tree.uniforms.ibr_pages);
       this.textures[`ibr_${name}`] = texture(gl, pixels, { width, height, linear: true });
     }
     if (tree.support) {

@@ -5,6 +5,8 @@ function picking({ vertex, fragment }) {
   const main = 'void main()';
   const found = vertex.includes('int slot = int(known.w);')
     ? vertex.replace('int slot = int(known.w);', '$& ibr_picked = slot;')
+    : vertex.includes('ibr_show(int(known.y)')
+    ? vertex.replace('ibr_show(int(known.y)', 'ibr_picked = int(known.y); $&')
     : vertex.replace(/int i = int\(block\.w\)[^;]*;/, '$& ibr_picked = i;');
   const placed =
     found === vertex
@@ -168,13 +170,13 @@ export function texture(
 }
 
 // Replaces what is in a texture.
-export function fill(gl, handle, source, width, height) {
+export function fill(gl, handle, source, width, height, channels = source.length / width / height) {
   gl.bindTexture(gl.TEXTURE_2D, handle);
   const target = gl.TEXTURE_2D;
   if (!ArrayBuffer.isView(source))
     gl.texImage2D(target, 0, gl.RGBA8, gl.RGBA, gl.UNSIGNED_BYTE, source);
   else if (source instanceof Float32Array) {
-    const one = source.length === width * height;
+    const one = channels === 1;
     gl.texImage2D(
       target,
       0,

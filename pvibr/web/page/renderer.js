@@ -1,6 +1,7 @@
 // Draws scenes: VTK's programs with their uniforms, in the order of pvibr's frames.
 import { resetClippingRange } from './camera.js';
 import { Stage } from './effects.js';
+import { Crowd, Figures, playersOf } from './figures.js';
 import { Instances } from './instances.js';
 import { Mesh } from './meshes.js';
 import { Programs } from './programs.js';
@@ -47,12 +48,12 @@ class Pass {
 export class Renderer {
   constructor(gl, scene) {
     Object.assign(this, { gl, scene, programs: new Programs(gl) });
+    gl.getExtension('EXT_color_buffer_float');
     this.drawn = scene.subplots.map(({ things }) =>
-      things.map((tree) => ({
-        tree,
-        shown: tree.kind === 'mesh' ? new Mesh(gl, tree) : new Instances(gl, tree),
-      })),
+      things.map((tree) => ({ tree, shown: this.shown(tree) })),
     );
+    this.players = playersOf(scene);
+    this.figures = new Figures(gl, this.programs, scene, this.drawn);
     this.shadows = scene.subplots.map(({ shadows }) => shadows && new Shadows(gl, shadows));
     this.stages = scene.subplots.map(({ stage }, i) => {
       const names = this.drawn[i].map(({ tree }) => tree.name);
@@ -60,9 +61,14 @@ export class Renderer {
     });
     this.backdrop = this.programs.of(GRADIENT);
     this.average = this.programs.of(AVERAGE);
-    gl.getExtension('EXT_color_buffer_float');
     this.samples = Math.min(MAX_SAMPLES, gl.getParameter(gl.MAX_SAMPLES));
     this.targets = {};
+  }
+
+  shown(tree) {
+    const { gl, programs, scene } = this;
+    if (tree.kind === 'mesh') return new Mesh(gl, tree);
+    return tree.plays ? new Crowd(gl, tree, programs, scene.posing) : new Instances(gl, tree);
   }
 
   // Targets: the picture's samples, the picture for picks, weighted colors.
@@ -93,8 +99,13 @@ export class Renderer {
     ];
   }
 
-  draw(cameras, size, quality = 1) {
+  draw(cameras, size, quality = 1, time = 0) {
     const { gl } = this;
+    this.figures.at(time);
+    // What moves casts other shadows.
+    const moment = `${time} ${this.players.map(({ clip }) => clip[0])}`;
+    if (this.moment !== moment) this.shadows.forEach((maps) => maps && (maps.stale = true));
+    this.moment = moment;
     this.resize(size, quality);
     this.cameras = cameras;
     const { frame } = this.targets.picture;
@@ -277,8 +288,8 @@ export class Renderer {
       this.drawWide(pass, tree, program, uniforms, () => shown.draw('lines')),
     );
     if (!tree.edges || pass.solid) return;
-    const edge = this.programs.of(EDGES, pass.variant);
-    edge.use([uniforms, { color: tree.material.edge_color }]);
+    const edge = this.programs.of(shown.textures.ibr_posed ? posed(EDGES) : EDGES, pass.variant);
+    edge.use([uniforms, { color: tree.material.edge_color }], shown.textures);
     shown.bind(edge);
     this.drawWide(pass, tree, edge, uniforms, () => shown.draw('edges'));
   }
@@ -377,6 +388,18 @@ uniform vec3 color;
 out vec4 fragOutput0;
 void main() { fragOutput0 = vec4(color, 1.0); }`,
 };
+
+// The same for vertices that are posed, as posing.glsl fetches them.
+const posed = ({ vertex, fragment }) => ({
+  vertex: vertex.replace('in vec4 vertexMC;', 'uniform highp sampler2D ibr_posed;\nuniform int ibr_posed_row;').replace(
+    'void main() {',
+    `void main() {
+  int width = textureSize(ibr_posed, 0).x;
+  ivec2 texel = ivec2(gl_VertexID % width, ibr_posed_row + gl_VertexID / width);
+  vec4 vertexMC = vec4(texelFetch(ibr_posed, texel, 0).xyz, 1.0);`,
+  ),
+  fragment,
+});
 
 const AVERAGE = {
   vertex: GRADIENT.vertex,
