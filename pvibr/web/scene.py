@@ -18,7 +18,7 @@ from pvibr.gl.scene_pass import is_end, is_marker
 from pvibr.instances.instances import Instances
 from pvibr.shadows.shadows import Shadows
 from pvibr.things.thing import Thing
-from pvibr.web import image_effects, shadows
+from pvibr.web import image_effects, quadrics, shadows
 from pvibr.web.annotations import annotations_of, css_of
 from pvibr.web.figures import crowd_of, figure_of, is_played, posing_program
 from pvibr.web.instance_sets import instances_of, why_not_drawn
@@ -38,7 +38,7 @@ def drawn_of(effects) -> list:
     # Projected images are baked into surfaces, instances included.
     if any(e.web[0] == 'baked' and not isinstance(e, Thing) and e not in drawn for e in enabled):
         return drawn
-    return drawn + [e for e in enabled if is_played(e) or _is_set(e)]
+    return drawn + [e for e in enabled if is_played(e) or _is_set(e) or quadrics.is_drawn(e)]
 
 
 def _is_set(effect) -> bool:
@@ -51,6 +51,8 @@ def what_of(effect) -> str:
         return 'shadow maps of one light, filtered (pcf)'
     if image_effects.is_drawn(effect):
         return 'by its own programs'
+    if quadrics.is_drawn(effect):
+        return 'by rays'
     return 'it plays' if is_played(effect) else 'instances, with their levels of detail'
 
 
@@ -119,6 +121,7 @@ def subplot_of(renderer, effects, received) -> dict:
     """Return what a page draws of a renderer of plain actors, and of effects."""
     programs = Programs([light for light in renderer.GetLights() if light.GetSwitch()], received)
     things = [t for s in effects if isinstance(s, Instances) for t in _trees(s, programs)]
+    things += [quadrics.quadrics_of(e, programs) for e in effects if quadrics.is_drawn(e)]
     figures: list = []
     for actor in (s for s in effects if isinstance(s, AnimatedActor)):
         figure, meshes = figure_of(actor, programs, len(figures))

@@ -5,6 +5,7 @@ import { Crowd, Figures, playersOf } from './figures.js';
 import { Instances } from './instances.js';
 import { Mesh } from './meshes.js';
 import { Programs } from './programs.js';
+import { Quadrics } from './quadrics.js';
 import { Shadows } from './shadows.js';
 import { copy, cover, target } from './targets.js';
 import { multiply, normalMatrix, times, viewOf } from './views.js';
@@ -68,6 +69,7 @@ export class Renderer {
   shown(tree) {
     const { gl, programs, scene } = this;
     if (tree.kind === 'mesh') return new Mesh(gl, tree);
+    if (tree.kind === 'quadrics') return new Quadrics(gl, tree);
     return tree.plays ? new Crowd(gl, tree, programs, scene.posing) : new Instances(gl, tree);
   }
 
@@ -159,7 +161,7 @@ export class Renderer {
     );
     this.drawOpaque(pass, number, visible);
     const translucent = visible.filter(({ tree }) => tree.translucent);
-    const hasSets = visible.some(({ tree }) => tree.kind === 'instances');
+    const hasSets = visible.some(({ tree }) => tree.kind !== 'mesh');
     gl.depthMask(picks);
     if (translucent.length && !hasSets && !picks) this.drawWeighted(pass, translucent);
     else this.drawEach(pass, number, picks ? translucent : sorted(translucent, view));
@@ -196,7 +198,7 @@ export class Renderer {
   drawOpaque(pass, number, visible) {
     const { gl } = this;
     const sets = visible.filter(({ tree }) => tree.kind === 'instances');
-    const meshes = visible.filter(({ tree }) => tree.kind === 'mesh' && !tree.translucent);
+    const meshes = visible.filter(({ tree }) => tree.kind !== 'instances' && !tree.translucent);
     this.drawEach(pass, number, meshes);
     for (const { shown } of sets) shown.prepare(pass.view);
     this.drawEach(pass, number, sets, ({ shown }) => shown.drawMeshes(pass));
@@ -258,6 +260,7 @@ export class Renderer {
   }
 
   drawMesh(pass, { tree, shown }) {
+    if (tree.kind === 'quadrics') return shown.draw(pass);
     const { gl } = this;
     const model = transposed(tree.matrix);
     const placed = multiply(model, [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, ...tree.origin, 1]);
