@@ -122,3 +122,48 @@ def test_chosen_actors_have_outlines(page, tmp_path, until):
     assert red[0].sum() > 200
     assert (red[0] ^ red[1]).sum() < 0.1 * red[0].sum()
     pl.close()
+
+
+def shapes(pl, **options):
+    """Spheres, ellipsoids and cylinders on a floor, near and far."""
+    random = np.random.default_rng(6)
+    places = random.uniform((-8, -6, 0.5), (8, 30, 0.5), (300, 3))
+    first, second, third = np.split(places, 3)
+    pl.add_mesh(pv.Plane(center=(0, 12, 0), i_size=20, j_size=40), color='tan')
+    pl.ibr.add_spheres(first, random.uniform(0.1, 0.5, 100), color='orange', **options)
+    pl.ibr.add_ellipsoids(second, random.uniform(0.1, 0.6, (100, 3)), color='cyan')
+    pl.ibr.add_cylinders(third, third + random.normal(0, 0.5, (100, 3)), 0.1, color='red')
+    pl.camera_position = [(1, -10, 4), (0, 6, 0), (0, 0, 1)]
+
+
+@pytest.mark.parametrize('looks', ['opaque', 'translucent', 'parallel'])
+def test_shapes_are_drawn_by_rays(looks, page, tmp_path, until):
+    pl = plotter()
+    shapes(pl, opacity=0.5 if looks == 'translucent' else 1.0)
+    if looks == 'parallel':
+        pl.enable_parallel_projection()
+        pl.camera.parallel_scale = 5
+    pl.ibr.add(pvibr.Shadows())
+    here = opened(page, pl, tmp_path / 'shapes.html', until)
+    assert flip_of(picture(page), here) < 0.02
+    pl.close()
+
+
+def test_many_spheres_are_a_small_page_and_change_colors(page, tmp_path, until):
+    pl = plotter()
+    random = np.random.default_rng(7)
+    places = random.normal(0, 3, (100_000, 3))
+    balls = pl.ibr.add_spheres(places, 0.05, scalars=places[:, 2], name='balls')
+    pl.remove_scalar_bar() if pl.scalar_bars else None
+    path = tmp_path / 'balls.html'
+    here = opened(page, pl, path, until)
+    assert path.stat().st_size < 3e6
+    assert flip_of(picture(page), here) < 0.02
+    page.evaluate(
+        '() => { const v = window.pvibr, t = v.subplots[0].things[0];'
+        " v.recolor(t, Object.keys(t.scalars)[0], [-3, 3], 'gray') }"
+    )
+    balls.map('gray', clim=(-3, 3))
+    pl.render()
+    assert flip_of(picture(page), pl.screenshot(return_img=True)) < 0.02
+    pl.close()
