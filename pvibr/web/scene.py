@@ -21,11 +21,12 @@ from pvibr.instances.instances import Instances
 from pvibr.shadows.shadows import Shadows
 from pvibr.things.frame import Frame
 from pvibr.things.thing import Thing
-from pvibr.web import image_effects, quadrics, shadows
+from pvibr.web import image_effects, projectors, quadrics, shadows
 from pvibr.web.annotations import annotations_of, css_of
 from pvibr.web.figures import crowd_of, figure_of, is_played, posing_program
 from pvibr.web.instance_sets import instances_of, why_not_drawn
 from pvibr.web.programs import Programs
+from pvibr.web.projectors import PageProjector
 from pvibr.web.shadows import PageShadows
 from pvibr.web.surfaces import WebSurface, coloring_of, table_of
 
@@ -37,11 +38,15 @@ _DRAWN_MAPPERS = ('vtkDataSetMapper', 'vtkPolyDataMapper')
 def drawn_of(effects) -> list:
     """Return the effects that a page draws as pvibr does, in their order."""
     enabled = [effect for effect in effects if effect.enabled and not effect.why_neutral]
-    drawn = [e for e in enabled if type(e) in (Ground, Shadows) or image_effects.is_drawn(e)]
-    # Projected images are baked into surfaces, instances included.
+    drawn = [e for e in enabled if type(e) in (Ground, Shadows) or _is_an_effect(e)]
+    # Other projected images are baked into surfaces, instances included.
     if any(e.web[0] == 'baked' and not isinstance(e, Thing) and e not in drawn for e in enabled):
         return drawn
     return drawn + [e for e in enabled if is_played(e) or _is_set(e) or quadrics.is_drawn(e)]
+
+
+def _is_an_effect(effect) -> bool:
+    return image_effects.is_drawn(effect) or projectors.is_drawn(effect)
 
 
 def _is_set(effect) -> bool:
@@ -54,7 +59,7 @@ def what_of(effect) -> str:
         return 'shadow maps of one light, filtered (pcf)'
     if type(effect) is Ground:
         return 'a disc that fades'
-    if image_effects.is_drawn(effect):
+    if _is_an_effect(effect):
         return 'by its own programs'
     if quadrics.is_drawn(effect):
         return 'by rays'
@@ -76,9 +81,9 @@ def scene_of(plotter, plain_plotter, effects_by_subplot, time=0.0) -> dict:
     subplots = []
     for number, renderer in enumerate(renderers_of(plain_plotter)):
         effects = effects_by_subplot.get(number, ())
-        received = PageShadows.of(effects, renderers[number])
-        subplot = subplot_of(renderer, effects, received)
-        subplot['stage'] = image_effects.stage_of(effects, renderers[number])
+        frame = Frame.of(renderers[number], time=time)
+        subplot = subplot_of(renderer, effects, frame)
+        subplot['stage'] = image_effects.stage_of(effects, frame)
         subplot['bounds'] = _bounds([renderers[number].ComputeVisiblePropBounds()])
         every = [p.GetBounds() for p in renderer.GetViewProps() if p.GetVisibility()]
         every += [p.GetBounds() for e in effects if type(e) is Ground for p in e.props]
@@ -123,9 +128,14 @@ def _bounds(parts) -> list:
     return bounds if box.IsValid() else [-1.0, 1.0] * 3
 
 
-def subplot_of(renderer, effects, received) -> dict:
+def subplot_of(renderer, effects, frame) -> dict:
     """Return what a page draws of a renderer of plain actors, and of effects."""
-    programs = Programs([light for light in renderer.GetLights() if light.GetSwitch()], received)
+    cast = [
+        PageShadows(e, frame) for e in effects if type(e) is Shadows and e.light_of_page(frame)
+    ]
+    thrown = [PageProjector(e, frame) for e in effects if projectors.is_drawn(e)]
+    lights = [light for light in renderer.GetLights() if light.GetSwitch()]
+    programs = Programs(lights, [*cast, *thrown])
     things = [t for s in effects if isinstance(s, Instances) for t in _trees(s, programs)]
     things += [quadrics.quadrics_of(e, programs) for e in effects if quadrics.is_drawn(e)]
     things += [_ground(e, programs) for e in effects if type(e) is Ground]
@@ -146,7 +156,8 @@ def subplot_of(renderer, effects, received) -> dict:
         },
         'lights': lights_of(renderer),
         'things': things,
-        'shadows': None if received is None else received.tree(),
+        'shadows': next((each.tree() for each in cast), None),
+        'projectors': [each.tree() for each in thrown],
         'figures': figures,
         'programs': programs.read(),
     }

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from pvibr.gl import set_fragment_uniforms, set_vertex_uniforms
 from pvibr.shadows.shadow_maps import CASCADES, filter_radius
-from pvibr.shadows.shadows import Shadows, receiver_feature
+from pvibr.shadows.shadows import receiver_feature
 from pvibr.things.casters import SPHERES, set_surface_uniforms, surface_features
-from pvibr.things.frame import Frame
 
 #: Views around the eye, beside those of the whole scene: pages keep those of the export.
 _VIEWS = 3
@@ -38,14 +35,6 @@ class PageShadows:
         lights = ((*light, self.columns, self.rows, False),)
         offset = effect.bias == 'polygon_offset'
         self._feature = receiver_feature(*kind, offset, multisampled, lights)
-
-    @classmethod
-    def of(cls, effects, renderer) -> PageShadows | None:
-        """Return the shadows that a page draws of a subplot, None without any."""
-        frame = Frame.of(renderer)
-        shadows: Any = (e for e in effects if isinstance(e, Shadows))
-        effect = next(shadows, None)
-        return cls(effect, frame) if effect is not None and effect.light_of_page(frame) else None
 
     def attach(self, actor):
         """Let an actor receive the shadows."""
@@ -80,17 +69,19 @@ class PageShadows:
             'rows': self.rows,
             'resolution': self.resolution,
             'uniforms': self._uniforms(),
-            'views': [
-                {
-                    'eye_from_world': view.view_from_world.T.ravel().tolist(),
-                    'clip_from_eye': view.clip_from_view.T.ravel().tolist(),
-                    'near': view.near,
-                    'far': view.far,
-                    'parallel': view.parallel,
-                }
-                for view in self.views
-            ],
+            'views': [view_tree(view) for view in self.views],
         }
+
+
+def view_tree(view) -> dict:
+    """Return a view of a depth map as a page holds it."""
+    return {
+        'eye_from_world': view.view_from_world.T.ravel().tolist(),
+        'clip_from_eye': view.clip_from_view.T.ravel().tolist(),
+        'near': view.near,
+        'far': view.far,
+        'parallel': view.parallel,
+    }
 
 
 def lost_of(effect) -> list[tuple[str, str]]:

@@ -167,3 +167,21 @@ def test_many_spheres_are_a_small_page_and_change_colors(page, tmp_path, until):
     pl.render()
     assert flip_of(picture(page), pl.screenshot(return_img=True)) < 0.02
     pl.close()
+
+
+@pytest.mark.parametrize('mode', ['replace', 'modulate', 'lit'])
+def test_images_are_projected_in_the_page(mode, page, tmp_path, until):
+    pl = plotter()
+    cones(pl, color='green')
+    pl.add_mesh(pv.Sphere(center=(0, -4, 2)), color='orange', smooth_shading=True)
+    camera = pv.Camera()
+    camera.position, camera.focal_point, camera.up = (2, -12, 14), (0, -2, 0), (0, 1, 0)
+    options = {'lit': True} if mode == 'lit' else {'mode': mode}
+    plain = pl.screenshot(return_img=True)
+    projector = pl.ibr.add(pvibr.Projector(pv.examples.mapfile, camera, **options))
+    here = opened(page, pl, tmp_path / 'projected.html', until)
+    there = picture(page)
+    assert flip_of(there, here) < 0.035
+    assert flip_of(there, here) < 0.4 * flip_of(plain, here)
+    assert {r.effect: r.state for r in pl.ibr.web_report('page').rows}[projector.name] == 'shown'
+    pl.close()

@@ -5,8 +5,9 @@ import { Crowd, Figures, playersOf } from './figures.js';
 import { Instances } from './instances.js';
 import { Mesh } from './meshes.js';
 import { Programs } from './programs.js';
+import { Projector } from './projectors.js';
 import { Quadrics } from './quadrics.js';
-import { Shadows } from './shadows.js';
+import { Shadows, receiverUniforms } from './shadows.js';
 import { copy, cover, target } from './targets.js';
 import { multiply, normalMatrix, times, viewOf } from './views.js';
 
@@ -25,10 +26,13 @@ class Pass {
     this.thing = 0;
   }
 
-  // Lets its programs read shadow maps.
-  receive(shadows) {
-    Object.assign(this.shared, shadows.uniforms(this.view));
-    this.textures = shadows.textures;
+  // Lets its programs read shadow maps and projected images.
+  receive(received) {
+    if (received.length) Object.assign(this.shared, receiverUniforms(this.view));
+    for (const each of received) {
+      Object.assign(this.shared, each.uniforms(this.view));
+      Object.assign(this.textures, each.textures);
+    }
   }
 
   program(number, groups, textures) {
@@ -55,7 +59,11 @@ export class Renderer {
     );
     this.players = playersOf(scene);
     this.figures = new Figures(gl, this.programs, scene, this.drawn);
-    this.shadows = scene.subplots.map(({ shadows }) => shadows && new Shadows(gl, shadows));
+    // What each subplot's surfaces receive: shadows and projected images.
+    this.received = scene.subplots.map(({ shadows, projectors }) => [
+      ...(shadows ? [new Shadows(gl, shadows)] : []),
+      ...projectors.map((tree) => new Projector(gl, tree)),
+    ]);
     this.stages = scene.subplots.map(({ stage }, i) => {
       const names = this.drawn[i].map(({ tree }) => tree.name);
       return stage && new Stage(gl, this.programs, stage, names);
@@ -106,7 +114,8 @@ export class Renderer {
     this.figures.at(time);
     // What moves casts other shadows.
     const moment = `${time} ${this.players.map(({ clip }) => clip[0])}`;
-    if (this.moment !== moment) this.shadows.forEach((maps) => maps && (maps.stale = true));
+    if (this.moment !== moment)
+      for (const { maps } of this.received.flat()) maps.forEach((map) => (map.stale = true));
     this.moment = moment;
     this.resize(size, quality);
     this.cameras = cameras;
@@ -145,8 +154,9 @@ export class Renderer {
     const camera = this.cameras[number];
     resetClippingRange(camera, subplot.reach);
     const view = viewOf(camera, rectangle[2], rectangle[3]);
-    const [shadows, stage] = picks ? [] : [this.shadows[number], this.stages[number]];
-    if (shadows) this.castShadows(number, shadows);
+    const stage = picks ? null : this.stages[number];
+    const received = picks ? [] : this.received[number];
+    this.drawMaps(number, received);
     this.frame = picks ? this.targets.picks.frame : this.targets.picture.frame;
     if (stage) {
       this.frame = stage.begin(view.width, view.height, this.quick ? 0 : this.samples);
@@ -155,7 +165,7 @@ export class Renderer {
     gl.bindFramebuffer(gl.FRAMEBUFFER, this.frame);
     this.begin(subplot, rectangle, picks);
     const pass = new Pass(this, subplot, view, picks ? 'picks' : '');
-    if (shadows) pass.receive(shadows);
+    pass.receive(received);
     const visible = this.drawn[number].filter(
       ({ tree }) => tree.visible !== false && !(picks && !tree.pickable),
     );
@@ -210,17 +220,16 @@ export class Renderer {
     return cards('fringe');
   }
 
-  castShadows(number, shadows) {
-    const { gl } = this;
-    const bound = gl.getParameter(gl.FRAMEBUFFER_BINDING);
-    shadows.update((view) => {
+  // Draws the stale depth maps of what surfaces receive.
+  drawMaps(number, received) {
+    const draw = (view) => {
       const pass = new Pass(this, this.scene.subplots[number], view, 'depth');
       const casters = this.drawn[number].filter(
         ({ tree }) => tree.visible !== false && tree.casts !== false,
       );
       this.drawOpaque(pass, number, casters);
-    });
-    gl.bindFramebuffer(gl.FRAMEBUFFER, bound);
+    };
+    for (const map of received.flatMap(({ maps }) => maps)) map.update(draw);
   }
 
   // Blends translucent meshes in any order, as vtkOrderIndependentTranslucentPass does.
@@ -270,7 +279,7 @@ export class Renderer {
       MCVCMatrix: eye,
       MCDCMatrix: multiply(pass.view.clipFromEye, eye),
       normalMatrix: normalMatrix(eye),
-      ...receiverUniforms(tree, pass.view, eye, model),
+      ...ownUniforms(tree, pass.view, eye, model),
     };
     const draw = (kind, each) => {
       if (!(kind in tree.programs)) return;
@@ -335,7 +344,7 @@ export class Renderer {
 }
 
 // Of what receives shadows: the scale by which normals shrink, and half the width of lines.
-function receiverUniforms({ material }, { parallel, pixelScale }, eye, model) {
+function ownUniforms({ material }, { parallel, pixelScale }, eye, model) {
   const columns = [0, 4, 8].map((k) => Math.hypot(model[k], model[k + 1], model[k + 2]));
   const distance = parallel ? 1 : Math.hypot(eye[12], eye[13], eye[14]);
   return {
