@@ -10,18 +10,20 @@ import pyvista as pv
 from pvibr.core import _vtk
 from pvibr.core._vtk import address
 from pvibr.core.plotters import border_of, names_of, renderers_of
-from pvibr.effects.backgrounds import Sky
 from pvibr.figures.animated_actor import AnimatedActor
 from pvibr.figures.crowd import Crowd
 from pvibr.figures.mesh_actors import transformed_bounds
 from pvibr.gl.annotations import is_flat
 from pvibr.gl.scene_pass import is_end, is_marker
 from pvibr.instances.instances import Instances
+from pvibr.shadows.shadows import Shadows
 from pvibr.things.thing import Thing
+from pvibr.web import image_effects, shadows
 from pvibr.web.annotations import annotations_of, css_of
 from pvibr.web.figures import crowd_of, figure_of, is_played, posing_program
 from pvibr.web.instance_sets import instances_of, why_not_drawn
 from pvibr.web.programs import Programs
+from pvibr.web.shadows import PageShadows
 from pvibr.web.surfaces import WebSurface, coloring_of, table_of
 
 #: What a viewer chooses from, beside the colours of the scene.
@@ -29,26 +31,47 @@ _COLORMAPS = 'viridis', 'plasma', 'coolwarm', 'turbo', 'gray'
 _DRAWN_MAPPERS = ('vtkDataSetMapper', 'vtkPolyDataMapper')
 
 
-def sets_of(effects) -> list:
-    """Return the effects that a page draws as pvibr does: sets of instances, and what plays."""
+def drawn_of(effects) -> list:
+    """Return the effects that a page draws as pvibr does, in their order."""
     enabled = [effect for effect in effects if effect.enabled and not effect.why_neutral]
-    # Shadows, projected images and outlines are baked into surfaces, instances included.
-    if any(e.web[0] == 'baked' and not isinstance(e, (Thing, Sky)) for e in enabled):
-        return []
-    return [e for e in enabled if is_played(e) or _is_set(e)]
+    drawn = [e for e in enabled if type(e) is Shadows or image_effects.is_drawn(e)]
+    # Projected images are baked into surfaces, instances included.
+    if any(e.web[0] == 'baked' and not isinstance(e, Thing) and e not in drawn for e in enabled):
+        return drawn
+    return drawn + [e for e in enabled if is_played(e) or _is_set(e)]
 
 
 def _is_set(effect) -> bool:
     return type(effect) is Instances and why_not_drawn(effect) is None
 
 
-def scene_of(plotter, plain_plotter, sets_by_subplot, time=0.0) -> dict:
-    """Return what a page draws: sets of a plotter at a time, and the actors of its plain copy."""
+def what_of(effect) -> str:
+    """Return what a page draws of an effect of :func:`drawn_of`."""
+    if type(effect) is Shadows:
+        return 'shadow maps of one light, filtered (pcf)'
+    if image_effects.is_drawn(effect):
+        return 'by its own programs'
+    return 'it plays' if is_played(effect) else 'instances, with their levels of detail'
+
+
+def losses_of(drawn) -> list[tuple[str, str]]:
+    """Return what a page lacks of effects that it draws: names and why."""
+    lost = []
+    for effect in drawn:
+        lost += (shadows if isinstance(effect, Shadows) else image_effects).lost_of(effect)
+    return lost
+
+
+def scene_of(plotter, plain_plotter, effects_by_subplot, time=0.0) -> dict:
+    """Return what a page draws: effects of a plotter at a time, and actors of its plain copy."""
     renderers = renderers_of(plotter)
     cameras = [address(renderer.GetActiveCamera()) for renderer in renderers]
     subplots = []
     for number, renderer in enumerate(renderers_of(plain_plotter)):
-        subplot = subplot_of(renderer, sets_by_subplot.get(number, ()))
+        effects = effects_by_subplot.get(number, ())
+        received = PageShadows.of(effects, renderers[number])
+        subplot = subplot_of(renderer, effects, received)
+        subplot['stage'] = image_effects.stage_of(effects, renderers[number])
         subplot['bounds'] = _bounds([renderers[number].ComputeVisiblePropBounds()])
         every = [p.GetBounds() for p in renderer.GetViewProps() if p.GetVisibility()]
         every += [_moved(figure) for figure in subplot['figures']]
@@ -92,12 +115,12 @@ def _bounds(parts) -> list:
     return bounds if box.IsValid() else [-1.0, 1.0] * 3
 
 
-def subplot_of(renderer, sets) -> dict:
-    """Return what a page draws of a renderer of plain actors, and of sets of instances."""
-    programs = Programs([light for light in renderer.GetLights() if light.GetSwitch()])
-    things = [t for s in sets if isinstance(s, Instances) for t in _trees(s, programs)]
+def subplot_of(renderer, effects, received) -> dict:
+    """Return what a page draws of a renderer of plain actors, and of effects."""
+    programs = Programs([light for light in renderer.GetLights() if light.GetSwitch()], received)
+    things = [t for s in effects if isinstance(s, Instances) for t in _trees(s, programs)]
     figures: list = []
-    for actor in (s for s in sets if isinstance(s, AnimatedActor)):
+    for actor in (s for s in effects if isinstance(s, AnimatedActor)):
         figure, meshes = figure_of(actor, programs, len(figures))
         figures.append(figure)
         things += meshes
@@ -113,6 +136,7 @@ def subplot_of(renderer, sets) -> dict:
         },
         'lights': lights_of(renderer),
         'things': things,
+        'shadows': None if received is None else received.tree(),
         'figures': figures,
         'programs': programs.read(),
     }

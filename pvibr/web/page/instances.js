@@ -110,7 +110,7 @@ export class Instances {
           [this.uniforms, part.material.uniforms, own],
           textures,
         );
-        pass.cull(part.material);
+        pass.cull(pass.variant === 'depth' ? {} : part.material);
         mesh.bind(program);
         mesh.draw('faces', count);
       });

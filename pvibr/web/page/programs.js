@@ -39,7 +39,29 @@ function weighted({ vertex, fragment }) {
   return { vertex, fragment: declared + code };
 }
 
-const VARIANTS = { '': (sources) => sources, 'picks': picking, weighted };
+// Variants that write depth alone: compilers drop what is for colors.
+const depth = ({ vertex, fragment }) => ({
+  vertex,
+  fragment: fragment.replace('out vec4 fragOutput0;', 'vec4 fragOutput0;'),
+});
+
+// Variants that write normals in eye space and the numbers of things, as buffers.py has them.
+function surfaces({ vertex, fragment }) {
+  const end = fragment.lastIndexOf('}');
+  const lit = /vec3 normalVCVSOutput\s*=/.test(fragment);
+  const code = `
+#ifdef IBR_NORMAL
+  vec3 ibr_n = normalize(IBR_NORMAL);
+#else
+  vec3 ibr_n = ${lit ? 'normalVCVSOutput' : 'vec3(2.0)'};
+#endif
+  float ibr_id = float(ibr_thing);
+  fragOutput0 = vec4(ibr_n.xy, ibr_n.z < 0.0 ? -ibr_id : ibr_id, 1.0);\n}\n`;
+  const declared = fragment.slice(0, end).replace('void main()', 'uniform int ibr_thing;\nvoid main()');
+  return { vertex, fragment: declared + code };
+}
+
+const VARIANTS = { '': (sources) => sources, 'picks': picking, weighted, depth, surfaces };
 
 class Program {
   constructor(gl, sources) {
