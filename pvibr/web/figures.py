@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -14,16 +13,14 @@ from pvibr.figures.animated_actor import AnimatedActor
 from pvibr.figures.crowd import Crowd
 from pvibr.figures.crowd_draws import can_share_draws, member_feature
 from pvibr.figures.mesh_actors import PosedMeshActor, WireMeshActor
-from pvibr.figures.pose_atlas import PoseAtlas
 from pvibr.figures.pose_sheet import STATE_WIDTH, WIDTH, shader
 from pvibr.figures.posing import posed_feature
 from pvibr.figures.shapes import MeshShapes
 from pvibr.gl import set_vertex_uniforms
-from pvibr.instances.limits import Limits
-from pvibr.web.container import Frames, Image, halved
-from pvibr.web.instance_sets import cards_of, group_of, part_of, table_of_colors
+from pvibr.web.container import Frames
+from pvibr.web.instance_sets import cards_of, group_of, images_of, part_of, table_of_colors
 from pvibr.web.programs import as_es
-from pvibr.web.surfaces import WebSurface, coloring_of, material_of
+from pvibr.web.surfaces import WebSurface, coloring_of
 
 #: Frames of a clip: at first and at most a second, and the largest error between two, relative to
 #: the figure's size.
@@ -33,8 +30,6 @@ _RECORDED = 10.0
 #: Poses of a clip of which the bounds are taken.
 _BOUNDED = 16
 _UNITS = 65535
-#: Most texels of the images of a crowd's clips, unless their tiles would have fewer.
-_TEXELS, _LEAST_TILE = 6_000_000, 16
 
 
 def why_still(thing) -> str | None:
@@ -109,8 +104,9 @@ def _nodes(mesh_actor) -> np.ndarray:
     return np.array([node] if node >= 0 else [], int)
 
 
-def _clip_of(name, worlds_at, duration, joints, origin, size) -> dict:
+def _clip_of(clip, joints, origin, size) -> dict:
     """Return a clip as frames of joints, enough for what lies between two."""
+    name, worlds_at, duration = clip
 
     def matrices(times):
         return worlds_at(times)[:, joints, :3]
@@ -146,7 +142,7 @@ def _motion(figure, mesh_actors, clips, box) -> dict:
     joints = _joints_of(mesh_actors)
     return {
         'origin': origin.tolist(),
-        'clips': [_clip_of(*clip, joints, origin, size) for clip in clips],
+        'clips': [_clip_of(clip, joints, origin, size) for clip in clips],
         'joints': joints.tolist(),
     }
 
@@ -322,40 +318,11 @@ def _crowd_group(crowd, group, limits, programs) -> dict:
         [_member_part(*row, motion, programs) for row in zip(v.parts, v.mesh_actors, strict=True)]
         for v in group.levels
     ]
-    if not group.atlas.animated:
-        return group_of(group, limits, levels, []) | {'plays': motion}
-    images = _smaller(group.atlas)
-    cards = {name: np.minimum(sizes, images.tile) for name, sizes in limits.cards.items()}
-    limits = Limits(cards, np.minimum(limits.mesh_from, images.tile), limits.mesh_to)
-    tree = group_of(group, limits, levels, cards_of(group, limits, programs))
-    tree['uniforms'] |= {'ibr_tile': images.tile, 'ibr_pages': list(images.pages), 'ibr_time': 0.0}
-    return tree | {
-        'plays': motion,
-        'geometry': [Image(pixels) for pixels in images.geometry],
-        'albedo': [Image(pixels, lossless=False) for pixels in images.albedo],
-        'bins': images.bins,
-        'tile': images.tile,
-        'support': images.support.astype(np.float32),
-        'material': material_of(group.card_prop),
-    }
-
-
-def _smaller(atlas) -> PoseAtlas:
-    """Return an atlas of clips within a page's room: smaller tiles, for which fewer poses do."""
-    while atlas.geometry[..., 0].size > _TEXELS and atlas.tile > _LEAST_TILE:
-        bins, kept = atlas.bins.astype(int), []
-        for row in bins:
-            poses = np.unique(row)
-            row[:] = len(kept) + np.searchsorted(poses, row) // 2
-            kept += poses[::2].tolist()
-        atlas = replace(
-            atlas,
-            geometry=np.stack([halved(atlas.geometry[k]) for k in kept]),
-            albedo=np.stack([halved(atlas.albedo[k]) for k in kept]),
-            tile=atlas.tile // 2,
-            bins=bins.astype(np.float32),
-        )
-    return atlas
+    tree = group_of(group, limits, levels, cards_of(group, limits, programs)) | {'plays': motion}
+    if tree['cards']:
+        tree |= images_of(group)
+        tree['uniforms'] |= {'ibr_pages': list(group.atlas.pages), 'ibr_time': 0.0}
+    return tree
 
 
 def _member_part(part, mesh_actor, motion, programs) -> dict:

@@ -64,8 +64,7 @@ def _group(thing, group, limits, programs) -> dict:
     atlas = group.atlas
     levels = [[_part(part, atlas, programs) for part in level.parts] for level in group.levels]
     tree = group_of(group, limits, levels, cards_of(group, limits, programs))
-    images = _images(atlas) | {'material': material_of(group.card_prop)}
-    return tree | images if tree['cards'] else tree
+    return tree | images_of(group) if tree['cards'] else tree
 
 
 def cards_of(group, limits, programs) -> list[dict]:
@@ -100,13 +99,24 @@ def group_of(group, limits, levels, cards) -> dict:
     return tree
 
 
-def _images(atlas) -> dict:
-    """Return the images of an atlas, rows from the bottom up."""
+def images_of(group) -> dict:
+    """Return the images of an atlas, rows from the bottom up, one or, of clips, one of each pose.
+
+    And the material of cards, which show them.
+    """
+    atlas = group.atlas
+    geometry, albedo = (
+        [Image(p, lossless=is_exact) for p in (pictures if atlas.animated else [pictures])]
+        for pictures, is_exact in ((atlas.geometry, True), (atlas.albedo, False))
+    )
     return {
-        'geometry': Image(atlas.geometry),
-        'albedo': Image(atlas.albedo, lossless=False),
+        'geometry': geometry,
+        'albedo': albedo,
         'tile': atlas.tile,
+        'pages': list(atlas.pages) if atlas.animated else [1, 1],
+        'bins': atlas.bins if atlas.animated else None,
         'support': atlas.support.astype(np.float32),
+        'material': material_of(group.card_prop),
     }
 
 

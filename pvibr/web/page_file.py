@@ -101,9 +101,7 @@ def _smaller(thing, halvings):
     thing = {**thing, 'tile': thing['tile'] >> halvings}
     thing['uniforms'] = {**thing['uniforms'], 'ibr_tile': thing['tile']}
     for name in ('geometry', 'albedo'):
-        many = isinstance(thing[name], list)
-        images = [_halved(image, halvings) for image in (thing[name] if many else [thing[name]])]
-        thing[name] = images if many else images[0]
+        thing[name] = [_halved(image, halvings) for image in thing[name]]
     return thing
 
 

@@ -12,8 +12,8 @@ export class Instances {
     const poses = poseTexels(tree);
     this.textures = { ibr_poses: texture(gl, poses.texels, { width: 3072, height: poses.rows }) };
     for (const name of tree.geometry ? ['geometry', 'albedo'] : []) {
-      const images = [tree[name]].flat().map((image) => pixelsOf(gl, image));
-      const { pixels, width, height } = pages(images, tree.tile, tree.uniforms.ibr_pages);
+      const images = tree[name].map((image) => pixelsOf(gl, image));
+      const { pixels, width, height } = pages(images, tree.tile, tree.pages);
       this.textures[`ibr_${name}`] = texture(gl, pixels, { width, height, linear: true });
     }
     if (tree.support) {

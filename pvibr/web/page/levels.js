@@ -165,9 +165,9 @@ function pyramid({ data, width }, tile) {
 }
 
 // Images with their mip levels, one or, of clips, one for each pose, in columns and rows.
-export function pages(images, tile, [columns, rows] = [1, 1]) {
+export function pages(images, tile, [columns, rows]) {
   const made = images.map((image) => pyramid(image, tile));
-  if (made.length === 1 && columns * rows === 1) return made[0];
+  if (made.length === 1) return made[0];
   const { width, height } = made[0];
   const pixels = new Uint8Array(4 * width * columns * height * rows);
   made.forEach((page, i) => {
