@@ -56,7 +56,7 @@ def _is_set(effect) -> bool:
 def what_of(effect) -> str:
     """Return what a page draws of an effect of :func:`drawn_of`."""
     if type(effect) is Shadows:
-        return 'shadow maps of one light, filtered (pcf)'
+        return 'shadow maps of one light'
     if type(effect) is Ground:
         return 'a disc that fades'
     if _is_an_effect(effect):

@@ -21,14 +21,15 @@ def lit(pl, kind):
     pl.add_light(pv.Light(position=position, light_type='scene light', intensity=0.8, **options))
 
 
+@pytest.mark.parametrize('method', ['pcf', 'pcss'])
 @pytest.mark.parametrize('kind', ['sun', 'spot', 'lamp'])
-def test_shadows_fall_on_meshes_and_instances(kind, page, tmp_path, until):
+def test_shadows_fall_on_meshes_and_instances(kind, method, page, tmp_path, until):
     pl = plotter(lighting='none')
     lit(pl, kind)
     instances = cones(pl, color='green')
     pl.add_mesh(pv.Sphere(center=(0, -6, 2)), color='orange', smooth_shading=True)
     plain = pl.screenshot(return_img=True)
-    shadows = pl.ibr.add(pvibr.Shadows())
+    shadows = pl.ibr.add(pvibr.Shadows(method=method))
     here = opened(page, pl, tmp_path / 'shadows.html', until)
     there = picture(page)
     assert flip_of(there, here) < 0.03
@@ -48,9 +49,9 @@ def test_other_shadows_are_filtered_maps_and_that_is_said(tmp_path):
     lit(pl, 'spot')
     pl.add_mesh(pv.Sphere())
     pl.add_mesh(pv.Plane(center=(0, 0, -1), i_size=5, j_size=5))
-    pl.ibr.add(pvibr.Shadows(method='pcss'))
+    pl.ibr.add(pvibr.Shadows(method='msm'))
     pl.show(auto_close=False)
-    with pytest.warns(pvibr.PvibrWarning, match="method 'pcss'.*of 1 more"):
+    with pytest.warns(pvibr.PvibrWarning, match="method 'msm'.*of 1 more"):
         pl.ibr.export_html(tmp_path / 'soft.html')
     pl.close()
 

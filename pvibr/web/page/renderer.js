@@ -61,7 +61,7 @@ export class Renderer {
     this.figures = new Figures(gl, this.programs, scene, this.drawn);
     // What each subplot's surfaces receive: shadows and projected images.
     this.received = scene.subplots.map(({ shadows, projectors }) => [
-      ...(shadows ? [new Shadows(gl, shadows)] : []),
+      ...(shadows ? [new Shadows(gl, shadows, this.programs)] : []),
       ...projectors.map((tree) => new Projector(gl, tree)),
     ]);
     this.stages = scene.subplots.map(({ stage }, i) => {

@@ -1,11 +1,11 @@
 // Shadow maps of one light: the depth of all casters in its views, and what receivers read of it.
-import { target as depthTarget } from './targets.js';
+import { VERTEX, cover, target as depthTarget } from './targets.js';
 import { View, inverse, multiply, times } from './views.js';
 
 const TEXTURE = [0.5, 0, 0, 0, 0, 0.5, 0, 0, 0, 0, 0.5, 0, 0.5, 0.5, 0.5, 1];
 
 // The columns of a uniform of receivers, as shadow_maps.py has them.
-function inShader(view, worldFromEye) {
+function inShader(view, size, worldFromEye) {
   const m = multiply(
     TEXTURE,
     multiply(view.clipFromEye, multiply(view.eyeFromWorld, worldFromEye)),
@@ -14,13 +14,13 @@ function inShader(view, worldFromEye) {
   if (view.parallel) {
     const [a, b, c] = [x, y, z].map((row) => Math.hypot(row[0], row[1], row[2]));
     const axis = (row, length) => [row[0] / length, row[1] / length, row[2] / length, length];
-    return [...axis(x, a), ...axis(y, b), x[3], y[3], c, z[3], view.near, view.far, 0, 0];
+    return [...axis(x, a), ...axis(y, b), x[3], y[3], c, z[3], view.near, view.far, ...size];
   }
   const clip = view.clipFromEye;
   const rows = [x.map((t, i) => t - 0.5 * w[i]), y.map((t, i) => t - 0.5 * w[i]), w];
   const last = [clip[0] / 2, (1 - clip[10]) / 2, clip[14] / 2];
   const columns = rows.flatMap((row, i) => [row[0], row[1], row[2], last[i]]);
-  return [...columns, view.near, view.far, 0, 0];
+  return [...columns, view.near, view.far, ...size];
 }
 
 // The depth of all casters in some views, as tiles of a texture; drawn again once it is stale.
@@ -56,21 +56,61 @@ export class DepthMap {
       gl.viewport(column * resolution, row * resolution, resolution, resolution);
       draw(view);
     });
+    this.nearest?.update();
+  }
+}
+
+// Pyramids of the nearest depth, level by level as nearest.py has them.
+class Nearest {
+  constructor(gl, programs, map, { columns, rows, nearest }) {
+    const side = 2 ** Math.max(Math.ceil(Math.log2(map.resolution / 4)), 1);
+    const [width, height] = [columns * (side + side / 2), rows * side];
+    const options = { depth: null };
+    this.whole = depthTarget(gl, [gl.R32F], { ...options, width, height });
+    this.level = depthTarget(gl, [gl.R32F], { ...options, width: side, height: side });
+    const passes = nearest.map((fragment) => programs.of({ vertex: VERTEX, fragment }));
+    Object.assign(this, { gl, map, columns, side, passes, texture: this.whole.textures[0] });
+  }
+
+  update() {
+    const { gl, map, side, columns, passes } = this;
+    gl.disable(gl.DEPTH_TEST);
+    gl.disable(gl.CULL_FACE);
+    map.views.forEach((_, k) => {
+      const [column, row] = [k % columns, Math.floor(k / columns)];
+      const [left, bottom] = [column * (side + side / 2), row * side];
+      let [corner, count] = [[column * map.resolution, row * map.resolution], map.resolution];
+      for (let n = side, level = 0; n >= 1; n /= 2, level++) {
+        const [x, y] = level ? [left + side, bottom + side - 2 * n] : [left, bottom];
+        gl.bindFramebuffer(gl.FRAMEBUFFER, this.level.frame);
+        gl.viewport(0, 0, n, n);
+        const source = level ? this.texture : map.texture;
+        cover(gl, passes[Math.min(level, 1)], [{ corner, side: count, size: n }], { source });
+        gl.bindFramebuffer(gl.READ_FRAMEBUFFER, this.level.frame);
+        gl.bindFramebuffer(gl.DRAW_FRAMEBUFFER, this.whole.frame);
+        gl.blitFramebuffer(0, 0, n, n, x, y, x + n, y + n, gl.COLOR_BUFFER_BIT, gl.NEAREST);
+        [corner, count] = [[x, y], n];
+      }
+    });
+    gl.enable(gl.DEPTH_TEST);
   }
 }
 
 export class Shadows {
-  constructor(gl, tree) {
+  constructor(gl, tree, programs) {
     this.tree = tree;
     this.map = new DepthMap(gl, tree);
     this.maps = [this.map];
     this.textures = { [`ibr_shadow_map_${tree.light}`]: this.map.texture };
+    if (!tree.nearest) return;
+    this.map.nearest = new Nearest(gl, programs, this.map, tree);
+    this.textures[`ibr_shadow_near_${tree.light}`] = this.map.nearest.texture;
   }
 
   uniforms(view) {
     const { tree } = this;
     const worldFromEye = inverse(view.eyeFromWorld);
-    const matrices = this.map.views.flatMap((light) => inShader(light, worldFromEye));
+    const matrices = this.map.views.flatMap((light, k) => inShader(light, tree.sizes[k], worldFromEye));
     const m = view.eyeFromWorld;
     const [x, y, z, w] = tree.place;
     const place = w ? times(m, [x, y, z]) : times([...m.slice(0, 12), 0, 0, 0, 1], [x, y, z]);
