@@ -72,6 +72,7 @@ EFFECTS = {
 }
 
 
+@pytest.mark.filterwarnings('ignore:not in the page.*auto:pvibr.PvibrWarning')
 @pytest.mark.parametrize('name', EFFECTS)
 def test_image_effects_are_drawn_in_the_page(name, page, tmp_path, until):
     pl = plotter()

@@ -235,6 +235,25 @@ def test_text_bars_and_axes_are_where_they_are_here(page, tmp_path, until):
     pl.close()
 
 
+def test_labels_that_surfaces_hide_are_hidden(page, tmp_path, until):
+    pl = plotter()
+    ball = pv.Sphere()
+    pl.add_mesh(ball, color='orange')
+    sides = {'front': (0, -0.5, 0), 'back': (0, 0.5, 0), 'top': (0, -0.1, 0.49)}
+    names, places = list(sides), np.array(list(sides.values()))
+    pl.add_point_labels(places, names, show_points=False)
+    pl.camera_position = [(0, -3, 0.3), (0, 0, 0), (0, 0, 1)]
+    opened(page, pl, tmp_path / 'hidden.html', until)
+
+    def shown():
+        return {text for text, *_, height in boxes(page, '[role=listitem]') if height}
+
+    until(lambda: shown() == {'front', 'top'})
+    page.evaluate('v => { window.pvibr.cameras[0].position = v; window.pvibr.moved() }', [0, 3, 0])
+    until(lambda: shown() == {'back'})
+    pl.close()
+
+
 def test_subplots_are_linked_as_here(page, tmp_path, until):
     pl = plotter(shape=(1, 3))
     for column, color in enumerate(('red', 'green', 'blue')):

@@ -3,6 +3,7 @@ import { resetClippingRange } from './camera.js';
 import { Stage } from './effects.js';
 import { Crowd, Figures, playersOf } from './figures.js';
 import { Instances } from './instances.js';
+import { HiddenLabels } from './labels.js';
 import { Mesh } from './meshes.js';
 import { Programs } from './programs.js';
 import { Projector } from './projectors.js';
@@ -68,6 +69,9 @@ export class Renderer {
       const names = this.drawn[i].map(({ tree }) => tree.name);
       return stage && new Stage(gl, this.programs, stage, names);
     });
+    this.labels = scene.subplots.map(
+      ({ annotations }) => new HiddenLabels(gl, this.programs, annotations),
+    );
     this.backdrop = this.programs.of(GRADIENT);
     this.average = this.programs.of(AVERAGE);
     this.samples = Math.min(MAX_SAMPLES, gl.getParameter(gl.MAX_SAMPLES));
@@ -176,6 +180,7 @@ export class Renderer {
     if (translucent.length && !hasSets && !picks) this.drawWeighted(pass, translucent);
     else this.drawEach(pass, number, picks ? translucent : sorted(translucent, view));
     gl.depthMask(true);
+    if (!picks) this.labels[number].ask(view);
     if (!stage) return;
     if (subplot.stage.surfaces) this.drawSurfaces(number, view, stage, visible);
     stage.finish(view, this.targets.picture.frame, this.rectangle(subplot));
