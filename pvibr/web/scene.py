@@ -9,16 +9,18 @@ import pyvista as pv
 
 from pvibr.core import _vtk
 from pvibr.core._vtk import address
-from pvibr.core.plotters import border_of, names_of, renderers_of
+from pvibr.core.plotters import border_of, names_of, plain_name, renderers_of, seams_of
 from pvibr.effects.backgrounds import Sky
 from pvibr.gl.annotations import is_flat
 from pvibr.gl.scene_pass import is_end, is_marker
 from pvibr.instances.instances import Instances
 from pvibr.things.thing import Thing
-from pvibr.web.annotations import annotations_of, css_of
+from pvibr.web.actors import actors_of
+from pvibr.web.annotations import annotations_of
+from pvibr.web.cube_axes import cube_meshes, is_cube_axes
 from pvibr.web.instance_sets import instances_of, why_not_drawn
 from pvibr.web.programs import Programs
-from pvibr.web.surfaces import WebSurface, coloring_of, table_of
+from pvibr.web.surfaces import WebSurface, coloring_of, css_of, table_of
 
 #: What a viewer chooses from, beside the colours of the scene.
 _COLORMAPS = 'viridis', 'plasma', 'coolwarm', 'turbo', 'gray'
@@ -42,7 +44,7 @@ def scene_of(plotter, plain_plotter, sets_by_subplot) -> dict:
     for number, renderer in enumerate(renderers_of(plain_plotter)):
         subplot = subplot_of(renderer, sets_by_subplot.get(number, ()))
         subplot['bounds'] = _bounds([renderers[number].ComputeVisiblePropBounds()])
-        every = [p.GetBounds() for p in renderer.GetViewProps() if p.GetVisibility()]
+        every = [prop.GetBounds() for _, prop in drawn_props(renderer)]
         subplot['reach'] = _bounds([subplot['bounds'], *every])
         subplot['camera'] = camera_of(renderers[number].GetActiveCamera())
         subplot['link'] = cameras.index(cameras[number])
@@ -53,7 +55,8 @@ def scene_of(plotter, plain_plotter, sets_by_subplot) -> dict:
         subplots.append(subplot)
     colored = any('coloring' in thing for s in subplots for thing in s['things'])
     tables = {name: table_of(pv.LookupTable(name)) for name in _COLORMAPS} if colored else {}
-    return {'version': 1, 'colormaps': tables, 'subplots': subplots}
+    seams = [_seam(actor) for actor in seams_of(plotter)]
+    return {'version': 1, 'colormaps': tables, 'subplots': subplots, 'seams': seams}
 
 
 def _border(renderer) -> dict | None:
@@ -62,6 +65,15 @@ def _border(renderer) -> dict | None:
         return None
     look = prop.GetProperty()
     return {'color': css_of(look.GetColor()), 'width': look.GetLineWidth()}
+
+
+def _seam(actor) -> dict:
+    """Return lines between subplots, as shares of the whole view from its lower left corner."""
+    lines = pv.wrap(actor.GetMapper().GetInput())
+    ends = lines.points[lines.lines.reshape(-1, 3)[:, 1:], :2]
+    look = actor.GetProperty()
+    color = css_of(look.GetColor())
+    return {'lines': ends.reshape(-1, 4).tolist(), 'color': color, 'width': look.GetLineWidth()}
 
 
 def _bounds(parts) -> list:
@@ -79,9 +91,10 @@ def subplot_of(renderer, sets) -> dict:
     """Return what a page draws of a renderer of plain actors, and of sets of instances."""
     programs = Programs([light for light in renderer.GetLights() if light.GetSwitch()])
     things = [tree for instances in sets for tree in instances_of(instances, programs)]
-    for name, prop in props_of(renderer):
-        if why_missing(prop) is None and _has_points(prop):
-            things.append(_mesh(name, prop, programs))
+    for name, prop in drawn_props(renderer):
+        things += [_mesh(name, actor, programs) for actor in actors_of(prop)]
+    for _, prop in props_of(renderer):
+        things += cube_meshes(prop, programs) if is_cube_axes(prop) else []
     background = renderer.GetBackground(), renderer.GetBackground2()
     return {
         'viewport': list(renderer.GetViewport()),
@@ -99,22 +112,26 @@ def props_of(renderer) -> list:
     """Return names and visible props of a renderer, without annotations and pvibr's markers."""
     names = names_of(renderer)
     props = [p for p in renderer.GetViewProps() if not (is_marker(p) or is_end(p) or is_flat(p))]
-    return [(names.get(address(p), type(p).__name__), p) for p in props if p.GetVisibility()]
+    props = [p for p in props if p.GetVisibility()]
+    return [(plain_name(names.get(address(p), type(p).__name__)), p) for p in props]
 
 
 def why_missing(prop) -> str | None:
     """Return why a page does not draw a prop, or None if it does."""
     if prop.IsA('vtkVolume'):
         return 'pages draw no volumes'
+    if is_cube_axes(prop):
+        return None
     mapper = prop.GetMapper() if prop.IsA('vtkActor') else None
     if mapper is None or not any(mapper.IsA(kind) for kind in _DRAWN_MAPPERS):
         return f'pages do not draw {type(prop if mapper is None else mapper).__name__}'
     return None
 
 
-def _has_points(prop) -> bool:
-    dataset = prop.GetMapper().GetInput()
-    return dataset is not None and dataset.GetNumberOfPoints() > 0
+def drawn_props(renderer) -> list:
+    """Return names and props of a renderer of which a page shows anything."""
+    props = [(name, prop) for name, prop in props_of(renderer) if why_missing(prop) is None]
+    return [(name, prop) for name, prop in props if prop.GetLength() and not is_cube_axes(prop)]
 
 
 def _mesh(name, prop, programs) -> dict:

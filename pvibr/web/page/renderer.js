@@ -2,7 +2,7 @@
 import { resetClippingRange } from './camera.js';
 import { Instances } from './instances.js';
 import { Mesh } from './meshes.js';
-import { Programs } from './programs.js';
+import { Programs, RefusedError } from './programs.js';
 import { View, multiply, normalMatrix, times } from './views.js';
 
 const MAX_SAMPLES = 8; // as PyVista's off screen
@@ -36,6 +36,7 @@ class Pass {
 export class Renderer {
   constructor(gl, scene) {
     Object.assign(this, { gl, scene, programs: new Programs(gl) });
+    this.refused = new Set(); // names of things whose shaders this browser does not take
     this.drawn = scene.subplots.map(({ things }) =>
       things.map((tree) => ({
         tree,
@@ -132,7 +133,12 @@ export class Renderer {
     const numbered = (list, each) =>
       list.forEach((item) => {
         pass.thing = this.drawn[number].indexOf(item) + 1;
-        each(item);
+        try {
+          each(item);
+        } catch (error) {
+          if (!(error instanceof RefusedError)) throw error;
+          this.refused.add(item.tree.name || item.tree.kind);
+        }
       });
     const meshes = visible.filter(({ tree }) => tree.kind === 'mesh');
     const sets = visible.filter(({ tree }) => tree.kind === 'instances');
