@@ -15,14 +15,15 @@ from pvibr.export.web_report import WebReport, WebRow
 
 def page_report(plotter, pipelines_by_subplot) -> WebReport:
     """Return what a page of pvibr draws of effects, and which props it does not draw."""
-    from pvibr.web.scene import sets_of
+    from pvibr.web.scene import drawn_of, losses_of
 
     rows = []
     for number, renderer in enumerate(renderers_of(plotter)):
         pipeline = pipelines_by_subplot.get(number)
         effects = [] if pipeline is None else pipeline.effects
-        sets = sets_of(effects)
-        rows += [_row(effect, number, effect in sets) for effect in effects]
+        drawn = drawn_of(effects)
+        rows += [_row(effect, number, effect in drawn) for effect in effects]
+        rows += [WebRow(name, 'lost', why, number) for name, why in losses_of(drawn)]
         rows += [WebRow(name, 'lost', why, number) for name, why in _missing(renderer, effects)]
     return WebReport('page', rows)
 
@@ -48,7 +49,9 @@ def _row(effect, subplot, is_drawn) -> WebRow:
     if why_off:
         return WebRow(effect.name, 'off', why_off, subplot)
     if is_drawn:
-        return WebRow(effect.name, 'shown', 'instances, with their levels of detail', subplot)
+        from pvibr.web.scene import what_of
+
+        return WebRow(effect.name, 'shown', what_of(effect), subplot)
     state, what = effect.web
     return WebRow(effect.name, 'lost' if state == 'lost' else 'shown', what, subplot)
 
@@ -156,15 +159,15 @@ def _text(self, title, megabytes, options) -> str:
     from pvibr.export.plain_plotter import plain_copy, warn_of_losses
     from pvibr.substitutes.billboard_cloud import billboard_cloud
     from pvibr.web.page_file import page_text
-    from pvibr.web.scene import scene_of, sets_of
+    from pvibr.web.scene import drawn_of, scene_of
 
     self._check_open()
     self.wait()
     self._show()
     if self._every_pipeline() and self.pipeline.window is not None:
         self._screenshots.draw()  # instances place themselves, and lights follow the camera
-    sets = {number: sets_of(p.effects) for number, p in self._subplots().items()}
-    without = [instances for subplot_sets in sets.values() for instances in subplot_sets]
+    drawn = {number: drawn_of(p.effects) for number, p in self._subplots().items()}
+    without = [effect for effects in drawn.values() for effect in effects]
     plain, dropped = plain_copy(
         self._plotter,
         self._pipelines,
@@ -173,7 +176,8 @@ def _text(self, title, megabytes, options) -> str:
         **to_plain_plotter.__kwdefaults__ | options,
     )
     try:
-        text = page_text(scene_of(self._plotter, plain, sets), title, megabytes)
+        scene = scene_of(self._plotter, plain, drawn, self.time)
+        text = page_text(scene, title, megabytes)
     finally:
         plain.close()
     warn_of_losses(page_report(self._plotter, self._subplots()), dropped, 'page')

@@ -129,6 +129,7 @@ def _lines(segments, prop, cube):
         'pickable': False,
         'matrix': np.eye(4).ravel().tolist(),
         'translucent': False,
+        'casts': False,
         'cube': cube,
     }
     return tree, surface

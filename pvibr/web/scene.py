@@ -10,16 +10,22 @@ import pyvista as pv
 from pvibr.core import _vtk
 from pvibr.core._vtk import address
 from pvibr.core.plotters import border_of, names_of, plain_name, renderers_of, seams_of
-from pvibr.effects.backgrounds import Sky
+from pvibr.figures.animated_actor import AnimatedActor
+from pvibr.figures.crowd import Crowd
+from pvibr.figures.mesh_actors import transformed_bounds
 from pvibr.gl.annotations import is_flat
 from pvibr.gl.scene_pass import is_end, is_marker
 from pvibr.instances.instances import Instances
+from pvibr.shadows.shadows import Shadows
 from pvibr.things.thing import Thing
+from pvibr.web import image_effects, shadows
 from pvibr.web.actors import actors_of
 from pvibr.web.annotations import annotations_of
 from pvibr.web.cube_axes import cube_meshes, is_cube_axes
+from pvibr.web.figures import crowd_of, figure_of, is_played, posing_program
 from pvibr.web.instance_sets import instances_of, why_not_drawn
 from pvibr.web.programs import Programs
+from pvibr.web.shadows import PageShadows
 from pvibr.web.surfaces import WebSurface, coloring_of, css_of, table_of
 
 #: What a viewer chooses from, beside the colours of the scene.
@@ -27,24 +33,50 @@ _COLORMAPS = 'viridis', 'plasma', 'coolwarm', 'turbo', 'gray'
 _DRAWN_MAPPERS = ('vtkDataSetMapper', 'vtkPolyDataMapper')
 
 
-def sets_of(effects) -> list:
-    """Return the effects that a page draws as pvibr does: sets of instances, levels and all."""
+def drawn_of(effects) -> list:
+    """Return the effects that a page draws as pvibr does, in their order."""
     enabled = [effect for effect in effects if effect.enabled and not effect.why_neutral]
-    # Shadows, projected images and outlines are baked into surfaces, instances included.
-    if any(e.web[0] == 'baked' and not isinstance(e, (Thing, Sky)) for e in enabled):
-        return []
-    return [e for e in enabled if type(e) is Instances and why_not_drawn(e) is None]
+    drawn = [e for e in enabled if type(e) is Shadows or image_effects.is_drawn(e)]
+    # Projected images are baked into surfaces, instances included.
+    if any(e.web[0] == 'baked' and not isinstance(e, Thing) and e not in drawn for e in enabled):
+        return drawn
+    return drawn + [e for e in enabled if is_played(e) or _is_set(e)]
 
 
-def scene_of(plotter, plain_plotter, sets_by_subplot) -> dict:
-    """Return what a page draws: instances of a plotter, and the actors of its plain copy."""
+def _is_set(effect) -> bool:
+    return type(effect) is Instances and why_not_drawn(effect) is None
+
+
+def what_of(effect) -> str:
+    """Return what a page draws of an effect of :func:`drawn_of`."""
+    if type(effect) is Shadows:
+        return 'shadow maps of one light, filtered (pcf)'
+    if image_effects.is_drawn(effect):
+        return 'by its own programs'
+    return 'it plays' if is_played(effect) else 'instances, with their levels of detail'
+
+
+def losses_of(drawn) -> list[tuple[str, str]]:
+    """Return what a page lacks of effects that it draws: names and why."""
+    lost = []
+    for effect in drawn:
+        lost += (shadows if isinstance(effect, Shadows) else image_effects).lost_of(effect)
+    return lost
+
+
+def scene_of(plotter, plain_plotter, effects_by_subplot, time=0.0) -> dict:
+    """Return what a page draws: effects of a plotter at a time, and actors of its plain copy."""
     renderers = renderers_of(plotter)
     cameras = [address(renderer.GetActiveCamera()) for renderer in renderers]
     subplots = []
     for number, renderer in enumerate(renderers_of(plain_plotter)):
-        subplot = subplot_of(renderer, sets_by_subplot.get(number, ()))
+        effects = effects_by_subplot.get(number, ())
+        received = PageShadows.of(effects, renderers[number])
+        subplot = subplot_of(renderer, effects, received)
+        subplot['stage'] = image_effects.stage_of(effects, renderers[number])
         subplot['bounds'] = _bounds([renderers[number].ComputeVisiblePropBounds()])
         every = [prop.GetBounds() for _, prop in drawn_props(renderer)]
+        every += [_moved(figure) for figure in subplot['figures']]
         subplot['reach'] = _bounds([subplot['bounds'], *every])
         subplot['camera'] = camera_of(renderers[number].GetActiveCamera())
         subplot['link'] = cameras.index(cameras[number])
@@ -55,8 +87,16 @@ def scene_of(plotter, plain_plotter, sets_by_subplot) -> dict:
         subplots.append(subplot)
     colored = any('coloring' in thing for s in subplots for thing in s['things'])
     tables = {name: table_of(pv.LookupTable(name)) for name in _COLORMAPS} if colored else {}
-    seams = [_seam(actor) for actor in seams_of(plotter)]
-    return {'version': 1, 'colormaps': tables, 'subplots': subplots, 'seams': seams}
+    scene = {'version': 1, 'colormaps': tables, 'subplots': subplots}
+    scene['seams'] = [_seam(actor) for actor in seams_of(plotter)]
+    if any(s['figures'] or any('plays' in t for t in s['things']) for s in subplots):
+        scene |= {'clock': {'time': float(time)}, 'posing': posing_program()}
+    return scene
+
+
+def _moved(figure) -> np.ndarray:
+    """Return world bounds of what a figure that plays reaches."""
+    return transformed_bounds(np.reshape(figure['matrix'], (4, 4)), np.array(figure['reach']))
 
 
 def _border(renderer) -> dict | None:
@@ -87,10 +127,15 @@ def _bounds(parts) -> list:
     return bounds if box.IsValid() else [-1.0, 1.0] * 3
 
 
-def subplot_of(renderer, sets) -> dict:
-    """Return what a page draws of a renderer of plain actors, and of sets of instances."""
-    programs = Programs([light for light in renderer.GetLights() if light.GetSwitch()])
-    things = [tree for instances in sets for tree in instances_of(instances, programs)]
+def subplot_of(renderer, effects, received) -> dict:
+    """Return what a page draws of a renderer of plain actors, and of effects."""
+    programs = Programs([light for light in renderer.GetLights() if light.GetSwitch()], received)
+    things = [t for s in effects if isinstance(s, Instances) for t in _trees(s, programs)]
+    figures: list = []
+    for actor in (s for s in effects if isinstance(s, AnimatedActor)):
+        figure, meshes = figure_of(actor, programs, len(figures))
+        figures.append(figure)
+        things += meshes
     for name, prop in drawn_props(renderer):
         things += [_mesh(name, actor, programs) for actor in actors_of(prop)]
     for _, prop in props_of(renderer):
@@ -104,8 +149,14 @@ def subplot_of(renderer, sets) -> dict:
         },
         'lights': lights_of(renderer),
         'things': things,
+        'shadows': None if received is None else received.tree(),
+        'figures': figures,
         'programs': programs.read(),
     }
+
+
+def _trees(instances, programs) -> list[dict]:
+    return (crowd_of if isinstance(instances, Crowd) else instances_of)(instances, programs)
 
 
 def props_of(renderer) -> list:

@@ -128,10 +128,16 @@ class WebSurface:
         mapper.SetScalarRange(*self.mapper.GetScalarRange())
         mapper.UseLookupTableScalarRangeOff()
 
-    def programs(self, programs) -> dict:
-        """Return the numbers of the programs of what there is: VTK lights each kind otherwise."""
+    def programs(self, programs, prepare=None) -> dict:
+        """Return the numbers of the programs of what there is: VTK lights each kind otherwise.
+
+        Each actor is prepared by a function, if there is one.
+        """
         kinds = {'faces': self.faces, 'lines': self.lines, 'verts': self.verts}
-        return {k: programs.add(self._actor_of(k)) for k, ids in kinds.items() if len(ids)}
+        actors = {k: self._actor_of(k) for k, ids in kinds.items() if len(ids)}
+        for actor in actors.values() if prepare else ():
+            prepare(actor)
+        return {kind: programs.add(actor) for kind, actor in actors.items()}
 
     def _actor_of(self, kind) -> pv.Actor:
         """Return an actor for the hidden window."""

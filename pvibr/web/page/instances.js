@@ -1,6 +1,6 @@
 // Instances as cards and as meshes.
 import { colorOf } from './coloring.js';
-import { Levels, poseTexels, pyramid } from './levels.js';
+import { Levels, pages, poseTexels } from './levels.js';
 import { Mesh } from './meshes.js';
 import { fill, pixelsOf, texture } from './programs.js';
 
@@ -13,7 +13,8 @@ export class Instances {
     const poses = poseTexels(tree);
     this.textures = { ibr_poses: texture(gl, poses.texels, { width: 3072, height: poses.rows }) };
     for (const name of tree.geometry ? ['geometry', 'albedo'] : []) {
-      const { pixels, width, height } = pyramid(pixelsOf(gl, tree[name]), tree.tile);
+      const images = tree[name].map((image) => pixelsOf(gl, image));
+      const { pixels, width, height } = pages(images, tree.tile, tree.pages);
       this.textures[`ibr_${name}`] = texture(gl, pixels, { width, height, linear: true });
     }
     if (tree.support) {
@@ -103,7 +104,7 @@ export class Instances {
           [this.uniforms, part.material.uniforms, own],
           textures,
         );
-        pass.cull(part.material);
+        pass.cull(pass.variant === 'depth' ? {} : part.material);
         mesh.bind(program);
         mesh.draw('faces', count);
       });

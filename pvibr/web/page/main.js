@@ -6,6 +6,7 @@ import { Controls } from './controls.js';
 import { Overlay } from './overlay.js';
 import { Panel } from './panel.js';
 import { Renderer } from './renderer.js';
+import { Timeline } from './timeline.js';
 
 const NO_WEBGL =
   'This page draws with WebGL 2, which this browser does not offer. Switch on hardware ' +
@@ -52,7 +53,11 @@ class View {
     this.controls = new Controls(this);
     this.frames = 0;
     this.draws = () => this.frame();
-    if (location.hash !== '#bare') this.panel = new Panel(this, this.element.parentElement);
+    if (scene.clock) this.timeline = new Timeline(this);
+    if (location.hash !== '#bare') {
+      this.panel = new Panel(this, this.element.parentElement);
+      this.timeline?.show(this.element.parentElement);
+    }
     this.canvas.addEventListener('webglcontextlost', (event) => {
       event.preventDefault();
       this.lost = true;
@@ -114,9 +119,11 @@ class View {
     if (this.lost || !this.canvas.width) return;
     this.adapt();
     this.subplots.forEach((subplot, i) => showLines(subplot, this.cameras[i]));
+    this.timeline?.tick();
     try {
       const size = [this.canvas.width, this.canvas.height];
-      this.renderer.draw(this.cameras, size, this.resting ? this.quality : 1);
+      const quality = this.resting ? this.quality : 1;
+      this.renderer.draw(this.cameras, size, quality, this.timeline?.time);
     } catch (error) {
       this.lost = true;
       say(`This page could not be drawn: ${error.message}`);
@@ -126,6 +133,7 @@ class View {
     if (refused.size) say(`This browser cannot draw ${[...refused].join(', ')}.`);
     this.overlay.follow(this.cameras);
     this.frames += 1;
+    if (this.timeline?.playing) this.moved();
   }
 
   // While the view moves, pictures have fewer pixels if that keeps the time of a frame.

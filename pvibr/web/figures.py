@@ -1,0 +1,348 @@
+"""Figures and crowds that play in pages: joints in frames of their clips, and meshes at rest."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pyvista as pv
+
+from pvibr.animation.mixer import ClipSource, Source
+from pvibr.animation.normals import with_flipped_winding
+from pvibr.figures.animated_actor import AnimatedActor
+from pvibr.figures.crowd import Crowd
+from pvibr.figures.crowd_draws import can_share_draws, member_feature
+from pvibr.figures.mesh_actors import PosedMeshActor, WireMeshActor
+from pvibr.figures.pose_sheet import STATE_WIDTH, WIDTH, shader
+from pvibr.figures.posing import posed_feature
+from pvibr.figures.shapes import MeshShapes
+from pvibr.gl import set_vertex_uniforms
+from pvibr.web.container import Frames
+from pvibr.web.instance_sets import cards_of, group_of, images_of, part_of, table_of_colors
+from pvibr.web.programs import as_es
+from pvibr.web.surfaces import WebSurface, coloring_of
+
+#: Frames of a clip: at first and at most a second, and the largest error between two, relative to
+#: the figure's size.
+_LEAST_RATE, _MOST_RATE, _TOLERANCE = 8.0, 128.0, 5e-4
+#: Seconds of what plays by other sources than a clip.
+_RECORDED = 10.0
+#: Poses of a clip of which the bounds are taken.
+_BOUNDED = 16
+_UNITS = 65535
+
+
+def why_still(thing) -> str | None:
+    """Return why a page cannot play a figure or a crowd, or None if it can."""
+    if type(thing) is AnimatedActor:
+        return _why_figure_still(thing)
+    state = thing._crowd_state  # noqa: SLF001
+    if thing.is_translucent or list(thing.mapper.GetClippingPlanes() or ()):
+        return 'it is translucent or clipped'
+    levels = [level for group in thing.groups for level in group.levels]
+    if state.may_mirror() or not all(can_share_draws(level, False) for level in levels):
+        return 'its meshes are mirrored or translucent, or have lines'
+    return _why_meshes_still(state.figure, state.mesh_actors, state.skinning)
+
+
+def _why_figure_still(actor) -> str | None:
+    if not isinstance(_source_of(actor), Source):
+        return 'it holds a pose' if actor.driver is None else 'its driver is not one of pvibr'
+    if list(actor.actors()[0].GetMapper().GetClippingPlanes() or ()):
+        return 'it is clipped'
+    return _why_meshes_still(actor.figure, actor._mesh_actors, actor.skinning)  # noqa: SLF001
+
+
+def _why_meshes_still(figure, mesh_actors, skinning) -> str | None:
+    if skinning != 'linear':
+        return 'it is skinned by dual quaternions'
+    if not mesh_actors or not len(_joints_of(mesh_actors)):
+        return 'no joint moves it'
+    if figure.correctives is not None:
+        return 'it has correctives'
+    if any(isinstance(actor, WireMeshActor) for actor in mesh_actors):
+        return 'it has meshes of points or lines'
+    if any(mesh.frames is not None for mesh in figure.meshes):
+        return 'it is an animation of vertices'
+    return None
+
+
+def still_shapes(thing) -> str:
+    """Return what of a figure that plays stands still, or an empty string."""
+    figure = thing.figure
+    return '; morph targets as they are now' if any(m.morphs for m in figure.meshes) else ''
+
+
+def _source_of(actor):
+    """Return what a figure plays, after a cross-fade what follows it."""
+    return actor._source()  # noqa: SLF001
+
+
+def posing_program() -> dict:
+    """Return the parts of the program that poses vertices, without its defines."""
+    text = shader('pose', WIDTH=WIDTH, STATE_WIDTH=STATE_WIDTH, NUMBERS=0, DUAL=0, SHAPES=0)
+    for number in (0, 1):
+        text = text.replace(f'gl_FragData[{number}]', f'ibr_out{number}')
+    outputs = ''.join(f'layout(location = {n}) out vec4 ibr_out{n};\n' for n in (0, 1))
+    header, rest = as_es('#define ibr_begin\n' + text, 'in').split('#define ibr_begin\n')
+    return {'header': header, 'source': outputs + rest, 'width': WIDTH, 'state': STATE_WIDTH}
+
+
+# -- what moves ---------------------------------------------------------------------------------
+
+
+def _joints_of(mesh_actors) -> np.ndarray:
+    """Return the numbers of the joints that move meshes."""
+    return np.unique(np.concatenate([_nodes(actor) for actor in mesh_actors]))
+
+
+def _nodes(mesh_actor) -> np.ndarray:
+    if isinstance(mesh_actor, PosedMeshActor) and mesh_actor.figure_mesh.skin is not None:
+        return np.asarray(mesh_actor.figure_mesh.skin.nodes)
+    node = getattr(mesh_actor, 'node', None)
+    node = mesh_actor.figure_mesh.node if node is None else node
+    return np.array([node] if node >= 0 else [], int)
+
+
+def _clip_of(clip, joints, origin, size) -> dict:
+    """Return a clip as frames of joints, enough for what lies between two."""
+    name, worlds_at, duration = clip
+
+    def matrices(times):
+        return worlds_at(times)[:, joints, :3]
+
+    count = 4 * max(1, round(duration * _LEAST_RATE / 4)) if duration else 0
+    while True:
+        times = np.linspace(0.0, duration, count + 1)
+        frames = matrices(times)
+        if not count or count >= duration * _MOST_RATE:
+            break
+        between = matrices((times[1:] + times[:-1]) / 2)
+        off = np.abs((frames[1:] + frames[:-1]) / 2 - between)
+        scale = np.abs(frames[..., :3]).max(initial=1e-30)
+        error = off[..., 3].max(initial=0) / size + 0.3 * off[..., :3].max(initial=0) / scale
+        if error <= _TOLERANCE:
+            break
+        count *= 2
+    columns = np.moveaxis(frames, 0, 2)  # joint, row, frame, column
+    axes = columns[..., :3].transpose(0, 3, 2, 1).reshape(-1, count + 1, 3)
+    places = columns[..., 3].transpose(0, 2, 1) - origin
+    return {
+        'name': name,
+        'duration': duration,
+        'axes': Frames(axes),
+        'places': Frames(places),
+    }
+
+
+def _motion(figure, mesh_actors, clips, box) -> dict:
+    """Return the clips of a figure, pairs of names and functions, relative to a box's middle."""
+    low, high = np.asarray(box).reshape(3, 2).T
+    origin, size = (low + high) / 2, max(float((high - low).max()), 1e-30)
+    joints = _joints_of(mesh_actors)
+    return {
+        'origin': origin.tolist(),
+        'clips': [_clip_of(clip, joints, origin, size) for clip in clips],
+        'joints': joints.tolist(),
+    }
+
+
+def _clip_poses(figure, clip) -> tuple:
+    """Return name, world matrices by time, and duration of a clip; None is the rest pose."""
+    duration = 0.0 if clip is None else float(clip.duration)
+    name = 'at rest' if clip is None else clip.name
+    return name, lambda t: figure.world(figure.sample(t, clip, loop=False)), duration
+
+
+def _timing(speed, offset, cycles, count) -> list:
+    """Return how clip time follows from time: speed, offset, lengths of a cycle, and cycles."""
+    return [speed, offset, cycles, count]
+
+
+def _part(mesh_actor, origin, joints) -> dict:
+    """Return how a mesh follows joints: by one, or by those of its vertices."""
+    places = {joint: k for k, joint in enumerate(joints)}
+    skin = mesh_actor.figure_mesh.skin if isinstance(mesh_actor, PosedMeshActor) else None
+    if skin is None:
+        nodes = _nodes(mesh_actor)
+        return {'node': places[int(nodes[0])] if len(nodes) else -1}
+    to_origin = np.eye(4)
+    to_origin[:3, 3] = origin
+    return {
+        'nodes': [places[int(node)] for node in skin.nodes],
+        'bind': (skin.inverse_bind @ to_origin)[:, :3].reshape(-1, 12).astype(np.float32),
+        'influences': skin.joints.shape[1],
+    }
+
+
+def _influences(skin, rows) -> dict:
+    """Return joints and weights of vertices, heaviest first."""
+    order = np.argsort(-skin.weights[rows], axis=1, kind='stable')
+    joints = np.take_along_axis(skin.joints[rows], order, 1)
+    weights = np.take_along_axis(skin.weights[rows], order, 1)
+    return {
+        'joints': joints.astype(np.uint16),
+        'weights': np.rint(weights * _UNITS).astype(np.uint16),
+    }
+
+
+def _rest_points(figure, mesh_actor, pose) -> np.ndarray | None:
+    """Return the points of a mesh before joints move it, None if it is a rigid one."""
+    if not isinstance(mesh_actor, PosedMeshActor):
+        return None
+    count = len(mesh_actor.figure_mesh.points)
+    shapes = MeshShapes(figure, mesh_actor.index, np.arange(count))
+    points = np.array(shapes.neutral[0], float)
+    for number, amount in zip(*shapes.active(pose)[:2], strict=True):
+        difference = shapes[int(number)][0]
+        points += 0.0 if difference is None else amount * difference
+    return points
+
+
+# -- figures ------------------------------------------------------------------------------------
+
+
+def figure_of(actor, programs, number) -> tuple[dict, list[dict]]:
+    """Return what a figure plays, and its meshes as things that follow it by its number."""
+    figure, mesh_actors = actor.figure, actor._mesh_actors  # noqa: SLF001
+    source, now = _source_of(actor), actor._now()  # noqa: SLF001
+    clips: list = [_clip_poses(figure, clip) for clip in figure.clips]
+    if type(source) is ClipSource and source.root is None:
+        current = next((k for k, c in enumerate(figure.clips) if c is source.clip), len(clips))
+        clips += [] if current < len(clips) else [_clip_poses(figure, source.clip)]
+        count = np.inf if source.loop and source.count is None else source.count or 1.0
+        cycles = 2.0 if source.loop == 'pingpong' else 1.0
+        timing = _timing(source.speed, source.offset, cycles, count)
+    else:
+        current = len(clips)
+        recorded = lambda t: figure.world(source.sample(now + t))  # noqa: E731
+        clips.append(('as it plays', recorded, _RECORDED))
+        timing = _timing(1.0, -now, 1.0, 1.0)
+    box = _box(figure, clips)
+    motion = _motion(figure, mesh_actors, clips, box)
+    tree = motion | {
+        'name': actor.name,
+        'matrix': actor.matrix.ravel().tolist(),
+        'reach': box.tolist(),
+        'clip': np.array([current], np.uint16),
+        'timing': np.array([timing]),
+    }
+    shown = [a for a in mesh_actors if actor.visibility and a.actor.GetVisibility()]
+    return tree, [_thing(actor, a, tree, programs, number) for a in shown]
+
+
+def _box(figure, clips) -> np.ndarray:
+    """Return bounds of a figure over some poses of all clips, slightly too large."""
+    boxes = []
+    for _, worlds_at, duration in clips:
+        worlds = worlds_at(np.linspace(0.0, duration, _BOUNDED if duration else 1))
+        boxes.append(figure.bounds(worlds).reshape(-1, 6))
+    every = np.concatenate(boxes)
+    return np.stack([every[:, ::2].min(0), every[:, 1::2].max(0)], 1).ravel()
+
+
+def _thing(actor, mesh_actor, tree, programs, number) -> dict:
+    """Return a mesh of a figure as a thing."""
+    figure = actor.figure
+    mesh = mesh_actor.part.mesh
+    points = _rest_points(figure, mesh_actor, actor.pose)
+    if points is None:
+        mesh = pv.wrap(mesh_actor.actor.GetMapper().GetInput())
+    else:
+        mesh = mesh.copy(deep=False)
+        mesh.points = points
+        mesh = with_flipped_winding(mesh) if mesh_actor._turned else mesh  # noqa: SLF001
+    surface = WebSurface(mesh_actor.actor, mesh)
+    part = _part(mesh_actor, surface.origin, tree['joints'])
+    is_skinned = 'nodes' in part
+    if is_skinned:
+        part |= _influences(mesh_actor.figure_mesh.skin, surface.source)
+    thing = surface.tree() | {
+        'kind': 'mesh',
+        'name': actor.name,
+        'pickable': bool(actor.pickable),
+        'matrix': tree['matrix'],
+        'translucent': bool(mesh_actor.actor.HasTranslucentPolygonalGeometry()),
+        'origin': tree['origin'] if is_skinned else surface.origin.tolist(),
+        'programs': surface.programs(programs, _posed if is_skinned else None),
+        'follows': part | {'figure': number},
+    }
+    if surface.values is not None:
+        thing['coloring'] = coloring_of(surface.mapper)
+        thing['scalars'] = surface.scalars()
+    return thing
+
+
+def _posed(actor):
+    """Have an actor's vertices be those that are posed."""
+    posed_feature().attach(actor)
+    set_vertex_uniforms((actor,), {'ibr_posed_row': 0})
+
+
+# -- crowds -------------------------------------------------------------------------------------
+
+
+def crowd_of(crowd, programs) -> list[dict]:
+    """Return a crowd as a set of instances whose meshes are posed."""
+    state = crowd._crowd_state  # noqa: SLF001
+    table = table_of_colors(crowd)
+    trees = []
+    for group, limits in zip(crowd.groups, crowd.limits, strict=True):
+        if not len(group):
+            continue
+        tree = _crowd_group(crowd, group, limits, programs)
+        playback, ids = state.playback, group.ids
+        counts = np.where(playback.loop[ids], np.inf, 1.0)
+        rows = [playback.speed[ids], playback.offset[ids], np.ones(len(ids)), counts]
+        tree['plays'] |= {
+            'name': crowd.name,
+            'clip': playback.clip[ids].astype(np.uint16),
+            'timing': np.stack(rows, 1),
+        }
+        tree |= {'kind': 'instances', 'name': crowd.name, 'pickable': bool(crowd.pickable)}
+        if table is not None:
+            values = np.asarray(crowd.scalars, np.float32)[ids]
+            tree |= {'coloring': table, 'scalars': {table['name']: values}}
+        trees.append(tree)
+    return trees
+
+
+def _crowd_group(crowd, group, limits, programs) -> dict:
+    """Return the members of a crowd: meshes at all sizes, the lightest for the smallest."""
+    state = crowd._crowd_state  # noqa: SLF001
+    center, radius = group.atlas.center, group.atlas.radius
+    box = np.stack([center - radius, center + radius], 1).ravel()
+    clips = [_clip_poses(state.figure, motion.clip) for motion in state.motions]
+    motion = _motion(state.figure, state.mesh_actors, clips, box)
+    levels = [
+        [_member_part(*row, motion, programs) for row in zip(v.parts, v.mesh_actors, strict=True)]
+        for v in group.levels
+    ]
+    tree = group_of(group, limits, levels, cards_of(group, limits, programs)) | {'plays': motion}
+    if tree['cards']:
+        tree |= images_of(group)
+        tree['uniforms'] |= {'ibr_pages': list(group.atlas.pages), 'ibr_time': 0.0}
+    return tree
+
+
+def _member_part(part, mesh_actor, motion, programs) -> dict:
+    """Return a mesh of a level of a crowd."""
+    is_posed = isinstance(mesh_actor, PosedMeshActor)
+    skin = mesh_actor.figure_mesh.skin if is_posed else None
+    mesh: Any = part.mesh
+    if is_posed:
+        mesh = mesh.copy(deep=False)
+        mesh.points = _rest_points(mesh_actor.figure, mesh_actor, mesh_actor.figure.rest)
+    origin = np.asarray(mesh.points, float).mean(0)
+    feature = lambda m: member_feature(m, skin is not None)  # noqa: E731
+    tree = part_of(part, mesh, origin, programs, feature)
+    follows = _part(mesh_actor, origin, motion['joints'])
+    if skin is not None:
+        source = tree.get('source', np.arange(len(tree['points'].values)))
+        follows |= _influences(skin, source)
+    return tree | {'follows': follows}
+
+
+def is_played(thing) -> bool:
+    """Return whether a page plays a thing."""
+    return type(thing) in (AnimatedActor, Crowd) and why_still(thing) is None
