@@ -46,8 +46,10 @@ def why_still(thing) -> str | None:
 
 
 def _why_figure_still(actor) -> str | None:
+    if actor.driver is None:
+        return 'it holds a pose'
     if not isinstance(_source_of(actor), Source):
-        return 'it holds a pose' if actor.driver is None else 'its driver is not one of pvibr'
+        return 'its driver is not one of pvibr'
     if list(actor.actors()[0].GetMapper().GetClippingPlanes() or ()):
         return 'it is clipped'
     return _why_meshes_still(actor.figure, actor._mesh_actors, actor.skinning)  # noqa: SLF001
@@ -67,10 +69,11 @@ def _why_meshes_still(figure, mesh_actors, skinning) -> str | None:
     return None
 
 
-def still_shapes(thing) -> str:
-    """Return what of a figure that plays stands still, or an empty string."""
-    figure = thing.figure
-    return '; morph targets as they are now' if any(m.morphs for m in figure.meshes) else ''
+def what_plays(thing) -> str:
+    """Return what a page plays of a figure or a crowd."""
+    clips = thing.figure.clips if type(thing) is AnimatedActor else set(thing.clips)
+    what = f'plays {len(clips)} clip{"s" if len(clips) != 1 else ""}'
+    return f'{what}, morph targets as now' if any(m.morphs for m in thing.figure.meshes) else what
 
 
 def _source_of(actor):
@@ -343,6 +346,11 @@ def _member_part(part, mesh_actor, motion, programs) -> dict:
     return tree | {'follows': follows}
 
 
+def moves(thing) -> bool:
+    """Return whether a thing is a figure or a crowd."""
+    return type(thing) in (AnimatedActor, Crowd)
+
+
 def is_played(thing) -> bool:
     """Return whether a page plays a thing."""
-    return type(thing) in (AnimatedActor, Crowd) and why_still(thing) is None
+    return moves(thing) and why_still(thing) is None
