@@ -72,8 +72,10 @@ def _why_meshes_still(figure, mesh_actors, skinning) -> str | None:
 def what_plays(thing) -> str:
     """Return what a page plays of a figure or a crowd."""
     clips = thing.figure.clips if type(thing) is AnimatedActor else set(thing.clips)
-    what = f'plays {len(clips)} clip{"s" if len(clips) != 1 else ""}'
-    return f'{what}, morph targets as now' if any(m.morphs for m in thing.figure.meshes) else what
+    what = [f'plays {len(clips)} clip{"s" if len(clips) != 1 else ""}']
+    what += ['morph targets as now'] if any(m.morphs for m in thing.figure.meshes) else []
+    what += ['what is attached stands still'] if getattr(thing, '_attachments', ()) else []
+    return ', '.join(what)
 
 
 def _source_of(actor):
