@@ -10,7 +10,16 @@ import pytest
 import pyvista as pv
 
 import pvibr
-from pvibr.animation import AnimationLayer, Clip, ClipSource, FigureMesh, Mixer, Skeleton, Track
+from pvibr.animation import (
+    AnimationLayer,
+    Clip,
+    ClipSource,
+    FigureMesh,
+    Mixer,
+    Morphs,
+    Skeleton,
+    Track,
+)
 from pvibr.scenes.walker import walker
 from tests.browser.test_pages import SIZE, flip_of, opened, picture, plotter, show
 
@@ -263,3 +272,25 @@ def test_shadows_follow_what_plays(page, tmp_path, until):
 def _lighter():
     with mock.patch.multiple('pvibr.figures.pose_atlas', VIEWS=8, TILES=(32,)):
         yield
+
+
+def test_morph_targets_play(page, tmp_path, until):
+    ball = pv.Sphere(theta_resolution=20, phi_resolution=20)
+    normals = np.asarray(ball.point_normals)
+    grow, shear = 0.4 * normals, np.zeros_like(normals)
+    shear[:, 0] = 0.6 * ball.points[:, 2]
+    morphs = Morphs([grow, shear])
+    keys = [[0.0, 0.0], [1.0, 0.2], [0.0, 1.0], [0.0, 0.0]]
+    clip = Clip('breathe', [Track(0, 'weights', [0, 0.5, 1.2, 2], keys)])
+    figure = pvibr.Figure([FigureMesh(ball, node=0, morphs=morphs)], clips=[clip])
+    pl = plotter()
+    pl.ibr.add_animated(figure, name='ball', color='orange', smooth_shading=True)
+    pl.ibr.add_animated(figure, [[1.6, 0, 0], [2.8, 1, 0]], times=[0.4, 1.1], name='balls')
+    pl.camera_position = [(1, -6, 2), (1, 0, 0), (0, 0, 1)]
+    opened(page, pl, tmp_path / 'morphs.html', until)
+    pictures = []
+    for seconds in (0.4, 1.0):
+        pictures.append(at_time(page, until, seconds))
+        assert flip_of(pictures[-1], here_at(pl, seconds)) < 0.015
+    assert moved(*pictures) > 0.5
+    pl.close()
