@@ -20,6 +20,7 @@ from pvibr.web.surfaces import table_of
 #: Flat props of which GL2PS knows all text, and which have nothing else.
 _TEXTS = 'vtkCornerAnnotation', 'vtkTextActor', 'vtkLegendBoxActor'
 _LABELS = 'vtkLabelPlacementMapper'
+_ROUNDED = 2  # vtkLabelPlacementMapper::ROUNDED_RECT
 _SVG = '{http://www.w3.org/2000/svg}'
 
 
@@ -152,7 +153,6 @@ def _labels(mapper) -> dict:
     hierarchy = mapper.GetInputAlgorithm(0, 0)
     hierarchy.Update()
     chooser = hierarchy.GetInputAlgorithm(0, 0)
-    # Which points are hidden depends on the camera: a page labels all.
     chooses = chooser is not None and chooser.IsA('vtkSelectVisiblePoints')
     source = (chooser if chooses else hierarchy).GetInputDataObject(0, 0)
     names = source.GetPointData().GetAbstractArray(hierarchy.GetLabelArrayName())
@@ -165,6 +165,9 @@ def _labels(mapper) -> dict:
         'fill': css_of(mapper.GetBackgroundColor()) if has_box else None,
         'fill_opacity': mapper.GetBackgroundOpacity(),
         'margin': mapper.GetMargin(),
+        'rounded': mapper.GetMargin() if mapper.GetShape() == _ROUNDED else 0,
+        # The depth by which surfaces may be in front; None if they hide no label.
+        'tolerance': chooser.GetTolerance() if chooses else None,
         'text': {
             'size': prop.GetFontSize(),
             'color': css_of(prop.GetColor()),

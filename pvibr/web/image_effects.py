@@ -23,7 +23,6 @@ from pvibr.gl.blur import PASSES, texts
 from pvibr.gl.feature import sections
 from pvibr.maths.tones import CURVES
 from pvibr.maths.vectors import unit_vectors
-from pvibr.things.frame import Frame
 from pvibr.things.thing import Thing
 from pvibr.web.programs import as_quad
 
@@ -46,12 +45,11 @@ def is_drawn(effect) -> bool:
     return type(effect) in _PASSES
 
 
-def stage_of(effects, renderer) -> dict | None:
+def stage_of(effects, frame) -> dict | None:
     """Return the passes of a subplot's image effects in their order, None without any."""
     effects = [effect for effect in effects if is_drawn(effect)]
     if not effects:
         return None
-    frame = Frame.of(renderer, time=effects[0].pipeline.time)
     effects[0].pipeline.make_current()
     passes = [tree for effect in effects for tree in _PASSES[type(effect)](effect, frame)]
     return {

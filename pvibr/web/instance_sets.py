@@ -128,7 +128,7 @@ def _layer(shader, group, limits, programs) -> dict:
 
     def program(deep):
         feature = shader.feature(shiny, group.atlas.animated, deep=deep)
-        return programs.add(_card_actor(feature, prop, shader.corners))
+        return programs.add(card_actor(feature, prop, shader.corners))
 
     deep = program(deep=True)
     core_size = shader.core_size(group.atlas)
@@ -152,7 +152,7 @@ def _layer(shader, group, limits, programs) -> dict:
     }
 
 
-def _card_actor(feature, prop, corners) -> pv.Actor:
+def card_actor(feature, prop, corners) -> pv.Actor:
     """Return an actor that draws a card, for its program."""
     mapper = _vtk.vtkPolyDataMapper()
     mapper.ScalarVisibilityOff()

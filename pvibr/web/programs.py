@@ -29,8 +29,9 @@ _COMMENT = re.compile(r'^\s*//.*$\n?', re.M)
 class Programs:
     """Draws actors once in a hidden window, and reads the programs that VTK made for them."""
 
-    def __init__(self, lights, shadows=None):
-        self._shadows = shadows
+    def __init__(self, lights, received=()):
+        #: Shadows and projectors, which attach to each actor.
+        self._received = received
         self._plotter = pv.Plotter(off_screen=True, window_size=[16, 16], lighting='none')
         renderer = self._plotter.renderer
         renderer.GetCullers().RemoveAllItems()
@@ -54,8 +55,8 @@ class Programs:
             }
 
         inner.AddObserver('UpdateShaderEvent', read)
-        if self._shadows is not None:
-            self._shadows.attach(actor)
+        for each in self._received:
+            each.attach(actor)
         self._plotter.renderer.AddActor(actor)
         return number
 

@@ -10,15 +10,18 @@ import pyvista as pv
 from pvibr.core import _vtk
 from pvibr.core._vtk import address
 from pvibr.core.plotters import border_of, names_of, renderers_of
+from pvibr.effects.ground import FADES, Ground
 from pvibr.figures.animated_actor import AnimatedActor
 from pvibr.figures.crowd import Crowd
 from pvibr.figures.mesh_actors import transformed_bounds
+from pvibr.gl import set_fragment_uniforms
 from pvibr.gl.annotations import is_flat
 from pvibr.gl.scene_pass import is_end, is_marker
 from pvibr.instances.instances import Instances
 from pvibr.shadows.shadows import Shadows
+from pvibr.things.frame import Frame
 from pvibr.things.thing import Thing
-from pvibr.web import image_effects, shadows
+from pvibr.web import image_effects, projectors, quadrics, shadows
 from pvibr.web.annotations import annotations_of, css_of
 from pvibr.web.figures import (
     crowd_of,
@@ -31,6 +34,7 @@ from pvibr.web.figures import (
 )
 from pvibr.web.instance_sets import instances_of, why_not_drawn
 from pvibr.web.programs import Programs
+from pvibr.web.projectors import PageProjector
 from pvibr.web.shadows import PageShadows
 from pvibr.web.surfaces import WebSurface, coloring_of, table_of
 
@@ -42,11 +46,15 @@ _DRAWN_MAPPERS = ('vtkDataSetMapper', 'vtkPolyDataMapper')
 def drawn_of(effects) -> list:
     """Return the effects that a page draws as pvibr does, in their order."""
     enabled = [effect for effect in effects if effect.enabled and not effect.why_neutral]
-    drawn = [e for e in enabled if type(e) is Shadows or image_effects.is_drawn(e)]
-    # Projected images are baked into surfaces, instances included.
+    drawn = [e for e in enabled if type(e) in (Ground, Shadows) or _is_an_effect(e)]
+    # Other projected images are baked into surfaces, instances included.
     if any(e.web[0] == 'baked' and not isinstance(e, Thing) and e not in drawn for e in enabled):
         return drawn
-    return drawn + [e for e in enabled if is_played(e) or _is_set(e)]
+    return drawn + [e for e in enabled if is_played(e) or _is_set(e) or quadrics.is_drawn(e)]
+
+
+def _is_an_effect(effect) -> bool:
+    return image_effects.is_drawn(effect) or projectors.is_drawn(effect)
 
 
 def _is_set(effect) -> bool:
@@ -56,9 +64,13 @@ def _is_set(effect) -> bool:
 def what_of(effect) -> str:
     """Return what a page draws of an effect of :func:`drawn_of`."""
     if type(effect) is Shadows:
-        return 'shadow maps of one light, filtered (pcf)'
-    if image_effects.is_drawn(effect):
+        return 'shadow maps of one light'
+    if type(effect) is Ground:
+        return 'a disc that fades'
+    if _is_an_effect(effect):
         return 'by its own programs'
+    if quadrics.is_drawn(effect):
+        return 'by rays'
     return what_plays(effect) if moves(effect) else 'instances, with their levels of detail'
 
 
@@ -72,7 +84,7 @@ def losses_of(drawn) -> list[tuple[str, str]]:
     """Return what a page lacks of effects that it draws: names and why."""
     lost = []
     for effect in drawn:
-        lost += (shadows if isinstance(effect, Shadows) else image_effects).lost_of(effect)
+        lost += (shadows if type(effect) is Shadows else image_effects).lost_of(effect)
     return lost
 
 
@@ -83,11 +95,12 @@ def scene_of(plotter, plain_plotter, effects_by_subplot, time=0.0) -> dict:
     subplots = []
     for number, renderer in enumerate(renderers_of(plain_plotter)):
         effects = effects_by_subplot.get(number, ())
-        received = PageShadows.of(effects, renderers[number])
-        subplot = subplot_of(renderer, effects, received)
-        subplot['stage'] = image_effects.stage_of(effects, renderers[number])
+        frame = Frame.of(renderers[number], time=time)
+        subplot = subplot_of(renderer, effects, frame)
+        subplot['stage'] = image_effects.stage_of(effects, frame)
         subplot['bounds'] = _bounds([renderers[number].ComputeVisiblePropBounds()])
         every = [p.GetBounds() for p in renderer.GetViewProps() if p.GetVisibility()]
+        every += [p.GetBounds() for e in effects if type(e) is Ground for p in e.props]
         every += [_moved(figure) for figure in subplot['figures']]
         subplot['reach'] = _bounds([subplot['bounds'], *every])
         subplot['camera'] = camera_of(renderers[number].GetActiveCamera())
@@ -129,10 +142,17 @@ def _bounds(parts) -> list:
     return bounds if box.IsValid() else [-1.0, 1.0] * 3
 
 
-def subplot_of(renderer, effects, received) -> dict:
+def subplot_of(renderer, effects, frame) -> dict:
     """Return what a page draws of a renderer of plain actors, and of effects."""
-    programs = Programs([light for light in renderer.GetLights() if light.GetSwitch()], received)
+    cast = [
+        PageShadows(e, frame) for e in effects if type(e) is Shadows and e.light_of_page(frame)
+    ]
+    thrown = [PageProjector(e, frame) for e in effects if projectors.is_drawn(e)]
+    lights = [light for light in renderer.GetLights() if light.GetSwitch()]
+    programs = Programs(lights, [*cast, *thrown])
     things = [t for s in effects if isinstance(s, Instances) for t in _trees(s, programs)]
+    things += [quadrics.quadrics_of(e, programs) for e in effects if quadrics.is_drawn(e)]
+    things += [_ground(e, programs) for e in effects if type(e) is Ground]
     figures: list = []
     for actor in (s for s in effects if isinstance(s, AnimatedActor)):
         figure, meshes = figure_of(actor, programs, len(figures))
@@ -150,7 +170,8 @@ def subplot_of(renderer, effects, received) -> dict:
         },
         'lights': lights_of(renderer),
         'things': things,
-        'shadows': None if received is None else received.tree(),
+        'shadows': next((each.tree() for each in cast), None),
+        'projectors': [each.tree() for each in thrown],
         'figures': figures,
         'programs': programs.read(),
     }
@@ -182,8 +203,8 @@ def _has_points(prop) -> bool:
     return dataset is not None and dataset.GetNumberOfPoints() > 0
 
 
-def _mesh(name, prop, programs) -> dict:
-    """Return an actor as a thing."""
+def _mesh(name, prop, programs, prepare=None) -> dict:
+    """Return an actor as a thing; a function prepares the actors that draw it."""
     mapper = prop.GetMapper()
     matrix = pv.array_from_vtkmatrix(prop.GetMatrix())
     surface = WebSurface(prop, _clipped(mapper, matrix))
@@ -193,11 +214,25 @@ def _mesh(name, prop, programs) -> dict:
         'pickable': bool(prop.GetPickable()),
         'matrix': matrix.ravel().tolist(),
         'translucent': bool(prop.HasTranslucentPolygonalGeometry()),
-        'programs': surface.programs(programs),
+        'programs': surface.programs(programs, prepare),
+        'casts': bool(prop.GetUseBounds()),
     }
     if surface.values is not None:
         tree['coloring'] = coloring_of(mapper)
         tree['scalars'] = surface.scalars()
+    return tree
+
+
+def _ground(effect, programs) -> dict:
+    """Return a ground as a thing."""
+    (actor,), fading = effect.props, effect.fading(Frame.of(effect.pipeline.renderer))
+
+    def prepare(actor):
+        FADES.attach(actor)
+        set_fragment_uniforms([actor], fading)
+
+    tree = _mesh(effect.name, actor, programs, prepare)
+    tree['material']['uniforms'] |= fading
     return tree
 
 

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from pvibr.gl import set_fragment_uniforms, set_vertex_uniforms
-from pvibr.shadows.shadow_maps import CASCADES, filter_radius
-from pvibr.shadows.shadows import Shadows, receiver_feature
+from pvibr.shadows.nearest import texts
+from pvibr.shadows.shadow_maps import CASCADES, filter_of, filter_radius, light_size
+from pvibr.shadows.shadows import receiver_feature
 from pvibr.things.casters import SPHERES, set_surface_uniforms, surface_features
-from pvibr.things.frame import Frame
+from pvibr.web.programs import as_quad
 
 #: Views around the eye, beside those of the whole scene: pages keep those of the export.
 _VIEWS = 3
@@ -33,19 +32,16 @@ class PageShadows:
         radius = float(np.clip(filter_radius(effect), *_FILTER))
         self.radius = radius if effect.method == 'pcf' else _FILTER[0]
         light = (self.light.number, self.light.positional, len(whole), len(kept))
-        kind = ('hard', 0) if effect.method == 'hard' else ('window', int(np.ceil(2 * radius)) + 1)
+        is_soft = effect.method == 'pcss'
+        self.kind = ('window', int(np.ceil(2 * self.radius)) + 1)
+        if effect.method in ('hard', 'pcss'):
+            self.kind = filter_of(effect)
+        sizes = [light_size(effect, view, frame, whole[0]) for view in self.views]
+        self.sizes = sizes if is_soft else [[0.0, 0.0]] * len(sizes)
         multisampled = frame.window.GetMultiSamples() > 1
         lights = ((*light, self.columns, self.rows, False),)
         offset = effect.bias == 'polygon_offset'
-        self._feature = receiver_feature(*kind, offset, multisampled, lights)
-
-    @classmethod
-    def of(cls, effects, renderer) -> PageShadows | None:
-        """Return the shadows that a page draws of a subplot, None without any."""
-        frame = Frame.of(renderer)
-        shadows: Any = (e for e in effects if isinstance(e, Shadows))
-        effect = next(shadows, None)
-        return cls(effect, frame) if effect is not None and effect.light_of_page(frame) else None
+        self._feature = receiver_feature(*self.kind, offset, multisampled, lights)
 
     def attach(self, actor):
         """Let an actor receive the shadows."""
@@ -66,7 +62,7 @@ class PageShadows:
             'ibr_shadow_filter_radius': self.radius,
             'ibr_shadow_strength': float(self.effect.strength),
             'ibr_shadow_dither': 0.0,
-            'ibr_shadow_taps': 1,
+            'ibr_shadow_taps': max(self.kind[1], 1),
             f'ibr_shadow_size_{number}': float(self.resolution),
             f'ibr_shadow_place_{number}': (0.0, 0.0, 0.0),
         }
@@ -80,23 +76,27 @@ class PageShadows:
             'rows': self.rows,
             'resolution': self.resolution,
             'uniforms': self._uniforms(),
-            'views': [
-                {
-                    'eye_from_world': view.view_from_world.T.ravel().tolist(),
-                    'clip_from_eye': view.clip_from_view.T.ravel().tolist(),
-                    'near': view.near,
-                    'far': view.far,
-                    'parallel': view.parallel,
-                }
-                for view in self.views
-            ],
+            'views': [view_tree(view) for view in self.views],
+            'sizes': self.sizes,
+            'nearest': list(map(as_quad, texts())) if self.kind[0] == 'pcss' else None,
         }
+
+
+def view_tree(view) -> dict:
+    """Return a view of a depth map as a page holds it."""
+    return {
+        'eye_from_world': view.view_from_world.T.ravel().tolist(),
+        'clip_from_eye': view.clip_from_view.T.ravel().tolist(),
+        'near': view.near,
+        'far': view.far,
+        'parallel': view.parallel,
+    }
 
 
 def lost_of(effect) -> list[tuple[str, str]]:
     """Return what a page does not draw of shadows: names and why."""
     lost = []
-    if effect.method not in ('hard', 'pcf'):
+    if effect.method not in ('hard', 'pcf', 'pcss'):
         why = 'pages filter maps (pcf), whose edges are sharp'
         lost.append((f'{effect.name}, method {effect.method!r}', why))
     others = effect.lights_casting - 1

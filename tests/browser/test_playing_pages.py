@@ -282,7 +282,9 @@ def test_morph_targets_play(page, tmp_path, until):
     morphs = Morphs([grow, shear])
     keys = [[0.0, 0.0], [1.0, 0.2], [0.0, 1.0], [0.0, 0.0]]
     clip = Clip('breathe', [Track(0, 'weights', [0, 0.5, 1.2, 2], keys)])
-    figure = pvibr.Figure([FigureMesh(ball, node=0, morphs=morphs)], clips=[clip])
+    figure = pvibr.Figure(
+        [FigureMesh(ball, node=0, morphs=morphs)], Skeleton([-1], np.eye(4)[None]), [clip]
+    )
     pl = plotter()
     pl.ibr.add_animated(figure, name='ball', color='orange', smooth_shading=True)
     pl.ibr.add_animated(figure, [[1.6, 0, 0], [2.8, 1, 0]], times=[0.4, 1.1], name='balls')

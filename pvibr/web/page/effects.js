@@ -1,14 +1,8 @@
 // Image effects: a subplot's scene in textures of its own, and pvibr's programs over these.
-import { copy, cover, target } from './targets.js';
+import { VERTEX, copy, cover, target } from './targets.js';
 import { texture } from './programs.js';
 import { inverse } from './views.js';
 
-const VERTEX = `#version 300 es
-out vec2 uv;
-void main() {
-  uv = vec2(gl_VertexID == 1 ? 2.0 : 0.0, gl_VertexID == 2 ? 2.0 : 0.0);
-  gl_Position = vec4(2.0 * uv - 1.0, 0.0, 1.0);
-}`;
 const COPY = `#version 300 es
 precision highp float;
 uniform sampler2D color;

@@ -127,9 +127,16 @@ class View {
       say(`This page could not be drawn: ${error.message}`);
       throw error;
     }
-    this.overlay.follow(this.cameras);
+    this.follow();
     this.frames += 1;
     if (this.timeline?.playing) this.moved();
+  }
+
+  // Labels follow the camera, at once, and again when it is known which are hidden.
+  follow() {
+    this.overlay.follow(this.cameras);
+    if (!this.renderer.labels.every((labels) => labels.answered()))
+      requestAnimationFrame(() => this.lost || this.follow());
   }
 
   // While the view moves, pictures have fewer pixels if that keeps the time of a frame.

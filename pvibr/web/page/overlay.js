@@ -161,17 +161,18 @@ const KINDS = {
       return { item, label, frame, width, point: [...set.points.subarray(3 * i, 3 * i + 3)] };
     });
     following.push((camera) => {
-      for (const { item, label, frame, width, point } of items) {
+      items.forEach(({ item, label, frame, width, point }, i) => {
         const place = project(camera, box.width / box.height, point);
         const [x, y] = [place.x * box.width, (1 - place.y) * box.height];
-        item.style.display = place.depth > 0 ? '' : 'none';
-        label.setAttribute('x', x + (frame ? set.margin : 0));
-        label.setAttribute('y', y - (frame ? set.margin : 0) - 0.1 * set.text.size);
-        if (!frame) continue;
-        const height = set.text.size + 2 * set.margin;
-        const rect = { x, y: y - height, width: width + 2 * set.margin, height };
+        item.style.display = place.depth > 0 && !set.hidden?.[i] ? '' : 'none';
+        label.setAttribute('x', x);
+        label.setAttribute('y', y);
+        if (!frame) return;
+        const height = 0.75 * set.text.size + 2 * set.margin;
+        const corner = { x: x - set.margin, y: y - height + set.margin, rx: set.rounded };
+        const rect = { ...corner, width: width + 2 * set.margin, height };
         for (const [key, value] of Object.entries(rect)) frame.setAttribute(key, value);
-      }
+      });
     });
   },
 };

@@ -120,6 +120,7 @@ class Program {
     if (!uniform || uniform.type === gl.SAMPLER_2D) return;
     const { place, type } = uniform;
     if (type === gl.INT || type === gl.BOOL) gl.uniform1i(place, Number(value));
+    else if (type === gl.FLOAT && Array.isArray(value)) gl.uniform1fv(place, value);
     else if (type === gl.FLOAT) gl.uniform1f(place, Number(value));
     else if (type === gl.FLOAT_VEC2) gl.uniform2fv(place, value);
     else if (type === gl.FLOAT_VEC3) gl.uniform3fv(place, value);

@@ -3,9 +3,12 @@ import { resetClippingRange } from './camera.js';
 import { Stage } from './effects.js';
 import { Crowd, Figures, playersOf } from './figures.js';
 import { Instances } from './instances.js';
+import { HiddenLabels } from './labels.js';
 import { Mesh } from './meshes.js';
 import { Programs } from './programs.js';
-import { Shadows } from './shadows.js';
+import { Projector } from './projectors.js';
+import { Quadrics } from './quadrics.js';
+import { Shadows, receiverUniforms } from './shadows.js';
 import { copy, cover, target } from './targets.js';
 import { multiply, normalMatrix, times, viewOf } from './views.js';
 
@@ -24,10 +27,13 @@ class Pass {
     this.thing = 0;
   }
 
-  // Lets its programs read shadow maps.
-  receive(shadows) {
-    Object.assign(this.shared, shadows.uniforms(this.view));
-    this.textures = shadows.textures;
+  // Lets its programs read shadow maps and projected images.
+  receive(received) {
+    if (received.length) Object.assign(this.shared, receiverUniforms(this.view));
+    for (const each of received) {
+      Object.assign(this.shared, each.uniforms(this.view));
+      Object.assign(this.textures, each.textures);
+    }
   }
 
   program(number, groups, textures) {
@@ -54,11 +60,18 @@ export class Renderer {
     );
     this.players = playersOf(scene);
     this.figures = new Figures(gl, this.programs, scene, this.drawn);
-    this.shadows = scene.subplots.map(({ shadows }) => shadows && new Shadows(gl, shadows));
+    // What each subplot's surfaces receive: shadows and projected images.
+    this.received = scene.subplots.map(({ shadows, projectors }) => [
+      ...(shadows ? [new Shadows(gl, shadows, this.programs)] : []),
+      ...projectors.map((tree) => new Projector(gl, tree)),
+    ]);
     this.stages = scene.subplots.map(({ stage }, i) => {
       const names = this.drawn[i].map(({ tree }) => tree.name);
       return stage && new Stage(gl, this.programs, stage, names);
     });
+    this.labels = scene.subplots.map(
+      ({ annotations }) => new HiddenLabels(gl, this.programs, annotations),
+    );
     this.backdrop = this.programs.of(GRADIENT);
     this.average = this.programs.of(AVERAGE);
     this.samples = Math.min(MAX_SAMPLES, gl.getParameter(gl.MAX_SAMPLES));
@@ -68,6 +81,7 @@ export class Renderer {
   shown(tree) {
     const { gl, programs, scene } = this;
     if (tree.kind === 'mesh') return new Mesh(gl, tree);
+    if (tree.kind === 'quadrics') return new Quadrics(gl, tree);
     return tree.plays ? new Crowd(gl, tree, programs, scene.posing) : new Instances(gl, tree);
   }
 
@@ -104,7 +118,8 @@ export class Renderer {
     this.figures.at(time);
     // What moves casts other shadows.
     const moment = `${time} ${this.players.map(({ clip }) => clip[0])}`;
-    if (this.moment !== moment) this.shadows.forEach((maps) => maps && (maps.stale = true));
+    if (this.moment !== moment)
+      for (const { maps } of this.received.flat()) maps.forEach((map) => (map.stale = true));
     this.moment = moment;
     this.resize(size, quality);
     this.cameras = cameras;
@@ -143,8 +158,9 @@ export class Renderer {
     const camera = this.cameras[number];
     resetClippingRange(camera, subplot.reach);
     const view = viewOf(camera, rectangle[2], rectangle[3]);
-    const [shadows, stage] = picks ? [] : [this.shadows[number], this.stages[number]];
-    if (shadows) this.castShadows(number, shadows);
+    const stage = picks ? null : this.stages[number];
+    const received = picks ? [] : this.received[number];
+    this.drawMaps(number, received);
     this.frame = picks ? this.targets.picks.frame : this.targets.picture.frame;
     if (stage) {
       this.frame = stage.begin(view.width, view.height, this.quick ? 0 : this.samples);
@@ -153,17 +169,18 @@ export class Renderer {
     gl.bindFramebuffer(gl.FRAMEBUFFER, this.frame);
     this.begin(subplot, rectangle, picks);
     const pass = new Pass(this, subplot, view, picks ? 'picks' : '');
-    if (shadows) pass.receive(shadows);
+    pass.receive(received);
     const visible = this.drawn[number].filter(
       ({ tree }) => tree.visible !== false && !(picks && !tree.pickable),
     );
     this.drawOpaque(pass, number, visible);
     const translucent = visible.filter(({ tree }) => tree.translucent);
-    const hasSets = visible.some(({ tree }) => tree.kind === 'instances');
+    const hasSets = visible.some(({ tree }) => tree.kind !== 'mesh');
     gl.depthMask(picks);
     if (translucent.length && !hasSets && !picks) this.drawWeighted(pass, translucent);
     else this.drawEach(pass, number, picks ? translucent : sorted(translucent, view));
     gl.depthMask(true);
+    if (!picks) this.labels[number].ask(view);
     if (!stage) return;
     if (subplot.stage.surfaces) this.drawSurfaces(number, view, stage, visible);
     stage.finish(view, this.targets.picture.frame, this.rectangle(subplot));
@@ -196,7 +213,7 @@ export class Renderer {
   drawOpaque(pass, number, visible) {
     const { gl } = this;
     const sets = visible.filter(({ tree }) => tree.kind === 'instances');
-    const meshes = visible.filter(({ tree }) => tree.kind === 'mesh' && !tree.translucent);
+    const meshes = visible.filter(({ tree }) => tree.kind !== 'instances' && !tree.translucent);
     this.drawEach(pass, number, meshes);
     for (const { shown } of sets) shown.prepare(pass.view);
     this.drawEach(pass, number, sets, ({ shown }) => shown.drawMeshes(pass));
@@ -208,17 +225,16 @@ export class Renderer {
     return cards('fringe');
   }
 
-  castShadows(number, shadows) {
-    const { gl } = this;
-    const bound = gl.getParameter(gl.FRAMEBUFFER_BINDING);
-    shadows.update((view) => {
+  // Draws the stale depth maps of what surfaces receive.
+  drawMaps(number, received) {
+    const draw = (view) => {
       const pass = new Pass(this, this.scene.subplots[number], view, 'depth');
       const casters = this.drawn[number].filter(
         ({ tree }) => tree.visible !== false && tree.casts !== false,
       );
       this.drawOpaque(pass, number, casters);
-    });
-    gl.bindFramebuffer(gl.FRAMEBUFFER, bound);
+    };
+    for (const map of received.flatMap(({ maps }) => maps)) map.update(draw);
   }
 
   // Blends translucent meshes in any order, as vtkOrderIndependentTranslucentPass does.
@@ -258,6 +274,7 @@ export class Renderer {
   }
 
   drawMesh(pass, { tree, shown }) {
+    if (tree.kind === 'quadrics') return shown.draw(pass);
     const { gl } = this;
     const model = transposed(tree.matrix);
     const placed = multiply(model, [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, ...tree.origin, 1]);
@@ -267,7 +284,7 @@ export class Renderer {
       MCVCMatrix: eye,
       MCDCMatrix: multiply(pass.view.clipFromEye, eye),
       normalMatrix: normalMatrix(eye),
-      ...receiverUniforms(tree, pass.view, eye, model),
+      ...ownUniforms(tree, pass.view, eye, model),
     };
     const draw = (kind, each) => {
       if (!(kind in tree.programs)) return;
@@ -332,7 +349,7 @@ export class Renderer {
 }
 
 // Of what receives shadows: the scale by which normals shrink, and half the width of lines.
-function receiverUniforms({ material }, { parallel, pixelScale }, eye, model) {
+function ownUniforms({ material }, { parallel, pixelScale }, eye, model) {
   const columns = [0, 4, 8].map((k) => Math.hypot(model[k], model[k + 1], model[k + 2]));
   const distance = parallel ? 1 : Math.hypot(eye[12], eye[13], eye[14]);
   return {

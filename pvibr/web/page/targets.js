@@ -1,5 +1,13 @@
 // Framebuffers with what is drawn into them.
 
+// Of programs that cover the viewport.
+export const VERTEX = `#version 300 es
+out vec2 uv;
+void main() {
+  uv = vec2(gl_VertexID == 1 ? 2.0 : 0.0, gl_VertexID == 2 ? 2.0 : 0.0);
+  gl_Position = vec4(2.0 * uv - 1.0, 0.0, 1.0);
+}`;
+
 // A framebuffer with depth: renderbuffers of samples, or textures; `depth` is its format, if any,
 // and `depthTexture` says whether programs read it.
 export function target(gl, formats, options) {
