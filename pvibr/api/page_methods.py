@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from pvibr.api.export_methods import to_plain_plotter
+from pvibr.capture.clock import checked_time
 from pvibr.core._vtk import address
 from pvibr.core.arguments import checked_whole
 from pvibr.core.files import replacing, with_suffix
@@ -45,34 +46,36 @@ def _actors(effect) -> list:
 
 
 def _row(effect, subplot, is_drawn) -> WebRow:
+    from pvibr.web.scene import what_of, why_baked
+
     why_off = effect.why_neutral if effect.enabled else 'enabled is False'
     if why_off:
         return WebRow(effect.name, 'off', why_off, subplot)
     if is_drawn:
-        from pvibr.web.scene import what_of
-
         return WebRow(effect.name, 'shown', what_of(effect), subplot)
-    state, what = effect.web
-    return WebRow(effect.name, 'lost' if state == 'lost' else 'shown', what, subplot)
+    state = 'lost' if effect.web[0] == 'lost' else 'shown'
+    return WebRow(effect.name, state, why_baked(effect), subplot)
 
 
 @explicit
 @takes(options=to_plain_plotter)
-def export_html(self, path, *, megabytes=None, **options):
+def export_html(self, path, *, megabytes=None, time=None, **options):
     """Write all subplots as one file that draws them in any browser with WebGL 2.
 
     The file asks no host for anything. Meshes are lit by VTK's own shaders, instances keep their
-    levels of detail, and a click says what it hits. Everything else that pvibr draws is baked
-    into meshes as it is now; a warning names what is lost. ``pl.ibr.web_report('page')`` says
-    which is which.
+    levels of detail, figures and crowds play, and a click says what it hits. Everything else
+    that pvibr draws is baked into meshes as it is now; a warning names what is lost.
+    ``pl.ibr.web_report('page')`` says which is which.
 
     Parameters
     ----------
     path : str or pathlib.Path
         File name ending in ``.html``.
     megabytes : float, optional
-        Largest size of the file, MB of 10^6 bytes: images of instances get smaller tiles, then
-        lower quality, which a warning says.
+        Largest size of the file, MB of 10^6 bytes: clips get fewer frames, images of instances
+        smaller tiles, then lower quality, which a warning says.
+    time : float, optional
+        Seconds of ``pl.ibr.time`` at which the page starts; default now.
     **options
         See :meth:`to_plain_plotter`.
 
@@ -101,14 +104,14 @@ def export_html(self, path, *, megabytes=None, **options):
     >>> pl.close()
     """
     path = with_suffix(path, '.html')
-    text = _text(self, path.stem, megabytes, options)
+    text = _text(self, path.stem, megabytes, time, options)
     with replacing(path) as temporary_path:
         Path(temporary_path).write_text(text, encoding='utf-8')
 
 
 @explicit
 @takes(options=to_plain_plotter)
-def show_web(self, *, height=480, megabytes=None, **options):
+def show_web(self, *, height=480, megabytes=None, time=None, **options):
     """Return the page of :meth:`export_html` in a frame, which notebooks show.
 
     It needs no server, and stays in the notebook's file.
@@ -117,7 +120,7 @@ def show_web(self, *, height=480, megabytes=None, **options):
     ----------
     height : int
         Height of the frame, CSS pixels.
-    megabytes : float, optional
+    megabytes, time : float, optional
         As in :meth:`export_html`.
     **options
         See :meth:`to_plain_plotter`.
@@ -151,11 +154,23 @@ def show_web(self, *, height=480, megabytes=None, **options):
 
     checked_whole('height', height, 1, 100_000)
     title = str(getattr(self._plotter, 'title', None) or 'Scene')
-    return WebPage(_text(self, title, megabytes, options), int(height))
+    return WebPage(_text(self, title, megabytes, time, options), int(height))
 
 
-def _text(self, title, megabytes, options) -> str:
-    """Return the page of a plotter."""
+def _text(self, title, megabytes, time, options) -> str:
+    """Return the page of a plotter that starts at a time."""
+    if time is None:
+        return _text_now(self, title, megabytes, options)
+    time, before = checked_time(time), self.time
+    self._show_time(time)
+    try:
+        return _text_now(self, title, megabytes, options)
+    finally:
+        self._show_time(before)
+
+
+def _text_now(self, title, megabytes, options) -> str:
+    """Return the page of a plotter as it is now."""
     from pvibr.export.plain_plotter import plain_copy, warn_of_losses
     from pvibr.substitutes.billboard_cloud import billboard_cloud
     from pvibr.web.page_file import page_text

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any
+from functools import partial
 
 import numpy as np
-import pyvista as pv
 
 from pvibr.animation.mixer import ClipSource, Source
 from pvibr.animation.normals import with_flipped_winding
@@ -17,7 +16,7 @@ from pvibr.figures.pose_sheet import STATE_WIDTH, WIDTH, shader
 from pvibr.figures.posing import posed_feature
 from pvibr.figures.shapes import MeshShapes
 from pvibr.gl import set_vertex_uniforms
-from pvibr.web.container import Frames
+from pvibr.web.container import Frames, Points
 from pvibr.web.instance_sets import cards_of, group_of, images_of, part_of, table_of_colors
 from pvibr.web.programs import as_es
 from pvibr.web.surfaces import WebSurface, coloring_of
@@ -29,6 +28,7 @@ _LEAST_RATE, _MOST_RATE, _TOLERANCE = 8.0, 128.0, 5e-4
 _RECORDED = 10.0
 #: Poses of a clip of which the bounds are taken.
 _BOUNDED = 16
+_WEIGHT_TOLERANCE = 0.01  # of a morph target
 _UNITS = 65535
 
 
@@ -46,8 +46,10 @@ def why_still(thing) -> str | None:
 
 
 def _why_figure_still(actor) -> str | None:
+    if actor.driver is None:
+        return 'it holds a pose'
     if not isinstance(_source_of(actor), Source):
-        return 'it holds a pose' if actor.driver is None else 'its driver is not one of pvibr'
+        return 'its driver is not one of pvibr'
     if list(actor.actors()[0].GetMapper().GetClippingPlanes() or ()):
         return 'it is clipped'
     return _why_meshes_still(actor.figure, actor._mesh_actors, actor.skinning)  # noqa: SLF001
@@ -67,10 +69,12 @@ def _why_meshes_still(figure, mesh_actors, skinning) -> str | None:
     return None
 
 
-def still_shapes(thing) -> str:
-    """Return what of a figure that plays stands still, or an empty string."""
-    figure = thing.figure
-    return '; morph targets as they are now' if any(m.morphs for m in figure.meshes) else ''
+def what_plays(thing) -> str:
+    """Return what a page plays of a figure or a crowd."""
+    clips = thing.figure.clips if type(thing) is AnimatedActor else set(thing.clips)
+    what = [f'plays {len(clips)} clip{"s" if len(clips) != 1 else ""}']
+    what += ['what is attached stands still'] if getattr(thing, '_attachments', ()) else []
+    return ', '.join(what)
 
 
 def _source_of(actor):
@@ -80,7 +84,7 @@ def _source_of(actor):
 
 def posing_program() -> dict:
     """Return the parts of the program that poses vertices, without its defines."""
-    text = shader('pose', WIDTH=WIDTH, STATE_WIDTH=STATE_WIDTH, NUMBERS=0, DUAL=0, SHAPES=0)
+    text = shader('pose', WIDTH=WIDTH, STATE_WIDTH=STATE_WIDTH, NUMBERS=0, DUAL=0)
     for number in (0, 1):
         text = text.replace(f'gl_FragData[{number}]', f'ibr_out{number}')
     outputs = ''.join(f'layout(location = {n}) out vec4 ibr_out{n};\n' for n in (0, 1))
@@ -104,24 +108,29 @@ def _nodes(mesh_actor) -> np.ndarray:
     return np.array([node] if node >= 0 else [], int)
 
 
-def _clip_of(clip, joints, origin, size) -> dict:
-    """Return a clip as frames of joints, enough for what lies between two."""
-    name, worlds_at, duration = clip
+def _clip_of(figure, clip, held_weights, joints, origin, size) -> dict:
+    """Return a clip as frames of joints and of morph weights, enough for what lies between two."""
+    name, poses_at, duration = clip
 
-    def matrices(times):
-        return worlds_at(times)[:, joints, :3]
+    def sampled(times):
+        poses = poses_at(times)
+        weights = poses.weights if held_weights is None else held_weights
+        shape = len(times), len(figure.rest.weights)
+        weights = np.broadcast_to(weights if np.size(weights) else figure.rest.weights, shape)
+        return figure.world(poses)[:, joints, :3], weights
 
     count = 4 * max(1, round(duration * _LEAST_RATE / 4)) if duration else 0
     while True:
         times = np.linspace(0.0, duration, count + 1)
-        frames = matrices(times)
+        frames, weights = sampled(times)
         if not count or count >= duration * _MOST_RATE:
             break
-        between = matrices((times[1:] + times[:-1]) / 2)
+        between, amounts = sampled((times[1:] + times[:-1]) / 2)
+        off_weight = np.abs((weights[1:] + weights[:-1]) / 2 - amounts).max(initial=0)
         off = np.abs((frames[1:] + frames[:-1]) / 2 - between)
         scale = np.abs(frames[..., :3]).max(initial=1e-30)
         error = off[..., 3].max(initial=0) / size + 0.3 * off[..., :3].max(initial=0) / scale
-        if error <= _TOLERANCE:
+        if error <= _TOLERANCE and off_weight <= _WEIGHT_TOLERANCE:
             break
         count *= 2
     columns = np.moveaxis(frames, 0, 2)  # joint, row, frame, column
@@ -132,26 +141,27 @@ def _clip_of(clip, joints, origin, size) -> dict:
         'duration': duration,
         'axes': Frames(axes),
         'places': Frames(places),
+        'weights': np.array(weights, np.float32),
     }
 
 
-def _motion(figure, mesh_actors, clips, box) -> dict:
-    """Return the clips of a figure, pairs of names and functions, relative to a box's middle."""
+def _motion(figure, mesh_actors, clips, box, held_weights=None) -> dict:
+    """Return clips of a figure, with names and durations, relative to a box's middle."""
     low, high = np.asarray(box).reshape(3, 2).T
     origin, size = (low + high) / 2, max(float((high - low).max()), 1e-30)
     joints = _joints_of(mesh_actors)
     return {
         'origin': origin.tolist(),
-        'clips': [_clip_of(clip, joints, origin, size) for clip in clips],
+        'clips': [_clip_of(figure, clip, held_weights, joints, origin, size) for clip in clips],
         'joints': joints.tolist(),
     }
 
 
 def _clip_poses(figure, clip) -> tuple:
-    """Return name, world matrices by time, and duration of a clip; None is the rest pose."""
+    """Return name, poses by time, and duration of a clip; None is the rest pose."""
     duration = 0.0 if clip is None else float(clip.duration)
     name = 'at rest' if clip is None else clip.name
-    return name, lambda t: figure.world(figure.sample(t, clip, loop=False)), duration
+    return name, lambda t: figure.sample(t, clip, loop=False), duration
 
 
 def _timing(speed, offset, cycles, count) -> list:
@@ -186,17 +196,29 @@ def _influences(skin, rows) -> dict:
     }
 
 
-def _rest_points(figure, mesh_actor, pose) -> np.ndarray | None:
-    """Return the points of a mesh before joints move it, None if it is a rigid one."""
+def _shapes(figure, mesh_actor, rows) -> dict:
+    """Return the differences that morph targets make to the points and normals of vertices."""
+    index, rows = mesh_actor.index, np.asarray(rows)
+    shapes = MeshShapes(figure, index, rows)
+    none = np.zeros((len(rows), 3))
+    pairs = [[none if v is None else v for v in shapes[k]] for k in range(len(shapes))]
+    points, normals = (np.concatenate(values) for values in zip(*pairs, strict=True))
+    first = sum(mesh.n_targets for mesh in figure.meshes[:index])
+    return {
+        'first': first,
+        'count': len(shapes),
+        'points': Points(points),
+        'normals': Points(normals),
+    }
+
+
+def _deformers(figure, mesh_actor, rows) -> dict:
+    """Return what moves the vertices of a mesh, beside where it is as a whole."""
     if not isinstance(mesh_actor, PosedMeshActor):
-        return None
-    count = len(mesh_actor.figure_mesh.points)
-    shapes = MeshShapes(figure, mesh_actor.index, np.arange(count))
-    points = np.array(shapes.neutral[0], float)
-    for number, amount in zip(*shapes.active(pose)[:2], strict=True):
-        difference = shapes[int(number)][0]
-        points += 0.0 if difference is None else amount * difference
-    return points
+        return {}
+    skin, morphs = mesh_actor.figure_mesh.skin, mesh_actor.figure_mesh.morphs
+    deformers = {} if skin is None else _influences(skin, rows)
+    return deformers | ({} if morphs is None else {'shapes': _shapes(figure, mesh_actor, rows)})
 
 
 # -- figures ------------------------------------------------------------------------------------
@@ -215,12 +237,10 @@ def figure_of(actor, programs, number) -> tuple[dict, list[dict]]:
         timing = _timing(source.speed, source.offset, cycles, count)
     else:
         current = len(clips)
-        recorded = lambda t: figure.world(source.sample(now + t))  # noqa: E731
-        clips.append(('as it plays', recorded, _RECORDED))
+        clips.append(('as it plays', lambda t: source.sample(now + t), _RECORDED))
         timing = _timing(1.0, -now, 1.0, 1.0)
     box = _box(figure, clips)
-    motion = _motion(figure, mesh_actors, clips, box)
-    tree = motion | {
+    tree = _motion(figure, mesh_actors, clips, box, actor._weights) | {  # noqa: SLF001
         'name': actor.name,
         'matrix': actor.matrix.ravel().tolist(),
         'reach': box.tolist(),
@@ -234,9 +254,9 @@ def figure_of(actor, programs, number) -> tuple[dict, list[dict]]:
 def _box(figure, clips) -> np.ndarray:
     """Return bounds of a figure over some poses of all clips, slightly too large."""
     boxes = []
-    for _, worlds_at, duration in clips:
-        worlds = worlds_at(np.linspace(0.0, duration, _BOUNDED if duration else 1))
-        boxes.append(figure.bounds(worlds).reshape(-1, 6))
+    for _, poses_at, duration in clips:
+        poses = poses_at(np.linspace(0.0, duration, _BOUNDED if duration else 1))
+        boxes.append(figure.bounds(poses).reshape(-1, 6))
     every = np.concatenate(boxes)
     return np.stack([every[:, ::2].min(0), every[:, 1::2].max(0)], 1).ravel()
 
@@ -245,18 +265,12 @@ def _thing(actor, mesh_actor, tree, programs, number) -> dict:
     """Return a mesh of a figure as a thing."""
     figure = actor.figure
     mesh = mesh_actor.part.mesh
-    points = _rest_points(figure, mesh_actor, actor.pose)
-    if points is None:
-        mesh = pv.wrap(mesh_actor.actor.GetMapper().GetInput())
-    else:
-        mesh = mesh.copy(deep=False)
-        mesh.points = points
-        mesh = with_flipped_winding(mesh) if mesh_actor._turned else mesh  # noqa: SLF001
+    if mesh_actor._turned:  # noqa: SLF001
+        mesh = with_flipped_winding(mesh)
     surface = WebSurface(mesh_actor.actor, mesh)
     part = _part(mesh_actor, surface.origin, tree['joints'])
-    is_skinned = 'nodes' in part
-    if is_skinned:
-        part |= _influences(mesh_actor.figure_mesh.skin, surface.source)
+    part |= _deformers(figure, mesh_actor, surface.source)
+    is_skinned, is_posed = 'nodes' in part, isinstance(mesh_actor, PosedMeshActor)
     thing = surface.tree() | {
         'kind': 'mesh',
         'name': actor.name,
@@ -264,7 +278,7 @@ def _thing(actor, mesh_actor, tree, programs, number) -> dict:
         'matrix': tree['matrix'],
         'translucent': bool(mesh_actor.actor.HasTranslucentPolygonalGeometry()),
         'origin': tree['origin'] if is_skinned else surface.origin.tolist(),
-        'programs': surface.programs(programs, _posed if is_skinned else None),
+        'programs': surface.programs(programs, _posed if is_posed else None),
         'follows': part | {'figure': number},
     }
     if surface.values is not None:
@@ -327,22 +341,19 @@ def _crowd_group(crowd, group, limits, programs) -> dict:
 
 def _member_part(part, mesh_actor, motion, programs) -> dict:
     """Return a mesh of a level of a crowd."""
-    is_posed = isinstance(mesh_actor, PosedMeshActor)
-    skin = mesh_actor.figure_mesh.skin if is_posed else None
-    mesh: Any = part.mesh
-    if is_posed:
-        mesh = mesh.copy(deep=False)
-        mesh.points = _rest_points(mesh_actor.figure, mesh_actor, mesh_actor.figure.rest)
-    origin = np.asarray(mesh.points, float).mean(0)
-    feature = lambda m: member_feature(m, skin is not None)  # noqa: E731
-    tree = part_of(part, mesh, origin, programs, feature)
+    origin = np.asarray(part.mesh.points, float).mean(0)
+    feature = partial(member_feature, is_posed=isinstance(mesh_actor, PosedMeshActor))
+    tree = part_of(part, part.mesh, origin, programs, feature)
+    source = tree.get('source', np.arange(len(tree['points'].values)))
     follows = _part(mesh_actor, origin, motion['joints'])
-    if skin is not None:
-        source = tree.get('source', np.arange(len(tree['points'].values)))
-        follows |= _influences(skin, source)
-    return tree | {'follows': follows}
+    return tree | {'follows': follows | _deformers(mesh_actor.figure, mesh_actor, source)}
+
+
+def moves(thing) -> bool:
+    """Return whether a thing is a figure or a crowd."""
+    return type(thing) in (AnimatedActor, Crowd)
 
 
 def is_played(thing) -> bool:
     """Return whether a page plays a thing."""
-    return type(thing) in (AnimatedActor, Crowd) and why_still(thing) is None
+    return moves(thing) and why_still(thing) is None

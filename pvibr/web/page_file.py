@@ -81,7 +81,8 @@ def _thinned(clip, every) -> dict:
     """Return a clip of every so-many-th frame, the last one included."""
     frames = {name: clip[name].values for name in ('axes', 'places')}
     step = every if (frames['places'].shape[1] - 1) % every == 0 else 1
-    return clip | {name: Frames(values[:, ::step]) for name, values in frames.items()}
+    frames = {name: Frames(values[:, ::step]) for name, values in frames.items()}
+    return clip | frames | {'weights': clip['weights'][::step]}
 
 
 def _with_tiles(value, halvings):

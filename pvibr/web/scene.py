@@ -25,7 +25,15 @@ from pvibr.web import image_effects, projectors, quadrics, shadows
 from pvibr.web.actors import actors_of
 from pvibr.web.annotations import annotations_of
 from pvibr.web.cube_axes import cube_meshes, is_cube_axes
-from pvibr.web.figures import crowd_of, figure_of, is_played, posing_program
+from pvibr.web.figures import (
+    crowd_of,
+    figure_of,
+    is_played,
+    moves,
+    posing_program,
+    what_plays,
+    why_still,
+)
 from pvibr.web.instance_sets import instances_of, why_not_drawn
 from pvibr.web.programs import Programs
 from pvibr.web.projectors import PageProjector
@@ -65,7 +73,13 @@ def what_of(effect) -> str:
         return 'by its own programs'
     if quadrics.is_drawn(effect):
         return 'by rays'
-    return 'it plays' if is_played(effect) else 'instances, with their levels of detail'
+    return what_plays(effect) if moves(effect) else 'instances, with their levels of detail'
+
+
+def why_baked(effect) -> str:
+    """Return as what a page has an effect that it bakes, and why."""
+    why = why_still(effect) if moves(effect) else None
+    return effect.web[1] if why is None else f'{effect.web[1]}: {why}'
 
 
 def losses_of(drawn) -> list[tuple[str, str]]:

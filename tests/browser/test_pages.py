@@ -19,6 +19,7 @@ import pyvista as pv
 
 import pvibr
 from pvibr.maths.flip import flip
+from pvibr.scenes.walker import walker
 
 pytestmark = pytest.mark.browser
 
@@ -456,6 +457,7 @@ def test_axe_finds_nothing_critical(page, tmp_path, until):
         pytest.skip(f'needs a registry of npm packages: {error}')
     pl = plotter()
     annotated(pl)
+    pl.ibr.add_animated(walker(), name='walker')  # there is a slider
     opened(page, pl, tmp_path / 'axe.html', until, '')
     page.get_by_text('Settings').click()
     # The page's policy allows no script but its own; the debugger's is not the page's.

@@ -55,15 +55,16 @@ export function lengthOf(players) {
   return best;
 }
 
-// The rows of the matrices of joints at a time of a clip, 12 numbers each.
-function jointsAt(player, clip, seconds, rows) {
-  const { axes, places, duration } = player.clips[clip];
+// A pose at a time of a clip: the rows of the matrices of joints, 12 numbers each, and morph weights.
+function poseAt(player, clip, seconds) {
+  const { axes, places, duration, weights } = player.clips[clip];
   const count = player.joints.length;
   const frames = places.length / 3 / count;
   const at = duration > 0 ? (seconds / duration) * (frames - 1) : 0;
   const first = Math.min(Math.floor(at), Math.max(frames - 2, 0));
   const share = at - first;
   const step = share > 0 ? 3 : 0;
+  const rows = new Float64Array(12 * count);
   for (let joint = 0; joint < count; joint++)
     for (let column = 0; column < 4; column++) {
       const from = column < 3 ? axes : places;
@@ -72,7 +73,12 @@ function jointsAt(player, clip, seconds, rows) {
         rows[12 * joint + 4 * row + column] =
           from[i + row] + share * (from[i + row + step] - from[i + row]);
     }
-  return rows;
+  const targets = weights.shape[1];
+  const now = weights.slice(targets * first, targets * (first + 1));
+  if (step)
+    for (let k = 0; k < targets; k++)
+      now[k] += share * (weights[targets * (first + 1) + k] - now[k]);
+  return { rows, weights: now };
 }
 
 // The product of two matrices of 3 rows of 4, from some places of arrays on.
@@ -95,9 +101,12 @@ class Posing {
     this.parts = parts.map(({ points, follows, normals }) => {
       const count = points.length / 3;
       const rows = Math.ceil(count / posing.width);
-      const groups = Math.ceil(follows.influences / 4);
-      const part = { points, normals, follows, count, rows, groups, rest };
-      rest += rows * groups;
+      const groups = Math.ceil((follows.influences ?? 0) / 4);
+      const { shapes } = follows;
+      const numbers = 3 * (follows.nodes?.length ?? 0) + (shapes ? 1 + shapes.count : 0);
+      const part = { points, normals, follows, count, rows, groups, rest, numbers };
+      if (shapes) part.shapes = this.shapesOf(part);
+      rest += rows * Math.max(groups, 1);
       return part;
     });
     this.restRows = rest;
@@ -116,7 +125,7 @@ class Posing {
         const at = 4 * (rest * posing.width + i);
         images[0].set(points.subarray(3 * i, 3 * i + 3), at);
         if (normals) images[1].set(normals.subarray(3 * i, 3 * i + 3), at);
-        for (let k = 0; k < follows.influences; k++) {
+        for (let k = 0; k < (follows.influences ?? 0); k++) {
           const there = at + 4 * posing.width * rows * Math.floor(k / 4) + (k % 4);
           images[2][there] = follows.joints[follows.influences * i + k];
           images[3][there] = follows.weights[follows.influences * i + k] / UNITS;
@@ -125,6 +134,25 @@ class Posing {
     const names = ['ibr_rest', 'ibr_rest_normals', 'ibr_joints', 'ibr_weights'];
     const size = { width: posing.width, height: restRows };
     this.rest = Object.fromEntries(names.map((name, i) => [name, texture(gl, images[i], size)]));
+  }
+
+  // The differences of morph targets as textures, some rows for each.
+  shapesOf({ follows: { shapes }, count, rows }) {
+    const { gl, posing } = this;
+    const size = { width: posing.width, height: rows * shapes.count };
+    const image = (values) => {
+      const texels = new Float32Array(4 * size.width * size.height);
+      for (let shape = 0; shape < shapes.count; shape++)
+        for (let i = 0; i < count; i++) {
+          const from = 3 * (shape * count + i);
+          texels.set(
+            values.subarray(from, from + 3),
+            4 * (shape * rows * size.width + i),
+          );
+        }
+      return texture(gl, texels, size);
+    };
+    return { ibr_shapes: image(shapes.points), ibr_shape_normals: image(shapes.normals) };
   }
 
   // Makes room for poses.
@@ -167,21 +195,26 @@ class Posing {
     if (poses.length > this.poses)
       this.resize(Math.min(2 ** Math.ceil(Math.log2(poses.length)), this.room));
     const { gl, posing } = this;
-    const numbers = this.parts.reduce((sum, { follows }) => sum + 3 * follows.nodes.length, 0);
-    const stateRows = Math.ceil((numbers * poses.length) / posing.state);
+    const numbers = this.parts.reduce((sum, part) => sum + part.numbers, 0);
+    const stateRows = Math.max(1, Math.ceil((numbers * poses.length) / posing.state));
     const state = new Float32Array(4 * posing.state * stateRows);
     const places = new Float32Array(4 * this.height);
     let at = 0;
     for (const part of this.parts) {
-      const { nodes, bind } = part.follows;
-      poses.forEach((joints, pose) => {
+      const { nodes = [], bind, shapes } = part.follows;
+      poses.forEach((moment, pose) => {
         for (let row = 0; row < part.rows; row++)
           places.set(
             [part.rest + row, at / 4, part.rows, 3 * nodes.length],
             4 * (part.first + pose * part.rows + row),
           );
         for (let k = 0; k < nodes.length; k++, at += 12)
-          product(joints, 12 * nodes[k], bind, 12 * k, state, at);
+          product(moment.rows, 12 * nodes[k], bind, 12 * k, state, at);
+        if (!shapes) return;
+        state[at + 1] = shapes.count;
+        at += 4;
+        for (let k = 0; k < shapes.count; k++, at += 4)
+          state.set([k * part.rows, moment.weights[shapes.first + k]], at);
       });
     }
     fill(gl, this.state, state, posing.state, stateRows);
@@ -191,10 +224,16 @@ class Posing {
     gl.bindFramebuffer(gl.FRAMEBUFFER, this.frame);
     for (const what of [gl.BLEND, gl.DEPTH_TEST, gl.SCISSOR_TEST, gl.CULL_FACE]) gl.disable(what);
     gl.colorMask(true, true, true, true);
-    for (const { groups, count, rows, first } of this.parts) {
-      const fragment = `${posing.header}#define GROUPS ${groups}\n${posing.source}`;
+    for (const { groups, count, rows, first, rest, shapes, follows } of this.parts) {
+      const defines = `#define GROUPS ${groups}\n#define SHAPES ${Number(Boolean(shapes))}\n`;
+      const fragment = posing.header + defines + posing.source;
       const program = this.programs.of({ vertex: COVER, fragment });
-      program.use([{ ibr_rest_share: 1 / this.restRows, ibr_shares: shares }], textures);
+      const uniforms = { ibr_rest_share: 1 / this.restRows, ibr_shares: shares };
+      if (shapes) {
+        uniforms.ibr_shape_first = rest;
+        uniforms.ibr_shape_share = 1 / (rows * follows.shapes.count);
+      }
+      program.use([uniforms], { ...textures, ...shapes });
       gl.bindVertexArray(null);
       for (let i = 0; i < 8; i++) gl.disableVertexAttribArray(i);
       gl.viewport(0, first, Math.min(count, posing.width), rows * poses.length);
@@ -204,16 +243,16 @@ class Posing {
 }
 
 const shifted = (matrix, [x, y, z]) => multiply(matrix, [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, x, y, z, 1]);
+const isPosed = ({ follows }) => Boolean(follows.nodes || follows.shapes);
 const byColumns = (m) => m.map((_, i) => m[4 * (i % 4) + Math.floor(i / 4)]);
 
 // A figure: its meshes are things, which follow its joints.
 class Figure {
   constructor(gl, programs, posing, tree, items) {
     Object.assign(this, { tree, items });
-    this.skinned = items.filter((item) => item.tree.follows.nodes);
-    const parts = this.skinned.map((item) => item.tree);
+    this.posed = items.filter(({ tree: mesh }) => isPosed(mesh));
+    const parts = this.posed.map((item) => item.tree);
     this.posing = new Posing(gl, programs, posing, parts);
-    this.rows = new Float64Array(12 * tree.joints.length);
   }
 
   at(time) {
@@ -223,9 +262,9 @@ class Figure {
     const shown = `${clip} ${seconds}`;
     if (this.shown === shown) return;
     this.shown = shown;
-    const rows = jointsAt(tree, clip, seconds, this.rows);
-    posing.draw([rows]);
-    this.skinned.forEach(({ tree: mesh, shown: drawn }, i) => {
+    const pose = poseAt(tree, clip, seconds);
+    posing.draw([pose]);
+    this.posed.forEach(({ tree: mesh, shown: drawn }, i) => {
       mesh.material.uniforms.ibr_posed_row = posing.parts[i].first;
       Object.assign(drawn.textures, posing.textures);
     });
@@ -233,7 +272,7 @@ class Figure {
     for (const { tree: mesh } of this.items) {
       const { node } = mesh.follows;
       if (node === undefined || node < 0) continue;
-      const joint = [...rows.subarray(12 * node, 12 * node + 12), 0, 0, 0, 1];
+      const joint = [...pose.rows.subarray(12 * node, 12 * node + 12), 0, 0, 0, 1];
       mesh.matrix = byColumns(multiply(placed, byColumns(joint)));
     }
   }
@@ -263,8 +302,7 @@ export class Crowd extends Instances {
     super(gl, tree);
     this.time = 0;
     this.posings = tree.levels.map((parts) => {
-      const skinned = parts.filter(({ follows }) => follows.nodes);
-      return new Posing(gl, programs, posing, skinned);
+      return new Posing(gl, programs, posing, parts.filter(isPosed));
     });
     if (tree.bins) {
       const [height, width] = tree.bins.shape;
@@ -319,8 +357,7 @@ export class Crowd extends Instances {
       }
       if (!known.has(key)) {
         known.set(key, poses.length);
-        const rows = new Float32Array(12 * tree.plays.joints.length);
-        poses.push(jointsAt(tree.plays, clip[slot], seconds, rows));
+        poses.push(poseAt(tree.plays, clip[slot], seconds));
       }
       numbers[i] = known.get(key);
     });
@@ -336,15 +373,16 @@ export class Crowd extends Instances {
     posing.draw(poses);
     const rows = Math.ceil(slots.length / MEMBERS_OF_A_ROW);
     const matrices = slots.map((slot) => this.matrix(slot, view));
-    let skinned = 0;
-    parts.forEach(({ follows, origin }, j) => {
+    let posed = 0;
+    parts.forEach((mesh, j) => {
+      const { follows, origin } = mesh;
       const texels = new Float32Array(4 * TEXELS * MEMBERS_OF_A_ROW * rows);
-      const part = follows.nodes ? posing.parts[skinned++] : null;
+      const part = isPosed(mesh) ? posing.parts[posed++] : null;
       slots.forEach((slot, i) => {
         const at = 4 * TEXELS * i;
-        if (part || follows.node < 0) texels.set(matrices[i], at);
-        else product(matrices[i], 0, poses[numbers[i]], 12 * follows.node, texels, at);
-        if (!part)
+        if (follows.nodes || follows.node < 0) texels.set(matrices[i], at);
+        else product(matrices[i], 0, poses[numbers[i]].rows, 12 * follows.node, texels, at);
+        if (!follows.nodes)
           for (let row = at; row < at + 12; row += 4)
             texels[row + 3] +=
               texels[row] * origin[0] + texels[row + 1] * origin[1] + texels[row + 2] * origin[2];
