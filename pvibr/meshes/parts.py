@@ -390,18 +390,27 @@ def _from_actor(actor, look):
     mapper.Update()
     dataset = pv.wrap(mapper.GetInputDataObject(0, 0))
     if isinstance(dataset, pv.MultiBlock):
-        return _from_composite(actor, mapper, dataset)
+        return _from_composite(actor, mapper)
     return [_copied(actor, mapper, dataset, look.get('alpha_cutoff'))]
 
 
-def _from_composite(actor, mapper, blocks):
+def visible_blocks(mapper) -> list:
+    """Return the datasets that a composite mapper draws."""
     attributes = mapper.GetCompositeDataDisplayAttributes()
+    blocks = pv.wrap(mapper.GetInputDataObject(0, 0))
+    return [
+        block
+        for block in blocks.recursive_iterator(skip_none=True, skip_empty=True)
+        if attributes.GetBlockVisibility(block) or not attributes.HasBlockVisibility(block)
+    ]
+
+
+def _from_composite(actor, mapper):
     parts = []
-    for block in blocks.recursive_iterator(skip_none=True, skip_empty=True):
-        if attributes.GetBlockVisibility(block) or not attributes.HasBlockVisibility(block):
-            part = _copied(actor, mapper, block)
-            _set_block_look(part, attributes, block)
-            parts.append(part)
+    for block in visible_blocks(mapper):
+        part = _copied(actor, mapper, block)
+        set_block_look(part.actor, mapper, block)
+        parts.append(part)
     if not parts:
         raise ValueError(
             'mesh must be an actor with visible points, got no visible block with any'
@@ -409,19 +418,20 @@ def _from_composite(actor, mapper, blocks):
     return parts
 
 
-def _set_block_look(part, attributes, block):
-    """Apply the colour and opacity of a block of a composite mapper."""
+def set_block_look(actor, mapper, block):
+    """Give an actor the colour and opacity of a block of a composite mapper."""
+    attributes = mapper.GetCompositeDataDisplayAttributes()
     if attributes.HasBlockColor(block):
         color = [0.0, 0.0, 0.0]
         attributes.GetBlockColor(block, color)
-        part.actor.prop.color = color
-        part.actor.mapper.scalar_visibility = False
+        actor.prop.color = color
+        actor.mapper.scalar_visibility = False
     if attributes.HasBlockOpacity(block):
-        part.actor.prop.opacity = attributes.GetBlockOpacity(block)
+        actor.prop.opacity = attributes.GetBlockOpacity(block)
 
 
-def _copied(actor, mapper, dataset, cutoff=None):
-    check_points(dataset)
+def copy_with(actor, mapper, dataset) -> pv.Actor:
+    """Return an actor that draws the surface of a dataset with the look of another's mapper."""
     copy = pv.Actor()
     copy.mapper = _copied_mapper(mapper)
     copy.mapper.dataset = surface_of(dataset.copy(deep=False))
@@ -430,7 +440,12 @@ def _copied(actor, mapper, dataset, cutoff=None):
         copy.SetBackfaceProperty(copied_property(actor.GetBackfaceProperty()))
     copy_look(copy, actor)
     copy.user_matrix = pv.array_from_vtkmatrix(actor.GetMatrix())
-    part = _finished(copy, cutoff)
+    return copy
+
+
+def _copied(actor, mapper, dataset, cutoff=None):
+    check_points(dataset)
+    part = _finished(copy_with(actor, mapper, dataset), cutoff)
     part.of_actor = True
     return part
 

@@ -9,7 +9,7 @@ import pyvista as pv
 
 from pvibr.core import _vtk
 from pvibr.core._vtk import address
-from pvibr.core.plotters import border_of, names_of, renderers_of
+from pvibr.core.plotters import border_of, names_of, plain_name, renderers_of, seams_of
 from pvibr.effects.ground import FADES, Ground
 from pvibr.figures.animated_actor import AnimatedActor
 from pvibr.figures.crowd import Crowd
@@ -22,7 +22,9 @@ from pvibr.shadows.shadows import Shadows
 from pvibr.things.frame import Frame
 from pvibr.things.thing import Thing
 from pvibr.web import image_effects, projectors, quadrics, shadows
-from pvibr.web.annotations import annotations_of, css_of
+from pvibr.web.actors import actors_of
+from pvibr.web.annotations import annotations_of
+from pvibr.web.cube_axes import cube_meshes, is_cube_axes
 from pvibr.web.figures import (
     crowd_of,
     figure_of,
@@ -36,7 +38,7 @@ from pvibr.web.instance_sets import instances_of, why_not_drawn
 from pvibr.web.programs import Programs
 from pvibr.web.projectors import PageProjector
 from pvibr.web.shadows import PageShadows
-from pvibr.web.surfaces import WebSurface, coloring_of, table_of
+from pvibr.web.surfaces import WebSurface, coloring_of, css_of, table_of
 
 #: What a viewer chooses from, beside the colours of the scene.
 _COLORMAPS = 'viridis', 'plasma', 'coolwarm', 'turbo', 'gray'
@@ -99,7 +101,7 @@ def scene_of(plotter, plain_plotter, effects_by_subplot, time=0.0) -> dict:
         subplot = subplot_of(renderer, effects, frame)
         subplot['stage'] = image_effects.stage_of(effects, frame)
         subplot['bounds'] = _bounds([renderers[number].ComputeVisiblePropBounds()])
-        every = [p.GetBounds() for p in renderer.GetViewProps() if p.GetVisibility()]
+        every = [prop.GetBounds() for _, prop in drawn_props(renderer)]
         every += [p.GetBounds() for e in effects if type(e) is Ground for p in e.props]
         every += [_moved(figure) for figure in subplot['figures']]
         subplot['reach'] = _bounds([subplot['bounds'], *every])
@@ -113,6 +115,7 @@ def scene_of(plotter, plain_plotter, effects_by_subplot, time=0.0) -> dict:
     colored = any('coloring' in thing for s in subplots for thing in s['things'])
     tables = {name: table_of(pv.LookupTable(name)) for name in _COLORMAPS} if colored else {}
     scene = {'version': 1, 'colormaps': tables, 'subplots': subplots}
+    scene['seams'] = [_seam(actor) for actor in seams_of(plotter)]
     if any(s['figures'] or any('plays' in t for t in s['things']) for s in subplots):
         scene |= {'clock': {'time': float(time)}, 'posing': posing_program()}
     return scene
@@ -129,6 +132,15 @@ def _border(renderer) -> dict | None:
         return None
     look = prop.GetProperty()
     return {'color': css_of(look.GetColor()), 'width': look.GetLineWidth()}
+
+
+def _seam(actor) -> dict:
+    """Return lines between subplots, as shares of the whole view from its lower left corner."""
+    lines = pv.wrap(actor.GetMapper().GetInput())
+    ends = lines.points[lines.lines.reshape(-1, 3)[:, 1:], :2]
+    look = actor.GetProperty()
+    color = css_of(look.GetColor())
+    return {'lines': ends.reshape(-1, 4).tolist(), 'color': color, 'width': look.GetLineWidth()}
 
 
 def _bounds(parts) -> list:
@@ -158,9 +170,10 @@ def subplot_of(renderer, effects, frame) -> dict:
         figure, meshes = figure_of(actor, programs, len(figures))
         figures.append(figure)
         things += meshes
-    for name, prop in props_of(renderer):
-        if why_missing(prop) is None and _has_points(prop):
-            things.append(_mesh(name, prop, programs))
+    for name, prop in drawn_props(renderer):
+        things += [_mesh(name, actor, programs) for actor in actors_of(prop)]
+    for _, prop in props_of(renderer):
+        things += cube_meshes(prop, programs) if is_cube_axes(prop) else []
     background = renderer.GetBackground(), renderer.GetBackground2()
     return {
         'viewport': list(renderer.GetViewport()),
@@ -185,22 +198,26 @@ def props_of(renderer) -> list:
     """Return names and visible props of a renderer, without annotations and pvibr's markers."""
     names = names_of(renderer)
     props = [p for p in renderer.GetViewProps() if not (is_marker(p) or is_end(p) or is_flat(p))]
-    return [(names.get(address(p), type(p).__name__), p) for p in props if p.GetVisibility()]
+    props = [p for p in props if p.GetVisibility()]
+    return [(plain_name(names.get(address(p), type(p).__name__)), p) for p in props]
 
 
 def why_missing(prop) -> str | None:
     """Return why a page does not draw a prop, or None if it does."""
     if prop.IsA('vtkVolume'):
         return 'pages draw no volumes'
+    if is_cube_axes(prop):
+        return None
     mapper = prop.GetMapper() if prop.IsA('vtkActor') else None
     if mapper is None or not any(mapper.IsA(kind) for kind in _DRAWN_MAPPERS):
         return f'pages do not draw {type(prop if mapper is None else mapper).__name__}'
     return None
 
 
-def _has_points(prop) -> bool:
-    dataset = prop.GetMapper().GetInput()
-    return dataset is not None and dataset.GetNumberOfPoints() > 0
+def drawn_props(renderer) -> list:
+    """Return names and props of a renderer of which a page shows anything."""
+    props = [(name, prop) for name, prop in props_of(renderer) if why_missing(prop) is None]
+    return [(name, prop) for name, prop in props if prop.GetLength() and not is_cube_axes(prop)]
 
 
 def _mesh(name, prop, programs, prepare=None) -> dict:

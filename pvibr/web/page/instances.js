@@ -1,4 +1,5 @@
 // Instances as cards and as meshes.
+import { colorOf } from './coloring.js';
 import { Levels, pages, poseTexels } from './levels.js';
 import { Mesh } from './meshes.js';
 import { fill, pixelsOf, texture } from './programs.js';
@@ -51,19 +52,12 @@ export class Instances {
   }
 
   // Colors instances by values, as a lookup table maps them; hidden ones stay so.
-  color(values, { range: [low, high], table, nan }) {
+  color(values, coloring) {
     const looks = new Uint8Array(4 * this.count);
-    const count = table.length / 4;
+    const color = colorOf(coloring);
     for (let i = 0; i < this.count; i++) {
-      const share = high > low ? (values[i] - low) / (high - low) : 0;
-      const at = 4 * Math.min(Math.max(Math.floor(share * count), 0), count - 1);
-      const color = Number.isNaN(values[i])
-        ? (nan ?? [128, 128, 128, 255])
-        : table.subarray(at, at + 3);
-      looks.set(
-        [color[0], color[1], color[2], this.looks && this.looks[4 * i + 3] === 0 ? 0 : 255],
-        4 * i,
-      );
+      looks.set(color(values[i]), 4 * i);
+      looks[4 * i + 3] = this.looks && this.looks[4 * i + 3] === 0 ? 0 : 255;
     }
     this.look(looks);
   }

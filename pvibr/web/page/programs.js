@@ -63,6 +63,8 @@ function surfaces({ vertex, fragment }) {
 
 const VARIANTS = { '': (sources) => sources, 'picks': picking, weighted, depth, surfaces };
 
+export class RefusedError extends Error {}
+
 class Program {
   constructor(gl, sources) {
     this.gl = gl;
@@ -83,7 +85,7 @@ class Program {
         .getAttachedShaders(this.handle)
         .map((s) => gl.getShaderInfoLog(s))
         .join('\n');
-      throw new Error(`a shader was refused: ${logs}${gl.getProgramInfoLog(this.handle)}`);
+      throw new RefusedError(`${logs}${gl.getProgramInfoLog(this.handle)}`);
     }
     this.uniforms = {};
     this.units = {};
@@ -139,8 +141,20 @@ export class Programs {
 
   of(sources, variant = '') {
     const key = `${variant} ${sources.vertex}${sources.fragment}`;
-    if (!this.made.has(key)) this.made.set(key, new Program(this.gl, VARIANTS[variant](sources)));
-    return this.made.get(key);
+    if (!this.made.has(key)) this.made.set(key, this.make(VARIANTS[variant](sources)));
+    const made = this.made.get(key);
+    if (made instanceof RefusedError) throw made;
+    return made;
+  }
+
+  make(sources) {
+    try {
+      return new Program(this.gl, sources);
+    } catch (error) {
+      if (!(error instanceof RefusedError)) throw error;
+      console.warn(`a shader was refused: ${error.message}`);
+      return error;
+    }
   }
 }
 

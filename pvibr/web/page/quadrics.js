@@ -1,4 +1,5 @@
 // Spheres, ellipsoids and cylinders by rays: blocks of items in view, each in a mode for its size.
+import { colorOf } from './coloring.js';
 import { texture, fill } from './programs.js';
 
 const BLOCK = 64;
@@ -47,17 +48,14 @@ export class Quadrics {
   }
 
   // Colors items by values, as a lookup table maps them; opacity and what is hidden stay.
-  color(values, { range: [low, high], table: colors, nan }) {
-    const count = colors.length / 4;
+  color(values, coloring) {
+    const color = colorOf(coloring);
     const each = this.tree.looks_per_item;
     for (let i = 0; i < this.count * each; i++) {
-      const value = values[Math.floor(i / each)];
-      const share = high > low ? (value - low) / (high - low) : 0;
-      const at = 4 * Math.min(Math.max(Math.floor(share * count), 0), count - 1);
-      const color = Number.isNaN(value) ? (nan ?? [128, 128, 128]) : colors.subarray(at, at + 3);
       const alpha = this.looks[4 * i + 3];
       const code = alpha && alpha <= OPAQUE ? alpha + OPAQUE + 1 : alpha;
-      this.looks.set([color[0], color[1], color[2], code], 4 * i);
+      const [r, g, b] = color(values[Math.floor(i / each)]);
+      this.looks.set([r, g, b, code], 4 * i);
     }
     const texels = new Uint8Array(4 * ROW * rows(this.count * each));
     texels.set(this.looks);

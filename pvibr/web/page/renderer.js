@@ -5,7 +5,7 @@ import { Crowd, Figures, playersOf } from './figures.js';
 import { Instances } from './instances.js';
 import { HiddenLabels } from './labels.js';
 import { Mesh } from './meshes.js';
-import { Programs } from './programs.js';
+import { Programs, RefusedError } from './programs.js';
 import { Projector } from './projectors.js';
 import { Quadrics } from './quadrics.js';
 import { Shadows, receiverUniforms } from './shadows.js';
@@ -54,6 +54,7 @@ class Pass {
 export class Renderer {
   constructor(gl, scene) {
     Object.assign(this, { gl, scene, programs: new Programs(gl) });
+    this.refused = new Set(); // names of things whose shaders this browser does not take
     gl.getExtension('EXT_color_buffer_float');
     this.drawn = scene.subplots.map(({ things }) =>
       things.map((tree) => ({ tree, shown: this.shown(tree) })),
@@ -205,7 +206,12 @@ export class Renderer {
       pass.thing =
         (pass.variant === 'surfaces' ? items.findIndex((o) => o === item || isSame(o)) : -1) + 1 ||
         items.indexOf(item) + 1;
-      draw(item);
+      try {
+        draw(item);
+      } catch (error) {
+        if (!(error instanceof RefusedError)) throw error;
+        this.refused.add(item.tree.name || item.tree.kind);
+      }
     }
   }
 
