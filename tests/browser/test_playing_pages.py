@@ -296,3 +296,19 @@ def test_morph_targets_play(page, tmp_path, until):
         assert flip_of(pictures[-1], here_at(pl, seconds)) < 0.015
     assert moved(*pictures) > 0.5
     pl.close()
+
+
+def test_attached_actors_follow_the_joint(page, tmp_path, until):
+    pl = plotter()
+    actor = person(pl, clip='Wave')
+    actor.position, actor.orientation = (0.3, 0, 0), (0, 0, 30)
+    lamp = pl.add_mesh(pv.Cube(x_length=0.3, y_length=0.3, z_length=0.6), color='red', name='lamp')
+    lamp.position = (0, 0, 0.2)
+    hand = len(actor.figure.skeleton.parents) - 1
+    actor.attach_prop(lamp, hand)
+    opened(page, pl, tmp_path / 'lamp.html', until)
+    for seconds in (0.4, 1.1):
+        assert flip_of(at_time(page, until, seconds), here_at(pl, seconds)) < 0.01
+    report = str(pl.ibr.web_report('page'))
+    assert 'stand still' not in report
+    pl.close()
