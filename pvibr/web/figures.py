@@ -5,9 +5,12 @@ from __future__ import annotations
 from functools import partial
 
 import numpy as np
+import pyvista as pv
 
 from pvibr.animation.mixer import ClipSource, Source
 from pvibr.animation.normals import with_flipped_winding
+from pvibr.core._vtk import address
+from pvibr.core.plotters import names_of
 from pvibr.figures.animated_actor import AnimatedActor
 from pvibr.figures.crowd import Crowd
 from pvibr.figures.crowd_draws import can_share_draws, member_feature
@@ -19,7 +22,7 @@ from pvibr.gl import set_vertex_uniforms
 from pvibr.web.container import Frames, Points
 from pvibr.web.instance_sets import cards_of, group_of, images_of, part_of, table_of_colors
 from pvibr.web.programs import as_es
-from pvibr.web.surfaces import WebSurface, coloring_of
+from pvibr.web.surfaces import WebSurface, thing_of
 
 #: Frames of a clip: at first and at most a second, and the largest error between two, relative to
 #: the figure's size.
@@ -73,7 +76,9 @@ def what_plays(thing) -> str:
     """Return what a page plays of a figure or a crowd."""
     clips = thing.figure.clips if type(thing) is AnimatedActor else set(thing.clips)
     what = [f'plays {len(clips)} clip{"s" if len(clips) != 1 else ""}']
-    what += ['what is attached stands still'] if getattr(thing, '_attachments', ()) else []
+    attached = [prop for prop, *_ in getattr(thing, '_attachments', ())]
+    still = any(not isinstance(prop, pv.Actor) for prop in attached)
+    what += ['attached lights and figures stand still'] if still else []
     return ', '.join(what)
 
 
@@ -145,11 +150,10 @@ def _clip_of(figure, clip, held_weights, joints, origin, size) -> dict:
     }
 
 
-def _motion(figure, mesh_actors, clips, box, held_weights=None) -> dict:
-    """Return clips of a figure, with names and durations, relative to a box's middle."""
+def _motion(figure, joints, clips, box, held_weights=None) -> dict:
+    """Return clips of some joints, with names and durations, relative to a box's middle."""
     low, high = np.asarray(box).reshape(3, 2).T
     origin, size = (low + high) / 2, max(float((high - low).max()), 1e-30)
-    joints = _joints_of(mesh_actors)
     return {
         'origin': origin.tolist(),
         'clips': [_clip_of(figure, clip, held_weights, joints, origin, size) for clip in clips],
@@ -240,7 +244,9 @@ def figure_of(actor, programs, number) -> tuple[dict, list[dict]]:
         clips.append(('as it plays', lambda t: source.sample(now + t), _RECORDED))
         timing = _timing(1.0, -now, 1.0, 1.0)
     box = _box(figure, clips)
-    tree = _motion(figure, mesh_actors, clips, box, actor._weights) | {  # noqa: SLF001
+    attached = [joint for _, joint, _ in actor._attachments]  # noqa: SLF001
+    joints = np.union1d(_joints_of(mesh_actors), attached).astype(int)
+    tree = _motion(figure, joints, clips, box, actor._weights) | {  # noqa: SLF001
         'name': actor.name,
         'matrix': actor.matrix.ravel().tolist(),
         'reach': box.tolist(),
@@ -270,27 +276,35 @@ def _thing(actor, mesh_actor, tree, programs, number) -> dict:
     surface = WebSurface(mesh_actor.actor, mesh)
     part = _part(mesh_actor, surface.origin, tree['joints'])
     part |= _deformers(figure, mesh_actor, surface.source)
-    is_skinned, is_posed = 'nodes' in part, isinstance(mesh_actor, PosedMeshActor)
-    thing = surface.tree() | {
-        'kind': 'mesh',
-        'name': actor.name,
+    prepare = _posed if isinstance(mesh_actor, PosedMeshActor) else None
+    return thing_of(surface, actor.name, programs, prepare) | {
         'pickable': bool(actor.pickable),
         'matrix': tree['matrix'],
-        'translucent': bool(mesh_actor.actor.HasTranslucentPolygonalGeometry()),
-        'origin': tree['origin'] if is_skinned else surface.origin.tolist(),
-        'programs': surface.programs(programs, _posed if is_posed else None),
+        'origin': tree['origin'] if 'nodes' in part else surface.origin.tolist(),
         'follows': part | {'figure': number},
     }
-    if surface.values is not None:
-        thing['coloring'] = coloring_of(surface.mapper)
-        thing['scalars'] = surface.scalars()
-    return thing
 
 
 def _posed(actor):
     """Have an actor's vertices be those that are posed."""
     posed_feature().attach(actor)
     set_vertex_uniforms((actor,), {'ibr_posed_row': 0})
+
+
+def let_follow(actor, tree, number, things):
+    """Let things of the actors that are attached to a figure follow its joints."""
+    names = names_of(actor.pipeline.renderer)
+    figure_from_joint = actor.figure.world(actor.pose)
+    for prop, joint, _ in actor._attachments:  # noqa: SLF001
+        name = names.get(address(prop))
+        for thing in (t for t in things if t['kind'] == 'mesh' and t['name'] == name):
+            joint_from_world = np.linalg.inv(actor.matrix @ figure_from_joint[joint])
+            joint_from_mesh = joint_from_world @ np.reshape(thing['matrix'], (4, 4))
+            thing['follows'] = {
+                'figure': number,
+                'node': tree['joints'].index(joint),
+                'offset': joint_from_mesh.ravel().tolist(),
+            }
 
 
 # -- crowds -------------------------------------------------------------------------------------
@@ -327,7 +341,7 @@ def _crowd_group(crowd, group, limits, programs) -> dict:
     center, radius = group.atlas.center, group.atlas.radius
     box = np.stack([center - radius, center + radius], 1).ravel()
     clips = [_clip_poses(state.figure, motion.clip) for motion in state.motions]
-    motion = _motion(state.figure, state.mesh_actors, clips, box)
+    motion = _motion(state.figure, _joints_of(state.mesh_actors), clips, box)
     levels = [
         [_member_part(*row, motion, programs) for row in zip(v.parts, v.mesh_actors, strict=True)]
         for v in group.levels
@@ -346,7 +360,9 @@ def _member_part(part, mesh_actor, motion, programs) -> dict:
     tree = part_of(part, part.mesh, origin, programs, feature)
     source = tree.get('source', np.arange(len(tree['points'].values)))
     follows = _part(mesh_actor, origin, motion['joints'])
-    return tree | {'follows': follows | _deformers(mesh_actor.figure, mesh_actor, source)}
+    return tree | {
+        'follows': follows | _deformers(getattr(mesh_actor, 'figure', None), mesh_actor, source)
+    }
 
 
 def moves(thing) -> bool:

@@ -26,14 +26,15 @@ def page_text(scene, title, megabytes=None) -> str:
     """
     if megabytes is not None:
         checked_number('megabytes', megabytes, 0.01, 10_000)
-    plays = any(True for _ in _players(scene))
+    players = list(_players(scene))
+    plays, clips = bool(players), max((len(player['clips']) for player in players), default=0)
     for step in _STEPS if plays else (_STEPS[0], *_STEPS[4:]):
         every, only_shown, halvings, quality = step
         smaller = _with_frames(scene, every, only_shown) if plays else scene
         text = written(_with_tiles(smaller, halvings), Container(quality=quality), title)
         if megabytes is None or len(text) <= megabytes * _MEGABYTE:
             if step != _STEPS[0]:
-                warn(f'megabytes={megabytes:g}: {"; ".join(_said(plays, *step))}')
+                warn(f'megabytes={megabytes:g}: {"; ".join(_said(clips, *step))}')
             return text
     raise ValueError(
         f'megabytes must be at least {len(text) / _MEGABYTE:.3g} for this scene, got '
@@ -41,10 +42,10 @@ def page_text(scene, title, megabytes=None) -> str:
     )
 
 
-def _said(plays, every, only_shown, halvings, quality) -> list[str]:
-    """Return what a page has less of."""
-    said = [f'clips have one of {every} frames'] if plays else []
-    said += ['only the clips that are shown are in it'] if plays and only_shown else []
+def _said(clips, every, only_shown, halvings, quality) -> list[str]:
+    """Return what a page has less of, if what plays has so many clips."""
+    said = [f'clips have one of {every} frames'] if clips else []
+    said += ['only the clips that are shown are in it'] if clips > 1 and only_shown else []
     said += [f'tiles of images have 1/{2**halvings} of their side'] if halvings else []
     return said + ([f'colours have quality {quality} of 100'] if quality < _STEPS[0][-1] else [])
 

@@ -29,6 +29,7 @@ from pvibr.web.figures import (
     crowd_of,
     figure_of,
     is_played,
+    let_follow,
     moves,
     posing_program,
     what_plays,
@@ -38,7 +39,7 @@ from pvibr.web.instance_sets import instances_of, why_not_drawn
 from pvibr.web.programs import Programs
 from pvibr.web.projectors import PageProjector
 from pvibr.web.shadows import PageShadows
-from pvibr.web.surfaces import WebSurface, coloring_of, css_of, table_of
+from pvibr.web.surfaces import WebSurface, css_of, table_of, thing_of
 
 #: What a viewer chooses from, beside the colours of the scene.
 _COLORMAPS = 'viridis', 'plasma', 'coolwarm', 'turbo', 'gray'
@@ -165,15 +166,15 @@ def subplot_of(renderer, effects, frame) -> dict:
     things = [t for s in effects if isinstance(s, Instances) for t in _trees(s, programs)]
     things += [quadrics.quadrics_of(e, programs) for e in effects if quadrics.is_drawn(e)]
     things += [_ground(e, programs) for e in effects if type(e) is Ground]
-    figures: list = []
-    for actor in (s for s in effects if isinstance(s, AnimatedActor)):
-        figure, meshes = figure_of(actor, programs, len(figures))
-        figures.append(figure)
-        things += meshes
+    actors = [effect for effect in effects if isinstance(effect, AnimatedActor)]
+    figures = [figure_of(actor, programs, k) for k, actor in enumerate(actors)]
+    things += [mesh for _, meshes in figures for mesh in meshes]
     for name, prop in drawn_props(renderer):
         things += [_mesh(name, actor, programs) for actor in actors_of(prop)]
     for _, prop in props_of(renderer):
         things += cube_meshes(prop, programs) if is_cube_axes(prop) else []
+    for k, actor in enumerate(actors):
+        let_follow(actor, figures[k][0], k, things)
     background = renderer.GetBackground(), renderer.GetBackground2()
     return {
         'viewport': list(renderer.GetViewport()),
@@ -185,7 +186,7 @@ def subplot_of(renderer, effects, frame) -> dict:
         'things': things,
         'shadows': next((each.tree() for each in cast), None),
         'projectors': [each.tree() for each in thrown],
-        'figures': figures,
+        'figures': [figure for figure, _ in figures],
         'programs': programs.read(),
     }
 
@@ -222,22 +223,13 @@ def drawn_props(renderer) -> list:
 
 def _mesh(name, prop, programs, prepare=None) -> dict:
     """Return an actor as a thing; a function prepares the actors that draw it."""
-    mapper = prop.GetMapper()
     matrix = pv.array_from_vtkmatrix(prop.GetMatrix())
-    surface = WebSurface(prop, _clipped(mapper, matrix))
-    tree = surface.tree() | {
-        'kind': 'mesh',
-        'name': name,
+    surface = WebSurface(prop, _clipped(prop.GetMapper(), matrix))
+    return thing_of(surface, name, programs, prepare) | {
         'pickable': bool(prop.GetPickable()),
         'matrix': matrix.ravel().tolist(),
-        'translucent': bool(prop.HasTranslucentPolygonalGeometry()),
-        'programs': surface.programs(programs, prepare),
         'casts': bool(prop.GetUseBounds()),
     }
-    if surface.values is not None:
-        tree['coloring'] = coloring_of(mapper)
-        tree['scalars'] = surface.scalars()
-    return tree
 
 
 def _ground(effect, programs) -> dict:

@@ -203,6 +203,20 @@ def _shared_uniforms(prop) -> dict:
     }
 
 
+def thing_of(surface, name, programs, prepare=None) -> dict:
+    """Return a surface as a thing; a function prepares the actors that draw it."""
+    thing = surface.tree() | {
+        'kind': 'mesh',
+        'name': name,
+        'translucent': bool(surface.actor.HasTranslucentPolygonalGeometry()),
+        'programs': surface.programs(programs, prepare),
+    }
+    if surface.values is not None:
+        thing['coloring'] = coloring_of(surface.mapper)
+        thing['scalars'] = surface.scalars()
+    return thing
+
+
 def material_of(prop, back=None) -> dict:
     """Return the uniforms of VTK's programs for the materials of front and back."""
     back_uniforms = {} if back is None else _shared_uniforms(back)

@@ -296,3 +296,25 @@ def test_morph_targets_play(page, tmp_path, until):
         assert flip_of(pictures[-1], here_at(pl, seconds)) < 0.015
     assert moved(*pictures) > 0.5
     pl.close()
+
+
+def test_attached_actors_follow_the_joint(page, tmp_path, until):
+    pl = plotter()
+    actor = person(pl, clip='Wave')
+    actor.position, actor.orientation = (0.3, 0, 0), (0, 0, 30)
+    lamp = pl.add_mesh(pv.Cube(x_length=0.3, y_length=0.3, z_length=0.6), color='red', name='lamp')
+    lamp.position = (0, 0, 0.2)
+    figure = actor.figure
+    before, after = (figure.world(figure.sample(t, 'Wave'))[:, :3, 3] for t in (0.3, 0.65))
+    hand = int(np.linalg.norm(before - after, axis=1).argmax())
+    actor.attach_prop(lamp, hand)
+    opened(page, pl, tmp_path / 'lamp.html', until)
+    pictures = []
+    for seconds in (0.3, 0.65):
+        pictures.append(at_time(page, until, seconds))
+        assert flip_of(pictures[-1], here_at(pl, seconds)) < 0.01
+    red = [np.argwhere((p[..., 0] > 100) & (p[..., 1:] < 40).all(-1)).mean(0) for p in pictures]
+    assert np.linalg.norm(red[0] - red[1]) > 3  # pixels
+    report = str(pl.ibr.web_report('page'))
+    assert 'stand still' not in report
+    pl.close()

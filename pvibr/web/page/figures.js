@@ -270,10 +270,11 @@ class Figure {
     });
     const placed = shifted(byColumns(tree.matrix), tree.origin);
     for (const { tree: mesh } of this.items) {
-      const { node } = mesh.follows;
+      const { node, offset } = mesh.follows;
       if (node === undefined || node < 0) continue;
       const joint = [...pose.rows.subarray(12 * node, 12 * node + 12), 0, 0, 0, 1];
-      mesh.matrix = byColumns(multiply(placed, byColumns(joint)));
+      const moved = multiply(placed, byColumns(joint));
+      mesh.matrix = byColumns(offset ? multiply(moved, byColumns(offset)) : moved);
     }
   }
 }
