@@ -22,7 +22,7 @@ _FADE, _FADED = 1.05, 0.9
 #: fraction of the scene's height is enough.
 _GAP, _GAP_OF_HEIGHT = 1e-3, 1e-2
 #: Least near plane as a fraction of the far one, for the precision of depth buffers.
-_NEAREST = 2e-4
+NEAREST = 2e-4
 _TEXT = sections(shader_source(__file__))
 FADES = Feature(
     'ground',
@@ -185,7 +185,7 @@ class Ground(Effect):
         if camera.GetParallelProjection():
             eye_height = 0.0
         if eye_height >= 0:
-            near = max(min(near, 0.5 * eye_height), _NEAREST * far)
+            near = max(min(near, 0.5 * eye_height), NEAREST * far)
         camera.SetClippingRange(near, far)
         self._plane_change = scene_planes, camera.GetClippingRange()
 

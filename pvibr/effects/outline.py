@@ -124,19 +124,20 @@ class Outline(Effect):
         super().attach(pipeline)
 
     @property
-    def _reads_surfaces(self) -> bool:
+    def reads_surfaces(self) -> bool:
+        """Whether it finds edges of surfaces, not of luminance alone."""
         return self.ids or self.depth or self.normal
 
     @property
     def surfaces(self) -> bool:
         """Whether it reads the surface buffer; dashed hidden lines draw chosen actors alone."""
-        return self._reads_surfaces and (self._actors is None or self.hidden == 'absent')
+        return self.reads_surfaces and (self._actors is None or self.hidden == 'absent')
 
     def needed(self, frame) -> bool | str:
         """Return True if the effect must run."""
         if self._actors == ():
             return 'no actors'
-        if not (self._reads_surfaces or self.luminance):
+        if not (self.reads_surfaces or self.luminance):
             return 'no kind of edge'
         return super().needed(frame)
 
@@ -156,7 +157,7 @@ class Outline(Effect):
             'ink': self.ink,
         }
         self._veil = self._veil or Veil(frame.renderer)
-        veil_texture = self._veil.draw(frame, picture) if self._reads_surfaces else None
+        veil_texture = self._veil.draw(frame, picture) if self.reads_surfaces else None
         line_uniforms |= {
             'reach': line_reach,
             'veiled': int(veil_texture is not None),
@@ -172,7 +173,7 @@ class Outline(Effect):
 
     def bake_into(self, scene):
         """Add the lines to a scene without pvibr."""
-        if self._reads_surfaces:
+        if self.reads_surfaces:
             scene.lines(
                 self._actors,
                 color=self.color,
@@ -189,7 +190,7 @@ class Outline(Effect):
         self._candidates.draw(self._quad(window, 'candidates'), uniforms, textures)
         edge_texture = self._candidates.colors[0]
         tiles.find(edge_texture, picture.size, line_reach)
-        if not self._reads_surfaces:
+        if not self.reads_surfaces:
             return edge_texture
         self._edge_target = fitting_target(self._edge_target, window, half_size)
         with self._edge_target.drawing(clear=(0.0, 0.0, 0.0, 0.0)):
@@ -200,7 +201,7 @@ class Outline(Effect):
     def _inputs(self, frame, picture):
         """Return uniforms and textures of the edge programs."""
         uniforms, textures = self.edge_uniforms(frame), {'color': picture.color}
-        if self._reads_surfaces:
+        if self.reads_surfaces:
             geometry = self._geometry(frame, picture)
             uniforms['corner'] = geometry.origin
             textures |= {'surface': geometry.surface, 'depth': geometry.depth}
@@ -264,7 +265,7 @@ class Outline(Effect):
 
     def program_text(self, name) -> str:
         """Return the source of a program."""
-        edge_kinds = {'SURFACES': self._reads_surfaces, 'LUMINANCE': self.luminance}
+        edge_kinds = {'SURFACES': self.reads_surfaces, 'LUMINANCE': self.luminance}
         return ''.join(f'#define {kind}\n' for kind, on in edge_kinds.items() if on) + _TEXTS[name]
 
     def release(self):

@@ -55,7 +55,7 @@ def stage_of(effects, frame) -> dict | None:
     return {
         'floats': any(effect.needs_hdr for effect in effects),
         'on_black': any(effect.draws_background for effect in effects),
-        'surfaces': any(isinstance(e, Outline) and e.surfaces for e in effects),
+        'surfaces': any(isinstance(e, Outline) and e.reads_surfaces for e in effects),
         'passes': passes,
     }
 
@@ -64,7 +64,7 @@ def lost_of(effect) -> list[tuple[str, str]]:
     """Return what a page does not draw of an image effect: names and why."""
     if isinstance(effect, ToneMapping) and effect.auto:
         return [(f'{effect.name}, auto', 'the exposure stays that of the export')]
-    if isinstance(effect, Outline) and effect.hidden != 'absent':
+    if isinstance(effect, Outline) and effect.actors is not None and effect.hidden != 'absent':
         return [(f'{effect.name}, hidden', 'pages draw visible lines only')]
     return []
 
@@ -200,6 +200,7 @@ def _outline(effect, frame):
         surfaces['chosen'] = {'names': _names_of(effect, frame.renderer)}
     view = {'pixel': ('pixel',), 'planes': ('planes',), 'lens': ('outline_lens',)}
     uniforms = {name: _plain(value) for name, value in uniforms.items()} | {'corner': [0.0, 0.0]}
+    uniforms |= {'only_chosen': int(effect.actors is not None), 'dashed': 0}
     candidates = _pass(
         effect.program_text('candidates'),
         uniforms,
@@ -209,7 +210,7 @@ def _outline(effect, frame):
         share=2,
     )
     passes, edges = [candidates], 'candidates'
-    if effect.surfaces:
+    if effect.reads_surfaces:
         textures = surfaces | {'candidates': 'candidates'}
         text = effect.program_text('edges')
         passes.append(_pass(text, uniforms, textures, view=view, target='edges', share=2))

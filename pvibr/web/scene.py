@@ -10,7 +10,7 @@ import pyvista as pv
 from pvibr.core import _vtk
 from pvibr.core._vtk import address
 from pvibr.core.plotters import border_of, names_of, plain_name, renderers_of, seams_of
-from pvibr.effects.ground import FADES, Ground
+from pvibr.effects.ground import FADES, NEAREST, Ground
 from pvibr.figures.animated_actor import AnimatedActor
 from pvibr.figures.crowd import Crowd
 from pvibr.figures.mesh_actors import transformed_bounds
@@ -184,6 +184,7 @@ def subplot_of(renderer, effects, frame) -> dict:
         },
         'lights': lights_of(renderer),
         'things': things,
+        'near': NEAREST if any(type(e) is Ground for e in effects) else 0.001,
         'shadows': next((each.tree() for each in cast), None),
         'projectors': [each.tree() for each in thrown],
         'figures': [figure for figure, _ in figures],

@@ -85,8 +85,8 @@ export function reset(camera, bounds, aspect) {
   resetClippingRange(camera, bounds);
 }
 
-// vtkRenderer::ResetCameraClippingRange.
-export function resetClippingRange(camera, bounds) {
+// vtkRenderer::ResetCameraClippingRange; the near plane is at least a share of the far one.
+export function resetClippingRange(camera, bounds, least = 0.001) {
   if (!(bounds[0] <= bounds[1])) return;
   const { back } = frameOf(camera);
   let [near, far] = [Infinity, 1e-18];
@@ -106,7 +106,7 @@ export function resetClippingRange(camera, bounds) {
   near = 0.99 * near - 0.5 * (far - near);
   far = 1.01 * far + 0.5 * (far - near);
   if (near >= far) near = 0.01 * far;
-  camera.clipping_range = [Math.max(near, 0.001 * far), far];
+  camera.clipping_range = [Math.max(near, least * far), far];
 }
 
 // PyVista's view_isometric, keeping no distance: the scene is framed again.

@@ -157,7 +157,7 @@ export class Renderer {
     const rectangle = this.rectangle(subplot);
     if (rectangle[2] < 1 || rectangle[3] < 1) return;
     const camera = this.cameras[number];
-    resetClippingRange(camera, subplot.reach);
+    resetClippingRange(camera, subplot.reach, subplot.near);
     const view = viewOf(camera, rectangle[2], rectangle[3]);
     const stage = picks ? null : this.stages[number];
     const received = picks ? [] : this.received[number];
