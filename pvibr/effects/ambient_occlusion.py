@@ -101,9 +101,10 @@ class AmbientOcclusion(Effect):
             'parallel': int(frame.parallel),
             'coarse': coarse,
         }
-        search_uniforms = self.search_uniforms(frame)
         depth_texture = {'depth': picture.depth}
-        visibility.draw(self._quads['search'], view_uniforms | search_uniforms, depth_texture)
+        visibility.draw(
+            self._quads['search'], view_uniforms | search_uniforms(self, frame), depth_texture
+        )
         apply_textures = {
             'color': picture.color,
             'visibility': visibility.colors[0],
@@ -118,17 +119,6 @@ class AmbientOcclusion(Effect):
         with picture.drawing():
             self._quads['apply'].draw(uniforms, apply_textures)
 
-    def search_uniforms(self, frame) -> dict:
-        """Return the uniforms of the search that depend on settings and on the frame's quality."""
-        radius = self._world_radius(frame)
-        return {
-            'slices': max(1, round(self.samples * _share(frame.quality) / (2 * _STEPS))),
-            'steps': _STEPS,
-            'radius': float(radius),
-            'thickness': float(radius if self.thickness is None else self.thickness),
-            'vary': (*frame.vary('occlusion'), frame.vary('occlusion, sectors')[0]),
-        }
-
     def _draw_unlit(self, frame) -> Texture | None:
         """Draw the depth of unlit actors that keep their colour, if there are any."""
         actors = () if self.unlit else frame.renderer.GetActors()
@@ -141,9 +131,6 @@ class AmbientOcclusion(Effect):
             frame.renderer, self.pipeline.surfaces.plain_actors
         )
         return self._unlit_buffer.draw(frame, self.pipeline.things, unlit_actors).depth
-
-    def _world_radius(self, frame) -> float:
-        return _RADIUS * frame.scene_size if self.radius is None else self.radius
 
     def _allocate(self, window, size) -> Target:
         if not self._quads:
@@ -173,3 +160,15 @@ def _share(quality) -> float:
 
 def _is_unlit(actor) -> bool:
     return bool(actor.GetVisibility() and not actor.GetProperty().GetLighting())
+
+
+def search_uniforms(effect, frame) -> dict:
+    """Return the uniforms of the search that depend on settings and on the frame's quality."""
+    radius = _RADIUS * frame.scene_size if effect.radius is None else effect.radius
+    return {
+        'slices': max(1, round(effect.samples * _share(frame.quality) / (2 * _STEPS))),
+        'steps': _STEPS,
+        'radius': float(radius),
+        'thickness': float(radius if effect.thickness is None else effect.thickness),
+        'vary': (*frame.vary('occlusion'), frame.vary('occlusion, sectors')[0]),
+    }

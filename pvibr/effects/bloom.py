@@ -93,7 +93,7 @@ class Bloom(LightSpread):
         uniforms = {
             'picture_size': picture.size,
             'texel_size': float(texel_size),
-            'limits': self.limits(stops),
+            'limits': limits(self, stops),
             'background': float(self.background),
             'saturation': self.saturation,
             'firefly_reduction': self.firefly_reduction,
@@ -107,13 +107,6 @@ class Bloom(LightSpread):
         """Return the defines of the bright pass that depend on settings."""
         fireflies = int(self.firefly_reduction > 0)
         return {'OPERATOR': _OPERATORS.index(self.operator), 'FIREFLIES': fireflies}
-
-    def limits(self, stops):
-        """Return the threshold and both ends of the smooth step, before exposure as set."""
-        display_limits = self.threshold, self.threshold, self.threshold + self.knee
-        if stops == 0:
-            return display_limits
-        return tuple(to_display(to_light(display_limits) * 2.0**-stops).tolist())
 
     def _bright_pass(self, window, picture, texel_size, is_metered):
         is_whole = float(texel_size).is_integer() and not any(n % texel_size for n in picture.size)
@@ -141,3 +134,11 @@ def bright_text(defines) -> str:
     lines = ''.join(f'#define {name} {value}\n' for name, value in defines.items())
     light = sections(shader_source(__file__, 'tone_mapping'))['light']
     return lines + light + sections(shader_source(__file__))['bright']
+
+
+def limits(effect, stops):
+    """Return the threshold and both ends of the smooth step, before exposure as set."""
+    display_limits = effect.threshold, effect.threshold, effect.threshold + effect.knee
+    if stops == 0:
+        return display_limits
+    return tuple(to_display(to_light(display_limits) * 2.0**-stops).tolist())

@@ -197,12 +197,13 @@ class Ground(Effect):
 
     def prepare(self, frame):
         """Set the colour and range of the fading."""
-        set_fragment_uniforms(self.props, self.fading(frame))
+        set_fragment_uniforms(self.props, fading(self, frame))
 
-    def fading(self, frame) -> dict:
-        """Return the uniforms of the shader by which it fades."""
-        fade_span = _FADE, max(_FADED * self.size, 2 * _FADE)
-        return {
-            'ibr_horizon': tuple(self.pipeline.horizon_color(frame)),
-            'ibr_fade': tuple(radius / self.size for radius in fade_span),
-        }
+
+def fading(effect, frame) -> dict:
+    """Return the uniforms of the shader by which it fades."""
+    fade_span = _FADE, max(_FADED * effect.size, 2 * _FADE)
+    return {
+        'ibr_horizon': tuple(effect.pipeline.horizon_color(frame)),
+        'ibr_fade': tuple(radius / effect.size for radius in fade_span),
+    }

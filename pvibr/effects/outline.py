@@ -200,7 +200,7 @@ class Outline(Effect):
 
     def _inputs(self, frame, picture):
         """Return uniforms and textures of the edge programs."""
-        uniforms, textures = self.edge_uniforms(frame), {'color': picture.color}
+        uniforms, textures = edge_uniforms(self, frame), {'color': picture.color}
         if self.reads_surfaces:
             geometry = self._geometry(frame, picture)
             uniforms['corner'] = geometry.origin
@@ -235,25 +235,8 @@ class Outline(Effect):
         """Colour and opacity of lines."""
         return *self.color, self.opacity
 
-    def edge_uniforms(self, frame) -> dict:
-        """Return the uniforms of the programs that find edges."""
-        pixel_size, clip = 1 / frame.pixel_scale, frame.clip_from_view
-        lens = (1 / clip[0, 0], 1 / clip[1, 1], clip[0, 2], clip[1, 2])
-        return {
-            'only_chosen': int(self.surfaces and self._actors is not None),
-            'by_id': int(self.ids),
-            'jump': self.jump if self.depth else 0.0,
-            'crease': math.cos(math.radians(self.crease)) if self.normal else -2.0,
-            'grazing': math.cos(math.radians(self.grazing)),
-            'contrast': self.contrast,
-            'dashed': int(self.hidden == 'dashed'),
-            'pixel': (pixel_size, 0.0, 1.0) if frame.parallel else (0.0, pixel_size, 0.0),
-            'planes': (frame.near, frame.far),
-            'lens': (0.0,) * 4 if frame.parallel else lens,
-        }
-
     def _quad(self, window, name):
-        text = self.program_text(name)
+        text = program_text(self, name)
         if text not in self._quads:
             self._quads[text] = Quad(window, text, _NAME + name)
         return self._quads[text]
@@ -262,11 +245,6 @@ class Outline(Effect):
         if name not in self._quads:
             self._quads[name] = tiles.program(f'#define SIDE {SIDE}\n{_TEXTS[name]}', _NAME + name)
         return self._quads[name]
-
-    def program_text(self, name) -> str:
-        """Return the source of a program."""
-        edge_kinds = {'SURFACES': self.reads_surfaces, 'LUMINANCE': self.luminance}
-        return ''.join(f'#define {kind}\n' for kind, on in edge_kinds.items() if on) + _TEXTS[name]
 
     def release(self):
         """Free GPU memory; the context is current."""
@@ -348,3 +326,27 @@ class Veil:
         """Free the GPU's memory; the context must be alive."""
         release(self._target)
         self._target = None
+
+
+def edge_uniforms(effect, frame) -> dict:
+    """Return the uniforms of the programs that find edges."""
+    pixel_size, clip = 1 / frame.pixel_scale, frame.clip_from_view
+    lens = (1 / clip[0, 0], 1 / clip[1, 1], clip[0, 2], clip[1, 2])
+    return {
+        'only_chosen': int(effect.surfaces and effect.actors is not None),
+        'by_id': int(effect.ids),
+        'jump': effect.jump if effect.depth else 0.0,
+        'crease': math.cos(math.radians(effect.crease)) if effect.normal else -2.0,
+        'grazing': math.cos(math.radians(effect.grazing)),
+        'contrast': effect.contrast,
+        'dashed': int(effect.hidden == 'dashed'),
+        'pixel': (pixel_size, 0.0, 1.0) if frame.parallel else (0.0, pixel_size, 0.0),
+        'planes': (frame.near, frame.far),
+        'lens': (0.0,) * 4 if frame.parallel else lens,
+    }
+
+
+def program_text(effect, name) -> str:
+    """Return the source of a program."""
+    edge_kinds = {'SURFACES': effect.reads_surfaces, 'LUMINANCE': effect.luminance}
+    return ''.join(f'#define {kind}\n' for kind, on in edge_kinds.items() if on) + _TEXTS[name]

@@ -256,18 +256,10 @@ class Projector(Effect):
         gains = self._gains(casters, things)
         uniforms = self._uniforms(frame.view_from_world, size, gains) | self._units()
         actors = list(receivers.values())
-        feature = self.feature(frame.window.GetMultiSamples() > 1)
+        feature = feature_of(self, frame.window.GetMultiSamples() > 1)
         self._attached.match(actors, lambda _: (feature,))
         set_receiver_uniforms(actors, frame)
         set_fragment_uniforms(actors, uniforms)
-
-    def feature(self, multisampled) -> Feature:
-        """Return the shader text of receivers."""
-        lenses = tuple(slide.has_lens for slide in self._slides)
-        has_depth = tuple(self.occlusion and 'depth' in slide.textures() for slide in self._slides)
-        is_lit = self.lit and self.mode in ('replace', 'decal')
-        best = self.blend == 'best'
-        return _feature(self.number, lenses, has_depth, self.mode, is_lit, best, multisampled)
 
     @property
     def prefix(self) -> str:
@@ -488,3 +480,12 @@ def _feature(number, lenses, has_depth, mode, is_lit, best, multisampled) -> Fea
         fragment['VTK::TCoord::Impl'] = color + text['find'] + end
     fragment = {tag: part.replace('PRE', prefix) for tag, part in fragment.items()}
     return Feature(f'projector{number}', fragment=fragment, **receiver_stages())
+
+
+def feature_of(effect, multisampled) -> Feature:
+    """Return the shader text of receivers."""
+    lenses = tuple(slide.has_lens for slide in effect.slides)
+    has_depth = tuple(effect.occlusion and 'depth' in slide.textures() for slide in effect.slides)
+    is_lit = effect.lit and effect.mode in ('replace', 'decal')
+    best = effect.blend == 'best'
+    return _feature(effect.number, lenses, has_depth, effect.mode, is_lit, best, multisampled)

@@ -227,7 +227,20 @@ class Shadows(Effect):
         return len(self._casting())
 
     def light_of_page(self, frame, cascades=0) -> tuple | None:
-        """Return a light that casts, a sun or spot if any, its views of all casters, cascades."""
+        """Return a light that casts, a sun or spot if there is one, and its views.
+
+        Parameters
+        ----------
+        frame : pvibr.things.frame.Frame
+            Frame with the camera.
+        cascades : int, optional
+            Most views around the eye.
+
+        Returns
+        -------
+        tuple or None
+            The light, its views of all casters, and its cascades; None without a light.
+        """
         bounds, casting = self._casters(frame).bounds(), self._casting()
         if not casting or not len(bounds):
             return None

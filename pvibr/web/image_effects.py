@@ -13,9 +13,9 @@ from pvibr.core.plotters import names_of
 from pvibr.effects import ambient_occlusion
 from pvibr.effects.ambient_occlusion import AmbientOcclusion
 from pvibr.effects.backgrounds import Sky, sky_axes
-from pvibr.effects.bloom import Bloom, bright_text
+from pvibr.effects.bloom import Bloom, bright_text, limits
 from pvibr.effects.fog import Fog
-from pvibr.effects.outline import Outline
+from pvibr.effects.outline import Outline, edge_uniforms, program_text
 from pvibr.effects.screen import Vignette
 from pvibr.effects.tone_mapping import ToneMapping, map_text
 from pvibr.gl import shader_source
@@ -135,7 +135,7 @@ def _bloom(effect, frame):
     stops = 0.0 if mapping is None or not mapping.enabled else float(mapping.stops)
     defines = effect.choices() | {'FLOATS': 1, 'WHOLE': 0, 'METERED': 0}
     uniforms = {
-        'limits': list(effect.limits(stops)),
+        'limits': list(limits(effect, stops)),
         'background': float(effect.background),
         'saturation': effect.saturation,
         'firefly_reduction': effect.firefly_reduction,
@@ -174,7 +174,7 @@ def _bloom(effect, frame):
 def _ambient_occlusion(effect, frame):
     programs = sections(shader_source(ambient_occlusion.__file__))
     view = {'lens': ('lens',), 'planes': ('planes',), 'parallel': ('parallel',)}
-    search = {'coarse': 1} | effect.search_uniforms(frame)
+    search = {'coarse': 1} | ambient_occlusion.search_uniforms(effect, frame)
     search |= {'vary': [0.0, 0.0, 0.0]}
     apply = {'coarse': 1, 'strength': effect.strength, 'exempts': 0}
     apply['edges'] = int(frame.window.GetMultiSamples() > 1)
@@ -193,7 +193,7 @@ def _ambient_occlusion(effect, frame):
 
 
 def _outline(effect, frame):
-    uniforms = effect.edge_uniforms(frame)
+    uniforms = edge_uniforms(effect, frame)
     surfaces: dict[str, Any] = {'surface': 'surface', 'depth': 'surface_depth', 'scene': 'depth'}
     surfaces |= {'color': 'color', 'chosen': 'white'}
     if effect.actors is not None:
@@ -202,7 +202,7 @@ def _outline(effect, frame):
     uniforms = {name: _plain(value) for name, value in uniforms.items()} | {'corner': [0.0, 0.0]}
     uniforms |= {'only_chosen': int(effect.actors is not None), 'dashed': 0}
     candidates = _pass(
-        effect.program_text('candidates'),
+        program_text(effect, 'candidates'),
         uniforms,
         surfaces,
         view=view,
@@ -212,13 +212,13 @@ def _outline(effect, frame):
     passes, edges = [candidates], 'candidates'
     if effect.reads_surfaces:
         textures = surfaces | {'candidates': 'candidates'}
-        text = effect.program_text('edges')
+        text = program_text(effect, 'edges')
         passes.append(_pass(text, uniforms, textures, view=view, target='edges', share=2))
         edges = 'edges'
     lines = {'width': effect.width, 'dash': effect.dash, 'ink': list(effect.ink), 'veiled': 0}
     lines |= {'corner': [0.0, 0.0], 'reach': math.ceil(effect.width / 2)}
     textures = {'edges': edges, 'squares': 'white', 'veil': 'white'}
-    text = f'#define SIDE {1 << 20}\n{effect.program_text("lines")}'
+    text = f'#define SIDE {1 << 20}\n{program_text(effect, "lines")}'
     return [*passes, _pass(text, lines, textures, blend='over')]
 
 

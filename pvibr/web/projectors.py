@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from pvibr.gl import set_fragment_uniforms, set_vertex_uniforms
-from pvibr.photos.projector import Projector
+from pvibr.photos.projector import Projector, feature_of
 from pvibr.visibility import depth_test
 from pvibr.web.container import Image
 from pvibr.web.shadows import view_tree
@@ -32,7 +32,7 @@ class PageProjector:
 
     def attach(self, actor):
         """Let an actor receive the images."""
-        self.effect.feature(self.multisampled).attach(actor)
+        feature_of(self.effect, self.multisampled).attach(actor)
         ahead = {'ibr_ahead': (0.0, 1.0)}
         set_vertex_uniforms([actor], {'ibr_view_from_clip': np.zeros((1, 4, 4))} | ahead)
         set_fragment_uniforms([actor], ahead | self.uniforms)

@@ -10,7 +10,7 @@ import pyvista as pv
 from pvibr.core import _vtk
 from pvibr.core._vtk import address
 from pvibr.core.plotters import border_of, names_of, plain_name, renderers_of, seams_of
-from pvibr.effects.ground import FADES, NEAREST, Ground
+from pvibr.effects.ground import FADES, NEAREST, Ground, fading
 from pvibr.figures.animated_actor import AnimatedActor
 from pvibr.figures.crowd import Crowd
 from pvibr.figures.mesh_actors import transformed_bounds
@@ -235,14 +235,15 @@ def _mesh(name, prop, programs, prepare=None) -> dict:
 
 def _ground(effect, programs) -> dict:
     """Return a ground as a thing."""
-    (actor,), fading = effect.props, effect.fading(Frame.of(effect.pipeline.renderer))
+    uniforms = fading(effect, Frame.of(effect.pipeline.renderer))
 
     def prepare(actor):
         FADES.attach(actor)
-        set_fragment_uniforms([actor], fading)
+        set_fragment_uniforms([actor], uniforms)
 
+    (actor,) = effect.props
     tree = _mesh(effect.name, actor, programs, prepare)
-    tree['material']['uniforms'] |= fading
+    tree['material']['uniforms'] |= uniforms
     return tree
 
 
