@@ -85,7 +85,7 @@ class AmbientOcclusion(Effect):
     def reach(self, frame) -> float:
         """Return the radius at the near plane, where it is largest, in pixels."""
         near_distance = 1.0 if frame.parallel else frame.near
-        return self._world_radius(frame) * frame.pixel_scale / near_distance + 4
+        return world_radius(self, frame) * frame.pixel_scale / near_distance + 4
 
     def render(self, frame, picture):
         """Darken the picture."""
@@ -102,9 +102,8 @@ class AmbientOcclusion(Effect):
             'coarse': coarse,
         }
         depth_texture = {'depth': picture.depth}
-        visibility.draw(
-            self._quads['search'], view_uniforms | search_uniforms(self, frame), depth_texture
-        )
+        uniforms = view_uniforms | search_uniforms(self, frame)
+        visibility.draw(self._quads['search'], uniforms, depth_texture)
         apply_textures = {
             'color': picture.color,
             'visibility': visibility.colors[0],
@@ -162,9 +161,14 @@ def _is_unlit(actor) -> bool:
     return bool(actor.GetVisibility() and not actor.GetProperty().GetLighting())
 
 
+def world_radius(effect, frame) -> float:
+    """Return the radius of the search in world units."""
+    return _RADIUS * frame.scene_size if effect.radius is None else effect.radius
+
+
 def search_uniforms(effect, frame) -> dict:
     """Return the uniforms of the search that depend on settings and on the frame's quality."""
-    radius = _RADIUS * frame.scene_size if effect.radius is None else effect.radius
+    radius = world_radius(effect, frame)
     return {
         'slices': max(1, round(effect.samples * _share(frame.quality) / (2 * _STEPS))),
         'steps': _STEPS,

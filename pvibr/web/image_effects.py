@@ -194,10 +194,11 @@ def _ambient_occlusion(effect, frame):
 
 def _outline(effect, frame):
     uniforms = edge_uniforms(effect, frame)
-    surfaces: dict[str, Any] = {'surface': 'surface', 'depth': 'surface_depth', 'scene': 'depth'}
-    surfaces |= {'color': 'color', 'chosen': 'white'}
-    if effect.actors is not None:
-        surfaces['chosen'] = {'names': _names_of(effect, frame.renderer)}
+    surfaces: dict[str, Any] = {'color': 'color'}
+    if effect.reads_surfaces:
+        surfaces |= {'surface': 'surface', 'depth': 'surface_depth', 'scene': 'depth'}
+        is_any = effect.actors is None
+        surfaces['chosen'] = 'white' if is_any else {'names': _names_of(effect, frame.renderer)}
     view = {'pixel': ('pixel',), 'planes': ('planes',), 'lens': ('outline_lens',)}
     uniforms = {name: _plain(value) for name, value in uniforms.items()} | {'corner': [0.0, 0.0]}
     uniforms |= {'only_chosen': int(effect.actors is not None), 'dashed': 0}
