@@ -360,7 +360,9 @@ def _member_part(part, mesh_actor, motion, programs) -> dict:
     tree = part_of(part, part.mesh, origin, programs, feature)
     source = tree.get('source', np.arange(len(tree['points'].values)))
     follows = _part(mesh_actor, origin, motion['joints'])
-    return tree | {'follows': follows | _deformers(mesh_actor.figure, mesh_actor, source)}
+    return tree | {
+        'follows': follows | _deformers(getattr(mesh_actor, 'figure', None), mesh_actor, source)
+    }
 
 
 def moves(thing) -> bool:
