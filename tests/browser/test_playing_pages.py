@@ -70,6 +70,14 @@ def here_at(pl, seconds):
     return pl.screenshot(return_img=True)
 
 
+def compared(page, pl, until, times, bound):
+    """Return the pictures of a page at times, which must be within a FLIP of pvibr's."""
+    pictures = [at_time(page, until, seconds) for seconds in times]
+    for seconds, there in zip(times, pictures, strict=True):
+        assert flip_of(there, here_at(pl, seconds)) < bound
+    return pictures
+
+
 def moved(a, b):
     return np.abs(a.astype(int) - b).mean()
 
@@ -85,10 +93,7 @@ def test_a_figure_is_where_it_is_here_at_each_time(page, tmp_path, until):
     here = opened(page, pl, tmp_path / 'person.html', until)
     assert clock(page) == 0.2
     assert flip_of(picture(page), here) < 0.01
-    pictures = []
-    for seconds in (0.55, 3.1):
-        pictures.append(at_time(page, until, seconds))
-        assert flip_of(pictures[-1], here_at(pl, seconds)) < 0.01
+    pictures = compared(page, pl, until, (0.55, 3.1), 0.01)
     assert moved(*pictures) > 0.5
     pl.close()
 
@@ -101,10 +106,7 @@ def test_a_crowd_is_where_it_is_here_at_each_time(page, tmp_path, until):
     crowd = 'window.pvibr.renderer.figures.crowds[0].shown.levels'
     assert page.evaluate(f'{crowd}.near.flat().length')
     assert page.evaluate(f'Math.max(...{crowd}.cardCounts)')
-    pictures = []
-    for seconds in (0.4, 2.3):
-        pictures.append(at_time(page, until, seconds))
-        assert flip_of(pictures[-1], here_at(pl, seconds)) < 0.03
+    pictures = compared(page, pl, until, (0.4, 2.3), 0.03)
     assert moved(*pictures) > 0.5
     pl.close()
 
@@ -132,8 +134,7 @@ def test_clips_end_and_return_as_here(how, page, tmp_path, until):
             root=0 if how == 'root' else None,
         )
     opened(page, pl, tmp_path / 'played.html', until)
-    for seconds in (0.7, 1.9, 3.3):
-        assert flip_of(at_time(page, until, seconds), here_at(pl, seconds)) < 0.01
+    compared(page, pl, until, (0.7, 1.9, 3.3), 0.01)
     pl.close()
 
 
@@ -155,8 +156,7 @@ def test_rigid_meshes_looks_and_transforms_play(page, tmp_path, until):
     pl.add_mesh(pv.Plane(center=place, i_size=4, j_size=4), color='tan')
     pl.camera_position = [place + np.array([3, -6, 3]), place + np.array([0, 0, 0.5]), (0, 0, 1)]
     opened(page, pl, tmp_path / 'box.html', until)
-    for seconds in (0.3, 1.6):
-        assert flip_of(at_time(page, until, seconds), here_at(pl, seconds)) < 0.03
+    compared(page, pl, until, (0.3, 1.6), 0.03)
     pl.close()
 
 
@@ -263,8 +263,7 @@ def test_shadows_follow_what_plays(page, tmp_path, until):
     pl.add_light(pv.Light(position=(3, -2, 6), light_type='scene light'))
     pl.ibr.add(pvibr.Shadows())
     opened(page, pl, tmp_path / 'shadow.html', until)
-    for seconds in (0.2, 0.7):
-        assert flip_of(at_time(page, until, seconds), here_at(pl, seconds)) < 0.03
+    compared(page, pl, until, (0.2, 0.7), 0.03)
     pl.close()
 
 
@@ -290,10 +289,7 @@ def test_morph_targets_play(page, tmp_path, until):
     pl.ibr.add_animated(figure, [[1.6, 0, 0], [2.8, 1, 0]], times=[0.4, 1.1], name='balls')
     pl.camera_position = [(1, -6, 2), (1, 0, 0), (0, 0, 1)]
     opened(page, pl, tmp_path / 'morphs.html', until)
-    pictures = []
-    for seconds in (0.4, 1.0):
-        pictures.append(at_time(page, until, seconds))
-        assert flip_of(pictures[-1], here_at(pl, seconds)) < 0.015
+    pictures = compared(page, pl, until, (0.4, 1.0), 0.015)
     assert moved(*pictures) > 0.5
     pl.close()
 
@@ -309,10 +305,7 @@ def test_attached_actors_follow_the_joint(page, tmp_path, until):
     hand = int(np.linalg.norm(before - after, axis=1).argmax())
     actor.attach_prop(lamp, hand)
     opened(page, pl, tmp_path / 'lamp.html', until)
-    pictures = []
-    for seconds in (0.3, 0.65):
-        pictures.append(at_time(page, until, seconds))
-        assert flip_of(pictures[-1], here_at(pl, seconds)) < 0.01
+    pictures = compared(page, pl, until, (0.3, 0.65), 0.01)
     red = [np.argwhere((p[..., 0] > 100) & (p[..., 1:] < 40).all(-1)).mean(0) for p in pictures]
     assert np.linalg.norm(red[0] - red[1]) > 3  # pixels
     report = str(pl.ibr.web_report('page'))

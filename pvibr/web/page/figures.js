@@ -409,24 +409,8 @@ export class Crowd extends Instances {
     return rows;
   }
 
-  drawMeshes(pass) {
-    this.tree.levels.forEach((level, k) => {
-      const count = this.levels.near[k].length;
-      if (!count) return;
-      level.forEach((part, j) => {
-        const mesh = this.meshes[k][j];
-        const own = { ...part.uniforms, ibr_end: count };
-        const program = pass.program(part.program, [this.uniforms, part.material.uniforms, own], {
-          ...this.textures,
-          ...mesh.textures,
-          ...this.posings[k].textures,
-          ibr_entries: this.members[k][j],
-        });
-        pass.cull(part.material);
-        mesh.bind(program);
-        mesh.draw('faces', count);
-      });
-    });
-    pass.cull({});
+  texturesOf(k, j) {
+    const textures = super.texturesOf(k, j);
+    return { ...textures, ...this.posings[k].textures, ibr_entries: this.members[k][j] };
   }
 }

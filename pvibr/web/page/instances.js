@@ -91,13 +91,18 @@ export class Instances {
     fill(this.gl, this.entries[k], texels, 1024, rows);
   }
 
+  // What programs of a part of a level read.
+  texturesOf(k, j) {
+    return { ...this.textures, ...this.meshes[k][j].textures, ibr_entries: this.entries[k] };
+  }
+
   drawMeshes(pass) {
     this.tree.levels.forEach((level, k) => {
       const count = this.levels.near[k].length;
       if (!count) return;
       level.forEach((part, j) => {
         const mesh = this.meshes[k][j];
-        const textures = { ...this.textures, ...mesh.textures, ibr_entries: this.entries[k] };
+        const textures = this.texturesOf(k, j);
         const own = { ...part.uniforms, ibr_end: count };
         const program = pass.program(
           part.program,
