@@ -23,7 +23,8 @@ from benchmarks.common.timing import timed
 from benchmarks.common.whole_frames import real_plotter, turning
 from benchmarks.moving import Mouse
 from pvibr.cli.timing import spent
-from pvibr.large.build import build_draft, build_hierarchy
+from pvibr.large.build import build_hierarchy
+from pvibr.large.draft import NEXT_POINTS, build_draft
 from pvibr.large.sources import source_of
 from pvibr.large.stored import load
 from pvibr.large.workers import worker_count
@@ -115,6 +116,8 @@ def _builds(settings, results):
         yield Row(f'{name}: the same, processor time', processor / millions, 's')
         _, first = timed(lambda mesh=mesh: build_draft(mesh))
         yield Row(f'{name}: draft of {millions:.1f} million', first, 's', 1.5)
+        _, following = timed(lambda mesh=mesh: build_draft(mesh, NEXT_POINTS))
+        yield Row(f'{name}: the finer one that follows', following, 's')
 
 
 def _processor_time() -> float:

@@ -1,4 +1,4 @@
-"""Build a hierarchy in another process, while a draft is drawn."""
+"""Build a hierarchy in another process, and before it a draft that is finer than the first."""
 
 from __future__ import annotations
 
@@ -19,6 +19,7 @@ from pvibr.core.child_processes import (
 )
 from pvibr.instances.cache import AtlasCache
 from pvibr.large.build import TriangleMesh, build_hierarchy
+from pvibr.large.draft import FIRST_POINTS, NEXT_POINTS, build_draft
 from pvibr.large.hierarchy import Hierarchy
 from pvibr.large.workers import worker_count
 
@@ -51,6 +52,18 @@ class BuildJob:
         self.start()
         return self._work is None or self._work.wait(timeout)
 
+    @property
+    def has_draft(self) -> bool:
+        """Whether `take_draft` returns one."""
+        return self._work is not None and self._work.draft is not None
+
+    def take_draft(self) -> Hierarchy | None:
+        """Return a finer draft than the first one, once it is there."""
+        if self._work is None:
+            return None
+        draft, self._work.draft = self._work.draft, None
+        return draft
+
     def result(self) -> Hierarchy:
         """Return the hierarchy; raise a RuntimeError if there is none."""
         if self._work is None or self._work.hierarchy is None:
@@ -70,6 +83,8 @@ class _Work:
 
     def __init__(self, job):
         self.hierarchy: Hierarchy | None = None
+        #: What may be drawn until then, and was not taken yet.
+        self.draft: Hierarchy | None = None
         #: Why there is none.
         self.failure = ''
         self.child: ChildProcess | None = None
@@ -84,7 +99,11 @@ class _Work:
     def _talk(self, job):
         child: Any = self.child
         try:
-            self.hierarchy = Hierarchy(**child.ask(job))
+            is_draft, arrays = child.ask(job)
+            if is_draft:
+                self.draft = Hierarchy(**arrays)
+                _, arrays = child.answer()
+            self.hierarchy, self.draft = Hierarchy(**arrays), None
         except (RuntimeError, TypeError) as error:
             self.failure = str(error)
 
@@ -114,7 +133,9 @@ def main():
         end_with_parent()
         hierarchy = None if cache is None else cache.load(key, Hierarchy.of_arrays)
         if hierarchy is None:
+            if len(mesh.points) > FIRST_POINTS:  # which are in the first draft
+                send((True, build_draft(mesh, NEXT_POINTS).to_arrays()), target)
             hierarchy = build_hierarchy(mesh, workers=worker_count(None))
             if cache is not None:
                 cache.put(key, hierarchy.to_arrays())
-        send(hierarchy.to_arrays(), target)
+        send((False, hierarchy.to_arrays()), target)

@@ -60,7 +60,7 @@ class DrawnSurface:
 
     def chosen(self, thing, factor=1.0) -> Hierarchy:
         """Return the hierarchy with the errors by which patches are chosen."""
-        if thing.detail == 'none' or factor == math.inf:
+        if thing.detail == 'none' or factor == math.inf or thing.is_draft:
             return self.hierarchy
         value_range, is_lit = thing.GetMapper().GetScalarRange(), bool(self._prop.GetLighting())
         values = self._values

@@ -17,11 +17,11 @@ from pvibr.core.errors import warn
 from pvibr.core.params import Param, checked_flag
 from pvibr.core.signatures import takes
 from pvibr.large.baked_cut import bake_cut
-from pvibr.large.build import build_draft
 from pvibr.large.build_job import BuildJob
 from pvibr.large.colouring import Coloring
 from pvibr.large.cut import ModelView
 from pvibr.large.cut_mesh import CutLook, CutMesh
+from pvibr.large.draft import build_draft
 from pvibr.large.drawn_surface import DrawnSurface, checked_part
 from pvibr.large.full_picking import nearest_triangle
 from pvibr.large.solid_cut import SolidCut
@@ -411,12 +411,17 @@ class LargeMesh(Thing):
 
     @property
     def unfinished(self) -> bool:
-        """Whether a hierarchy was built that no frame shows yet."""
-        return self._job is not None and self._job.is_over
+        """Whether a hierarchy or a finer draft was built that no frame shows yet."""
+        return self._job is not None and (self._job.is_over or self._job.has_draft)
 
     def _take_result(self):
         """Draw what another process has built."""
-        if self._job is None or not self._job.is_over:
+        if self._job is None:
+            return
+        if not self._job.is_over:
+            draft = self._job.take_draft()
+            if draft is not None:
+                self._adopt(draft)
             return
         try:
             hierarchy = self._job.result()
