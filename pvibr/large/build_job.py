@@ -17,10 +17,12 @@ from pvibr.core.child_processes import (
     pipes_of_child,
     send,
 )
+from pvibr.core.errors import warn
 from pvibr.instances.cache import AtlasCache
 from pvibr.large.build import TriangleMesh, build_hierarchy
 from pvibr.large.draft import FIRST_POINTS, NEXT_POINTS, build_draft
 from pvibr.large.hierarchy import Hierarchy
+from pvibr.large.stored import built
 from pvibr.large.workers import worker_count
 
 
@@ -53,21 +55,23 @@ class BuildJob:
         return self._work is None or self._work.wait(timeout)
 
     @property
-    def has_draft(self) -> bool:
-        """Whether `take_draft` returns one."""
-        return self._work is not None and self._work.draft is not None
+    def has_news(self) -> bool:
+        """Whether `newest` returns something."""
+        return self._work is not None and (self.is_over or self._work.draft is not None)
 
-    def take_draft(self) -> Hierarchy | None:
-        """Return a finer draft than the first one, once it is there."""
+    def newest(self, name) -> Hierarchy | None:
+        """Return the hierarchy of what has a name; before it is there a finer draft, once."""
         if self._work is None:
             return None
-        draft, self._work.draft = self._work.draft, None
-        return draft
-
-    def result(self) -> Hierarchy:
-        """Return the hierarchy; raise a RuntimeError if there is none."""
-        if self._work is None or self._work.hierarchy is None:
-            raise RuntimeError(self._work.failure if self._work else 'it was not started')
+        if not self.is_over:
+            draft, self._work.draft = self._work.draft, None
+            return draft
+        if self._work.hierarchy is None:
+            warn(
+                f'{name}: the process that builds its hierarchy failed ({self._work.failure}); '
+                'it is built here instead'
+            )
+            return built(self._job[0], None)
         return self._work.hierarchy
 
     def stop(self):

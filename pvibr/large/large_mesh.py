@@ -13,7 +13,6 @@ from pvibr.core import _vtk
 from pvibr.core.arguments import checked_number
 from pvibr.core.child_processes import can_start
 from pvibr.core.determinism import is_deterministic
-from pvibr.core.errors import warn
 from pvibr.core.params import Param, checked_flag
 from pvibr.core.signatures import takes
 from pvibr.large.baked_cut import bake_cut
@@ -412,27 +411,18 @@ class LargeMesh(Thing):
     @property
     def unfinished(self) -> bool:
         """Whether a hierarchy or a finer draft was built that no frame shows yet."""
-        return self._job is not None and (self._job.is_over or self._job.has_draft)
+        return self._job is not None and self._job.has_news
 
     def _take_result(self):
         """Draw what another process has built."""
-        if self._job is None:
+        job = self._job
+        if job is None:
             return
-        if not self._job.is_over:
-            draft = self._job.take_draft()
-            if draft is not None:
-                self._adopt(draft)
-            return
-        try:
-            hierarchy = self._job.result()
-        except RuntimeError as error:
-            warn(
-                f'{self.name}: the process that builds its hierarchy failed ({error}); '
-                'it is built here instead'
-            )
-            hierarchy = built(self._source.mesh, None)
-        self._job = None  # which removes its files
-        self._adopt(hierarchy)
+        if job.is_over:
+            self._job = None  # which removes its files
+        hierarchy = job.newest(self.name)
+        if hierarchy is not None:
+            self._adopt(hierarchy)
 
     # -- the life of an effect -------------------------------------------------------------------
 
