@@ -287,7 +287,8 @@ def _changes(settings, name, mesh, samples) -> dict[str, float]:
             plotter.ibr.add_large_mesh(mesh, detail=key, **_LOOK)
         else:
             plotter.add_mesh(mesh, **_LOOK)
-    cameras, changes = flight(name, _SLOW_FRAMES), {key: [] for key in plotters}
+    cameras = flight(name, _SLOW_FRAMES)
+    changes: dict[str, list[float]] = {key: [] for key in plotters}
     for first in np.linspace(0.1, 0.9, settings.views):
         start = round(first * _SLOW_FRAMES)
         for key, plotter in plotters.items():

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import pyvista as pv
 
+from pvibr.large.original_cells import VISIBLE
 from pvibr.large.scalars import Scalars, scalars_of
 from pvibr.large.vertex_values import Values, vertex_values
 from pvibr.meshes.parts import Part, as_parts, copy_look
@@ -14,6 +15,30 @@ from pvibr.meshes.parts import Part, as_parts, copy_look
 _TRIANGLE = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]])
 #: Arguments that choose scalars, which are no longer in the look of what shows them.
 _CHOICES = 'component', 'preference'
+#: Length of edges beside which they are drawn in full, relative to that from which they are seen.
+_FULL = 1.8
+_EDGE_SHADER = {
+    '//VTK::Edges::Dec': '//VTK::CustomUniforms::Dec\n//VTK::Edges::Dec',
+    # Lengths as if they were seen from the front, relative to the viewport's height: they are
+    # alike in neighbours. What is added to the distance from an edge makes its line thinner.
+    'pos[3] = pos[0];': """pos[3] = pos[0];
+  vec3 places[3];
+  for (int i = 0; i < 3; i++)
+  {
+    vec4 place = gl_in[i].gl_Position;
+    vec2 from_center = (pos[i] - vpDims.xy) / vpDims.w - 0.5 * vpDims.zw / vpDims.w;
+    places[i] = vec3(from_center * place.w, 0.5 * dot(ibr_depths, place.wz));
+  }
+  float size = (distance(places[0], places[1]) + distance(places[1], places[2])
+    + distance(places[2], places[0]))
+    / (gl_in[0].gl_Position.w + gl_in[1].gl_Position.w + gl_in[2].gl_Position.w);
+  vec2 sizes = ibr_edge_sizes;
+  float hidden = clamp((sizes.y - size) / (sizes.y - sizes.x), 0.0, 1.0);
+  float thinner = hidden * (0.5 * lineWidth + 1.0);""",
+    'vec4(tmp.x, tmp.y, 0.0, -d)': 'vec4(tmp.x, tmp.y, 0.0, thinner - d)',
+    # What VTK draws beside a triangle, for lines on its border, is half dark at hidden edges.
+    '.z = lineWidth;': '.z = 2.0 * lineWidth + 1.0;',
+}
 
 
 @dataclass(frozen=True)
@@ -71,10 +96,19 @@ class Coloring:
         """Give an actor this look."""
         copy_look(actor, self.part.actor)
         shader = actor.GetShaderProperty()
-        # What VTK draws beside a triangle, for lines on its border, is half dark at hidden edges.
-        shader.AddGeometryShaderReplacement(
-            '.z = lineWidth;', False, '.z = 2.0 * lineWidth + 1.0;', True
-        )
+        for old, new in _EDGE_SHADER.items():
+            shader.AddGeometryShaderReplacement(old, old.startswith('//VTK'), new, True)
+
+
+def fade_edges(actor, frame, error):
+    """Let an actor draw the edges of triangles that are large in a frame, beside an error."""
+    clip = frame.view.clip_from_view
+    height = 2 * frame.pixel_scale / clip[1, 1]
+    smallest = min(VISIBLE * error / height, 1e6)
+    depths = (0.0, clip[1, 1] / clip[2, 2]) if frame.view.parallel else (clip[1, 1], 0.0)
+    uniforms = actor.GetShaderProperty().GetGeometryCustomUniforms()
+    uniforms.SetUniform2f('ibr_edge_sizes', (smallest, max(_FULL * smallest, 1e-9)))
+    uniforms.SetUniform2f('ibr_depths', depths)
 
 
 def _triangle() -> pv.PolyData:

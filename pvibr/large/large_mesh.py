@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from operator import attrgetter
 from typing import Any
 
@@ -17,7 +16,7 @@ from pvibr.core.params import Param, checked_flag
 from pvibr.core.signatures import takes
 from pvibr.large.baked_cut import bake_cut
 from pvibr.large.build_job import BuildJob
-from pvibr.large.colouring import Coloring
+from pvibr.large.colouring import Coloring, fade_edges
 from pvibr.large.cut import ModelView
 from pvibr.large.cut_mesh import CutLook, CutMesh
 from pvibr.large.draft import build_draft
@@ -311,8 +310,7 @@ class LargeMesh(Thing):
         cut, surface = CutMesh(), self._surface
         view = self._view(self.pipeline.view())
         _, patches = surface.cut(self, view, Tolerance(max_error))
-        look = replace(surface.look(patches, view, max_error), has_normals=True)
-        cut.show(surface.hierarchy, patches, look)
+        cut.show(surface.hierarchy, patches, surface.look_of_export(patches, view, max_error))
         mesh = pv.wrap(cut.data)
         mesh.regular_faces = mesh.regular_faces[:-2]
         return mesh.clean(point_merging=False).transform(self.matrix, inplace=False)
@@ -451,9 +449,9 @@ class LargeMesh(Thing):
             self._surface.show(self._cut, self._whole)
             return
         self._tolerance, self._own_view = self._tolerance_of(frame.quality), frame.view
-        view, error = self._view(frame), self._tolerance.error
-        whole, patches = self._surface.cut(self, view, self._tolerance)
-        self._surface.show(self._cut, patches, view, np.inf if self.is_draft else error)
+        whole, patches = self._surface.cut(self, self._view(frame), self._tolerance)
+        self._surface.show(self._cut, patches)
+        fade_edges(self, frame, np.inf if self.is_draft else self._tolerance.error)
         if not np.array_equal(whole, self._whole):
             self._whole = whole
             self._changes += 1
@@ -480,12 +478,12 @@ class LargeMesh(Thing):
         if frame.view is self._own_view:
             return [self]
         # Shadows fall from what is drawn: between two cuts they would be of one on the other.
-        patches, view = self._whole, None
+        patches = self._whole
         if not frame.depth_map:
-            view = self._view(frame)
             tolerance = Tolerance(self.max_error, np.inf if depth else 1.0)
-            _, patches = self._surface.cut(self, view, tolerance)
-        self._surface.show(self._other_cut, patches, view, self.max_error)
+            _, patches = self._surface.cut(self, self._view(frame), tolerance)
+        self._surface.show(self._other_cut, patches)
+        fade_edges(self._other_actor, frame, np.inf if self.is_draft else self.max_error)
         self._other_actor.SetUserMatrix(self.GetMatrix())
         return [self._other_actor]
 
