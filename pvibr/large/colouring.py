@@ -8,7 +8,7 @@ import numpy as np
 import pyvista as pv
 
 from pvibr.large.original_cells import VISIBLE
-from pvibr.large.scalars import Scalars, scalars_of
+from pvibr.large.scalars import Scalars, opacities_of, scalars_of
 from pvibr.large.vertex_values import Values, vertex_values
 from pvibr.meshes.parts import Part, as_parts, copy_look
 
@@ -53,14 +53,22 @@ class Coloring:
     @classmethod
     def of(cls, source, scalars, look) -> Coloring:
         """Return the colouring of a mesh by scalars, a name, an array or None."""
-        found = scalars_of(source, scalars, look)
+        found, opacity = scalars_of(source, scalars, look), look.get('opacity', 1.0)
+        opacities = opacities_of(source, found, opacity)
         look = {name: value for name, value in look.items() if name not in _CHOICES}
+        if np.ndim(opacity) or isinstance(opacity, str):
+            look.pop('opacity')
         if found is None:
             look.pop('categories', None)
             return cls(as_parts(_triangle(), **look)[0])
-        triangle, values = _triangle(), found.values
-        triangle.point_data[found.name] = values[[0, 0, 0]] if len(values) else np.zeros(3)
-        return cls(as_parts(triangle, scalars=found.name, **found.look(look))[0], found)
+        part = _part(found, look)
+        if opacities is not None:
+            found = found.blended(part.actor.mapper.lookup_table, opacities)
+            part = _part(found, look)
+        elif 'opacity' not in look and not found.are_colors:
+            table = part.actor.mapper.lookup_table
+            table.apply_opacity(pv.opacity_transfer_function(opacity, table.n_values))
+        return cls(part, found)
 
     @property
     def title(self) -> str:
@@ -109,6 +117,13 @@ def fade_edges(actor, frame, error):
     uniforms = actor.GetShaderProperty().GetGeometryCustomUniforms()
     uniforms.SetUniform2f('ibr_edge_sizes', (smallest, max(_FULL * smallest, 1e-9)))
     uniforms.SetUniform2f('ibr_depths', depths)
+
+
+def _part(scalars, look) -> Part:
+    """Return a triangle with the look of scalars."""
+    triangle, values = _triangle(), scalars.values
+    triangle.point_data[scalars.name] = values[[0, 0, 0]] if len(values) else np.zeros(3)
+    return as_parts(triangle, scalars=scalars.name, **scalars.look(look))[0]
 
 
 def _triangle() -> pv.PolyData:

@@ -65,8 +65,9 @@ class LargeMesh(Thing):
     smooth_shading : bool, optional
         Interpolate normals, by default as the theme says. Flat shading shows the facets of the
         triangles that are drawn, a few pixels wide: smooth looks more like a fine mesh.
-    opacity : float
-        Opacity of the whole, 0 to 1.
+    opacity : float, str or array_like
+        Opacity of the whole, 0 to 1; or as in ``add_mesh`` that of each of the scalars: an array
+        or its name, or a transfer function such as ``'linear'``.
     name : str, optional
         Name in the plotter and in reports.
     pickable : bool
@@ -168,7 +169,8 @@ class LargeMesh(Thing):
             self.user_matrix = user_matrix
         self.name, self.pickable = name, pickable
         look |= {'cmap': cmap, 'clim': clim, 'smooth_shading': smooth_shading, 'theme': theme}
-        look['opacity'] = checked_number('opacity', opacity, 0, 1)
+        is_number = np.ndim(opacity) == 0 and not isinstance(opacity, str)
+        look['opacity'] = checked_number('opacity', opacity, 0, 1) if is_number else opacity
         cache = cache_of(cache)
         waits = checked_flag('wait', wait, optional=True) is not False
         self._job: BuildJob | None = None
