@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from pvibr.core.arguments import checked_number
-from pvibr.core.params import checked_name, params_of
+from pvibr.core.params import Param, checked_name, params_of
 from pvibr.core.signatures import arguments_of, docstring_of, signature_of
 from pvibr.core.spelling import Complete, check_attribute, nearest
 
@@ -99,6 +99,8 @@ class Effect(metaclass=Complete):
     frame_ms: Any = None
     #: Returns the triangles of a frame about to be drawn, as a function of its quality.
     triangles_of: Callable[[Any], Callable[[float], float]] | None = None
+    #: Whether it draws in another way where the driver refuses its shaders.
+    mends_shaders = False
     #: Class passed by the user, if that created a subclass with additional settings.
     _class: type | None = None
     __signature__: ClassVar[Signature]
@@ -293,6 +295,9 @@ class Effect(metaclass=Complete):
             object.__setattr__(self, name, value)
             return
         check_attribute(self, name)
+        pipeline = self._pipeline()
+        if pipeline is not None and not isinstance(getattr(type(self), name, None), Param):
+            pipeline.check_thread()
         super().__setattr__(name, value)
 
     def __dir__(self) -> list[str]:
