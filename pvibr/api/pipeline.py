@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from contextlib import nullcontext
+from contextlib import ExitStack, nullcontext, suppress
 from difflib import get_close_matches
 from functools import partial
 from typing import Any
@@ -119,7 +119,11 @@ class Pipeline:
         effect.attach(self)
         put_into(effect, self)
         self._enter(sorted([*self._entries, _Entry(effect, Row(effect.name))], key=_place))
-        self._observe()
+        try:
+            self._observe()
+        except Exception:
+            self.remove(effect)
+            raise
         return effect
 
     def _enter(self, entries):
@@ -171,8 +175,9 @@ class Pipeline:
 
     def clear(self):
         """Take everything out."""
-        for effect in self.effects:
-            self.remove(effect)
+        with ExitStack() as each:  # the others go, too, where one raises an error
+            for effect in reversed(self.effects):
+                each.callback(self.remove, effect)
 
     def release(self):
         """Remove all effects for good, while the context is alive; calling it again is fine."""
@@ -311,8 +316,9 @@ class Pipeline:
             return
         self._time_of_props = time
         for effect in self._effects:
-            if effect.is_gone(self.renderer):
-                self.remove(effect)
+            with suppress(Exception):  # of users' own effects, within VTK's loop
+                if effect.is_gone(self.renderer):
+                    self.remove(effect)
 
 
 class _Entry:
@@ -328,7 +334,12 @@ class _Entry:
         if 0 in turn.frame.size or (turn.frame.picking and not effect.picks):
             return
         row.ms = 0.0
-        if self._awake and effect.enabled and effect.is_prepared(turn.drawn):
+        try:
+            is_prepared = self._awake and effect.enabled and effect.is_prepared(turn.drawn)
+        except Exception as error:
+            turn.fail(self, error)
+            is_prepared = False
+        if is_prepared:
             self.running = True
         elif not effect.enabled:
             self.stop('off', row.why if row.state == 'off' else 'enabled is False')

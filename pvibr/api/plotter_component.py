@@ -453,11 +453,11 @@ class IBRComponent(metaclass=Complete):
         self._clock.stop()
         self._adaptive_quality.release()
         self._buffer_objects, self._looks, self._costs = [], {}, {}
-        while self._pipelines:
-            self._pipelines.pop().release()
-        while self._at_close:
-            self._at_close.pop()()
-        self._let_go()
+        pipelines, self._pipelines = self._pipelines, []
+        functions, self._at_close = self._at_close, []
+        with contextlib.ExitStack() as steps:  # the last one first, and all where one fails
+            for step in (self._let_go, *functions, *(p.release for p in pipelines)):
+                steps.callback(step)
 
     def _let_go(self):
         """Hold the plotter weakly, so that it ends when its last user lets it go."""

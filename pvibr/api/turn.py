@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable
 
 from pvibr.core.counts import TOTAL
+from pvibr.core.effect import switch_off
 from pvibr.core.errors import ShaderError, warn
 from pvibr.gl.feature import FeatureSet, has_text
 from pvibr.gl.refused_shaders import REFUSED
@@ -48,19 +49,15 @@ class Turn:
             return found
         except Exception as error:  # noqa: BLE001, RUF100
             for entry in entries:
-                self._fail(entry, error)
+                self.fail(entry, error)
             return None
         finally:
             entries[0].row.ms += 1e3 * (time.perf_counter() - start)
 
-    def _fail(self, entry, error):
-        entry.effect.enabled = False
+    def fail(self, entry, error):
+        """Disable the effect that raised an error."""
+        self.failures.append(switch_off(entry.effect, error))
         entry.stop('off', f'{type(error).__name__}: {error}')
-        why = entry.row.why.rstrip('.')
-        self.failures.append(
-            f'{entry.effect.name} is off, the picture is drawn without it: {why}. '
-            'Mend the cause, then set its enabled = True, or remove it.'
-        )
 
     def warn(self):
         """Say what went wrong, once; last, since a filter may turn a warning into an error."""
@@ -73,7 +70,7 @@ class Turn:
         REFUSED.clear()
         for entry in entries:
             if not isinstance(entry.effect, Thing):
-                self._fail(entry, error)
+                self.fail(entry, error)
 
     def blame(self, refused, entries):
         """Disable the effects of features, each with the driver's log, that do not compile."""
@@ -82,7 +79,7 @@ class Turn:
             drawing = [e for e in running if _draws_by(e.effect, name)]
             for entry in drawing or [e for e in running if e.effect.surfaces]:
                 if not entry.effect.mends_shaders:
-                    self._fail(entry, _error_of(name, log))
+                    self.fail(entry, _error_of(name, log))
 
 
 def _error_of(name, log) -> ShaderError:

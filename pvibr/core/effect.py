@@ -407,6 +407,16 @@ class Effect(metaclass=Complete):
         return [n for n in state if n not in params]
 
 
+def switch_off(effect, error) -> str:
+    """Disable an effect that raised an error; return what to tell the user."""
+    effect.enabled = False
+    why = f'{type(error).__name__}: {error}'.rstrip('.')
+    return (
+        f'{effect.name} is off, the picture is drawn without it: {why}. '
+        'Mend the cause, then set its enabled = True, or remove it.'
+    )
+
+
 def _equal(first, second) -> bool:
     """Return True if two arguments are equal: numbers, text, arrays, or the same objects."""
     if first is second:
