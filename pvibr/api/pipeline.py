@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from contextlib import nullcontext
 from difflib import get_close_matches
 from functools import partial
 from typing import Any
 
+from pvibr.api.turn import Turn
 from pvibr.core.counts import TOTAL, difference
 from pvibr.core.effect import Effect, put_into
-from pvibr.core.errors import ClosedError, warn
+from pvibr.core.errors import ClosedError
 from pvibr.core.passes import has_shadows, loses_depth, peels_samples
 from pvibr.core.plotters import list_all_props
 from pvibr.core.report import Report, Row
@@ -47,12 +47,12 @@ class Pipeline:
         self._adaptive_quality = adaptive_quality
         self._entries: list[_Entry] = []
         self._effects: tuple[Effect, ...] = ()
-        self._things: list[Effect] = []
+        self._things: list[Thing] = []
         #: The effects that draw on the picture, in running order.
         self.image_effects: list[Effect] = []
         self._observers: list[int] = []
         self._frames = 0
-        self._turn: _Turn | None = None
+        self._turn: Turn | None = None
         self.surfaces = Surfaces(renderer)
         self.buffers = Buffers(renderer, self.surfaces.plain_actors)
         self.order = DrawOrder(renderer, self.surfaces.plain_actors)
@@ -204,7 +204,9 @@ class Pipeline:
         self.changed()
         if self._entries and not self._observers:
             # Before and after everyone else's: what others do at these events is in the picture.
+            # Things go first, so that the frame has one clipping range.
             self._observers = [
+                self.renderer.AddObserver('StartEvent', self._on_first),
                 self.renderer.AddObserver('StartEvent', self._on_start, -1.0),
                 self.renderer.AddObserver('EndEvent', self._on_end, 1.0),
                 self.renderer.AddObserver('ActiveCameraEvent', self._on_camera),
@@ -224,6 +226,10 @@ class Pipeline:
         quality = 1.0 if self._adaptive_quality is None else self._adaptive_quality.latest
         return Frame.of(self.renderer, time=self.time, quality=quality)
 
+    def _on_first(self, _renderer, _event):
+        for thing in self._things:
+            thing.begin_frame()
+
     def _on_start(self, _renderer, _event):
         if self._turn is not None:  # a frame that did not end
             self._turn.put_camera_back()
@@ -232,7 +238,7 @@ class Pipeline:
         quality = self._adaptive_quality.quality(self.renderer) if self._adaptive_quality else 1.0
         frame = Frame.of(self.renderer, index=self._frames, time=self.time, quality=quality)
         self.surfaces.begin()
-        self._turn = turn = _Turn(frame)
+        self._turn = turn = Turn(frame)
         for entry in self._entries if not frame.picking else ():
             if entry.effect.as_sampled is not None and entry.effect.enabled:
                 turn.take(turn.guard([entry], entry.effect.as_sampled, turn.begun))
@@ -276,8 +282,14 @@ class Pipeline:
 
     def _on_end(self, _renderer, _event):
         turn, self._turn = self._turn, None
-        if turn is None:
-            return
+        if turn is not None:
+            self._end(turn)
+        for thing in self._things:
+            thing.end_frame()
+        if turn is not None:
+            turn.warn()
+
+    def _end(self, turn):
         self._frames += not turn.frame.picking
         for entry in self._entries:
             if entry.running:
@@ -291,7 +303,6 @@ class Pipeline:
             if 'llvmpipe' in renderer_name(self.window):
                 turn.failures.append(_PEELS_NOTHING)
         self._counts = turn.counts, TOTAL.so_far()
-        turn.warn()
 
     def forget_removed(self):
         """Forget things whose props were removed by the plotter's own means, between frames."""
@@ -351,56 +362,6 @@ class _Entry:
         self.row.bytes = int(details.pop('bytes', 0))
         self.row.details = details
         return self.row
-
-
-class _Turn:
-    """One frame on its way through a pipeline, with what went wrong in it."""
-
-    def __init__(self, frame):
-        self.images: list[_Entry] = []
-        self.failures: list[str] = []
-        self.begun: Frame | None = None
-        self.camera = None  # once all is prepared for it
-        self.counts = TOTAL.so_far()
-        self.take(frame)
-
-    def take(self, frame):
-        """Switch to a frame, unless it is None."""
-        if frame is not None and frame is not self.begun:
-            self.begun = frame
-            self.drawn, self.frame = (frame, frame) if frame.picking else frame.within_passes()
-
-    def put_camera_back(self):
-        """Let the renderer have the user's camera again, after a sample."""
-        sample = self.frame.sample
-        if sample is not None:
-            self.frame.renderer.SetActiveCamera(sample.camera)
-
-    def guard(self, entries, hook: Callable, *args):
-        """Call a hook; an error must not reach VTK's loop: it disables the effects involved."""
-        start = time.perf_counter()
-        try:
-            return hook(*args)
-        except Exception as error:  # noqa: BLE001, RUF100
-            for entry in entries:
-                self._fail(entry, error)
-            return None
-        finally:
-            entries[0].row.ms += 1e3 * (time.perf_counter() - start)
-
-    def _fail(self, entry, error):
-        entry.effect.enabled = False
-        entry.stop('off', f'{type(error).__name__}: {error}')
-        why = entry.row.why.rstrip('.')
-        self.failures.append(
-            f'{entry.effect.name} is off, the picture is drawn without it: {why}. '
-            'Mend the cause, then set its enabled = True, or remove it.'
-        )
-
-    def warn(self):
-        """Say what went wrong, once; last, since a filter may turn a warning into an error."""
-        if self.failures:
-            warn('\n'.join(self.failures))
 
 
 class _Stage:
