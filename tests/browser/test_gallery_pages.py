@@ -20,12 +20,12 @@ SCENES = {
     'molecules': 0.03,
     'soft_shadows': 0.03,
     'key_frames': 0.03,
-    'colours': 0.06,
-    'effects_lines': 0.05,
+    'colours': 0.03,
+    'effects_lines': 0.04,
     'effects_light': 0.06,
     'crowd': 0.1,
-    'island': 0.06,
-    'cells': 0.06,
+    'island': 0.1,
+    'cells': 0.11,
 }
 
 
