@@ -70,7 +70,7 @@ def reference(array, bloom):
         halve, double = halved_13, doubled
     extent = np.array([height, width]) / side
     images = []
-    for _ in range(bloom._level_count()):
+    for _ in range(bloom.level_count()):
         light = halve(light, bloom.kernel, extent)
         extent = extent / 2
         images.append(light)
@@ -85,7 +85,7 @@ def fitted(side, size, bloom):
     """Return a whole number of pixels if they fill the picture, and how much wider kernels are."""
     for n in (np.floor(side), np.ceil(side)):
         if n and 0.79 < side / n < 1 / 0.79 and not any(np.mod(size, n)) and bloom.chain != 'tent':
-            steps = 4.0 ** np.arange(bloom._level_count())
+            steps = 4.0 ** np.arange(bloom.level_count())
             reach = np.arange(bloom.kernel) + 0.5
             weights = np.exp(-0.5 * (3 * reach / bloom.kernel) ** 2)
             down = (weights * reach**2).sum() / weights.sum() * steps.sum()
