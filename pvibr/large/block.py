@@ -21,7 +21,7 @@ _SAMPLES, _FARTHEST = 960, 64
 _LEAST_AREA = 1e-20
 #: Factor of the errors of the last levels, of which few cells draw the whole mesh: more of its
 #: points would be beyond the error of one of these than where many are at various distances.
-_CAUTION, _FEW_CELLS = 1.1, 12
+_CAUTION, _FEW_CELLS = 1.15, 12
 #: Triangles whose normals are computed at once.
 _PIECE = 1 << 18
 
