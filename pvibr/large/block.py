@@ -10,12 +10,16 @@ import numpy as np
 
 from pvibr.large.cells import blocks_of, kd_cells
 from pvibr.large.hierarchy import NO_CELL
+from pvibr.large.merged_vertices import merged_vertices
 from pvibr.large.simplified_cell import Cell, edges_once, simplify_cell
+from pvibr.large.textured_cell import closest_weights
 from pvibr.large.wedges import Wedges
 
 #: Random samples of the full mesh by which the error of a cell is measured, and how many of those
 #: farthest off are measured again.
 _SAMPLES, _FARTHEST = 960, 64
+#: Of the random ones, those by which it is known what the shading of a cell loses.
+_PROBES = 256
 #: Area of a vertex relative to the square of the mesh's diagonal, at least: one without area
 #: counts as little as can be, but has its own values.
 _LEAST_AREA = 1e-20
@@ -27,7 +31,10 @@ _PIECE = 1 << 18
 
 #: Arrays of the triangles of a level, and of its samples of the full mesh.
 TRIANGLE_ARRAYS = 'faces', 'is_border', 'made_by', 'mesh_cells', 'edge_flags', 'coordinates'
-SAMPLE_ARRAYS = 'samples', 'sample_faces', 'sample_distances', 'sample_coordinates'
+SAMPLE_ARRAYS = (
+    *('samples', 'sample_vertices', 'sample_faces', 'sample_distances'),
+    'sample_coordinates',
+)
 #: Arrays of vertices.
 VERTEX_ARRAYS = 'points', 'areas', 'normals'
 #: Arrays of the patches of a hierarchy.
@@ -47,8 +54,8 @@ class Block:
     bounds: np.ndarray
     #: Length of a unit of texture coordinates, if there are any.
     texture_unit: float
-    #: Arrays of its vertices, triangles and samples by name; those of the full mesh have no areas,
-    #: borders and samples yet.
+    #: Arrays of its vertices, triangles and samples by name; those of the full mesh have no areas
+    #: and borders yet, and samples are known by their vertices alone.
     vertices: dict[str, np.ndarray]
     triangles: dict[str, np.ndarray]
     samples: dict[str, np.ndarray]
@@ -83,6 +90,8 @@ class SimplifiedBlock:
     #: Vertices that were merged, and into which, (n, 2).
     merges: np.ndarray
     cells: dict[str, np.ndarray]
+    #: Places of vertices of the full mesh on cells, as in a hierarchy.
+    probes: dict[str, np.ndarray]
     #: Patches of the full mesh, and others; with vertices, triangles and cells of the mesh.
     full_patches: dict[str, np.ndarray]
     other_patches: dict[str, np.ndarray]
@@ -143,6 +152,8 @@ class _Simplification:
         self._errors: list[float] = []
         self._caution = 1.0
         self._boxes: list[np.ndarray] = []
+        self._probes = [np.zeros((0, 5), np.int32)]
+        self._probe_weights = [np.zeros((0, 3), np.float32)]
         self._full, self._other = _Patches(), _Patches()
         self._vertex_count = len(self._points)
         self._new_vertices = [{n: v[:0] for n, v in block.vertices.items()}]
@@ -162,7 +173,7 @@ class _Simplification:
         block.triangles['is_border'] = edges_once(self._faces, count) & ~is_seam
         owners = np.empty(count, np.int32)
         owners[self._faces.ravel()] = np.repeat(np.arange(len(self._faces), dtype=np.int32), 3)
-        block.samples = {
+        block.samples |= {
             'samples': self._points,
             'sample_faces': owners,
             'sample_distances': np.zeros(count, np.float32),
@@ -211,6 +222,10 @@ class _Simplification:
             _joined(self._new_vertices),
             np.concatenate(self._merges),
             {'errors': errors, 'boxes': boxes},
+            {
+                'probes': np.concatenate(self._probes),
+                'probe_weights': np.concatenate(self._probe_weights),
+            },
             self._full.arrays(),
             self._other.arrays(),
         )
@@ -285,8 +300,10 @@ class _Simplification:
         children = np.flatnonzero(targets >= 0)
         children = children[simplified.is_new[targets[children]]]
         self._merges.append(np.c_[own_vertices, numbers[targets]][children].astype(np.int32))
-        self._add_vertices(simplified, is_new, own_vertices[children], targets[children])
+        own = {name: values[own_vertices] for name, values in self._block.vertices.items()}
+        self._new_vertices.append(merged_vertices(simplified, own, children, targets[children]))
         self._replace(ids, simplified.error)
+        self._probe(samples, simplified, numbers)
         count = len(simplified.faces)
         triangles = {
             'faces': numbers[simplified.faces],
@@ -302,21 +319,6 @@ class _Simplification:
             'sample_distances': simplified.distances.astype(np.float32),
         }
 
-    def _add_vertices(self, simplified, is_new, children, targets):
-        """Add new vertices: where they are, and the means by area of what they were made of."""
-        count = len(simplified.points)
-        areas = self._block.vertices['areas'][children].astype(float)
-        weights = np.bincount(targets, areas, count)[is_new]
-        added = {'points': simplified.points[is_new], 'areas': weights}
-        for name, values in self._block.vertices.items():
-            if name not in added:
-                weighted = values[children] * areas[:, None]
-                sums = np.stack([np.bincount(targets, w, count) for w in weighted.T], 1)
-                added[name] = sums[is_new] / weights[:, None]
-        self._new_vertices.append(
-            {name: v.astype(self._block.vertices[name].dtype) for name, v in added.items()}
-        )
-
     def _replace(self, ids, error):
         """Note that a cell has replaced triangles."""
         makers = np.unique(self._made_by[ids])
@@ -326,6 +328,18 @@ class _Simplification:
         self._boxes.append(np.stack([boxes[:, 0].min(0), boxes[:, 1].max(0)]))
         self._errors.append(max([error * self._caution, *self._block.cell_errors[children]]))
         self._record(ids, -1 - len(self._errors))
+
+    def _probe(self, samples, simplified, numbers):
+        """Note where some vertices of the full mesh are on the cell that was replaced last."""
+        count = min(len(samples), _SAMPLES)
+        some = np.linspace(0, count - 1, min(count, _PROBES)).astype(int)
+        corners = simplified.faces[simplified.nearest[some]]
+        places = self._block.samples['samples'][samples[some]].astype(float)
+        vertices = self._block.samples['sample_vertices'][samples[some]]
+        cells = np.full(len(some), -1 - len(self._errors))
+        self._probes.append(np.c_[cells, vertices, numbers[corners]].astype(np.int32))
+        weights = closest_weights(places, simplified.points[corners])
+        self._probe_weights.append(weights.astype(np.float32))
 
     def _record(self, ids, replaced_by):
         """Note the patches of triangles that one cell replaces."""

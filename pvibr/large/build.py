@@ -199,6 +199,8 @@ class Builder:
             starts = np.cumsum([0, *segments[:-1, 2]])
             samples['sample_faces'] += np.repeat(starts, segments[:, 4]).astype(np.int32)
         vertices, faces = np.unique(triangles['faces'], return_inverse=True)
+        if not level:
+            samples['sample_vertices'] = vertices.astype(np.int32)
         triangles['faces'] = faces.reshape(-1, 3).astype(np.int32)
         self._vertices[int(k)] = vertices
         if 'made_by' not in triangles:
@@ -253,6 +255,10 @@ class Builder:
         order = np.argsort(children)
         self._append_spread('merges', children[order], {'parents': parents[order] + 1})
         for name, values in result.cells.items():
+            columns.append(name, values)
+        probes = result.probes['probes']
+        probes[:, 0], probes[:, 2:] = cells(probes[:, 0]), numbers[probes[:, 2:]]
+        for name, values in result.probes.items():
             columns.append(name, values)
         for kind, patches in (('full', result.full_patches), ('other', result.other_patches)):
             patches['patch_cells'] = cells(patches['patch_cells'])
@@ -338,6 +344,8 @@ class Builder:
             'mesh_cells': self._parts('full.mesh_cells'),
             'edge_flags': self._parts('full.edge_flags'),
             **{name: [self._all_of(name, empty)] for name, empty in _NO_CELLS.items()},
+            'probes': self._parts('probes'),
+            'probe_weights': self._parts('probe_weights'),
             'patch_cells': [small['patch_cells']],
             'patch_boxes': [small['patch_boxes']],
             'vertex_starts': [starts[:, 0]],
