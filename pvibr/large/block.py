@@ -23,6 +23,9 @@ _PROBES = 256
 #: Area of a vertex relative to the square of the mesh's diagonal, at least: one without area
 #: counts as little as can be, but has its own values.
 _LEAST_AREA = 1e-20
+#: Factor of the errors of the last levels, of which few cells draw the whole mesh: more of its
+#: points would be beyond the error of one of these than where many are at various distances.
+_CAUTION, _FEW_CELLS = 1.15, 12
 #: Triangles whose normals are computed at once.
 _PIECE = 1 << 18
 
@@ -147,6 +150,7 @@ class _Simplification:
             self._prepare_full_mesh(block.is_shared)
         self._made_by = block.triangles['made_by']
         self._errors: list[float] = []
+        self._caution = 1.0
         self._boxes: list[np.ndarray] = []
         self._probes = [np.zeros((0, 5), np.int32)]
         self._probe_weights = [np.zeros((0, 3), np.float32)]
@@ -185,6 +189,8 @@ class _Simplification:
         """Simplify all cells."""
         centers = self._centers(self._points, self._faces)
         cells = kd_cells(centers, self._rng)
+        if not len(self._block.planes) and len(cells) <= _FEW_CELLS:
+            self._caution = _CAUTION
         parts: list[tuple[dict[str, np.ndarray], dict[str, np.ndarray]]] = []
         if self._block.is_last:
             for ids in cells:
@@ -320,7 +326,7 @@ class _Simplification:
         corners = self._points[self._faces[ids].ravel()]
         boxes = np.concatenate([box_of(corners)[None], self._block.cell_boxes[children]])
         self._boxes.append(np.stack([boxes[:, 0].min(0), boxes[:, 1].max(0)]))
-        self._errors.append(max([error, *self._block.cell_errors[children]]))
+        self._errors.append(max([error * self._caution, *self._block.cell_errors[children]]))
         self._record(ids, -1 - len(self._errors))
 
     def _probe(self, samples, simplified, numbers):

@@ -117,16 +117,18 @@ def test_without_a_process_it_is_built_here(monkeypatch, cause):
     assert thing.refined
 
 
-def test_process_ends_with_its_parent(monkeypatch):
+def test_process_ends_with_its_parent(monkeypatch, tmp_path):
+    begun = tmp_path / 'begun'
     program = (
-        'import time, pvibr.large.build_job as module; '
-        'module.build_hierarchy = lambda *_, **__: time.sleep(600); module.main()'
+        'import time, pathlib, pvibr.large.build_job as module; module.build_hierarchy = '
+        f'lambda *_, **__: (pathlib.Path({str(begun)!r}).touch(), time.sleep(600)); module.main()'
     )
     monkeypatch.setattr('pvibr.core.child_processes._PROGRAM', program)
     job = BuildJob(source_of(terrain()).mesh, 'key', None)
     job.start()
     child = job._work.child
-    job._work._thread.join(1)
+    while not begun.exists():
+        time.sleep(0.02)
     child.stdin.close()  # as where the parent was killed
     assert child.wait() == 1
     job.stop()
