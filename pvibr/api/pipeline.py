@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from contextlib import nullcontext
+from contextlib import ExitStack, nullcontext, suppress
 from difflib import get_close_matches
 from functools import partial
 from typing import Any
@@ -15,12 +15,14 @@ from pvibr.core.errors import ClosedError
 from pvibr.core.passes import has_shadows, loses_depth, peels_samples
 from pvibr.core.plotters import list_all_props
 from pvibr.core.report import Report, Row
+from pvibr.core.threads import DrawingThread
 from pvibr.effects import ORDER
 from pvibr.gl.annotations import Annotations
 from pvibr.gl.driver import renderer_name
 from pvibr.gl.fused import Fused
 from pvibr.gl.hidden_window import RENDERERS
 from pvibr.gl.picture import Picture
+from pvibr.gl.refused_shaders import REFUSED
 from pvibr.gl.scene_pass import ScenePass
 from pvibr.gl.texture import Texture, nbytes_of, release
 from pvibr.things.buffers import Buffers, Tap
@@ -40,9 +42,11 @@ _PEELS_NOTHING = (
 class Pipeline:
     """What runs before and after a renderer draws; empty, it does nothing and costs nothing."""
 
-    def __init__(self, renderer, adaptive_quality=None):
+    def __init__(self, renderer, adaptive_quality=None, thread=None):
         self.renderer = renderer
-        RENDERERS.add(renderer)
+        self._thread = RENDERERS[renderer] = thread or DrawingThread()
+        #: Raises an error in other threads than that which draws.
+        self.check_thread = self._thread.check
         self.time = 0.0
         self._adaptive_quality = adaptive_quality
         self._entries: list[_Entry] = []
@@ -115,7 +119,11 @@ class Pipeline:
         effect.attach(self)
         put_into(effect, self)
         self._enter(sorted([*self._entries, _Entry(effect, Row(effect.name))], key=_place))
-        self._observe()
+        try:
+            self._observe()
+        except Exception:
+            self.remove(effect)
+            raise
         return effect
 
     def _enter(self, entries):
@@ -128,6 +136,7 @@ class Pipeline:
 
     def check_addable(self, effect):
         """Raise an error unless an effect can be added."""
+        self.check_thread()
         if self._closed:
             raise ClosedError('the plotter is closed; create a new one and add the effect there')
         if not isinstance(effect, Effect):
@@ -150,6 +159,7 @@ class Pipeline:
 
     def remove(self, effect):
         """Take an effect or a thing out and free what it holds on the GPU."""
+        self.check_thread()
         if effect not in self.effects:
             name = effect.name if isinstance(effect, Effect) else f'thing = {effect!r:.80}'
             raise ValueError(f'{name} is not in this subplot; here are: {self._names() or "none"}')
@@ -165,8 +175,9 @@ class Pipeline:
 
     def clear(self):
         """Take everything out."""
-        for effect in self.effects:
-            self.remove(effect)
+        with ExitStack() as each:  # the others go, too, where one raises an error
+            for effect in reversed(self.effects):
+                each.callback(self.remove, effect)
 
     def release(self):
         """Remove all effects for good, while the context is alive; calling it again is fine."""
@@ -193,6 +204,7 @@ class Pipeline:
 
     def make_current(self):
         """Make the context of the window current, if it was drawn."""
+        self.check_thread()
         window = self.window
         if window is not None and not window.GetNeverRendered():
             window.MakeCurrent()
@@ -238,7 +250,7 @@ class Pipeline:
         quality = self._adaptive_quality.quality(self.renderer) if self._adaptive_quality else 1.0
         frame = Frame.of(self.renderer, index=self._frames, time=self.time, quality=quality)
         self.surfaces.begin()
-        self._turn = turn = Turn(frame)
+        self._turn = turn = Turn(frame, self._thread)
         for entry in self._entries if not frame.picking else ():
             if entry.effect.as_sampled is not None and entry.effect.enabled:
                 turn.take(turn.guard([entry], entry.effect.as_sampled, turn.begun))
@@ -291,6 +303,8 @@ class Pipeline:
 
     def _end(self, turn):
         self._frames += not turn.frame.picking
+        refused = [*REFUSED.items()] if REFUSED else ()  # as the scene was drawn
+        REFUSED.clear()
         for entry in self._entries:
             if entry.running:
                 frame = turn.frame if entry.is_image_effect else turn.drawn
@@ -298,6 +312,8 @@ class Pipeline:
         turn.put_camera_back()
         self.order.finish()
         self._stage.end(turn)
+        if refused:
+            turn.blame(refused, self._entries)
         if not self._peels and peels_samples(self.renderer):
             self._peels = True
             if 'llvmpipe' in renderer_name(self.window):
@@ -311,8 +327,9 @@ class Pipeline:
             return
         self._time_of_props = time
         for effect in self._effects:
-            if effect.is_gone(self.renderer):
-                self.remove(effect)
+            with suppress(Exception):  # of users' own effects, within VTK's loop
+                if effect.is_gone(self.renderer):
+                    self.remove(effect)
 
 
 class _Entry:
@@ -328,7 +345,12 @@ class _Entry:
         if 0 in turn.frame.size or (turn.frame.picking and not effect.picks):
             return
         row.ms = 0.0
-        if self._awake and effect.enabled and effect.is_prepared(turn.drawn):
+        try:
+            is_prepared = self._awake and effect.enabled and effect.is_prepared(turn.drawn)
+        except Exception as error:
+            turn.fail(self, error)
+            is_prepared = False
+        if is_prepared:
             self.running = True
         elif not effect.enabled:
             self.stop('off', row.why if row.state == 'off' else 'enabled is False')

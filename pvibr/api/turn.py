@@ -1,4 +1,4 @@
-"""One frame on its way through a pipeline."""
+"""One frame on its way through a pipeline, and what went wrong in it."""
 
 from __future__ import annotations
 
@@ -6,14 +6,20 @@ import time
 from collections.abc import Callable
 
 from pvibr.core.counts import TOTAL
-from pvibr.core.errors import warn
+from pvibr.core.effect import switch_off
+from pvibr.core.errors import ShaderError, warn
+from pvibr.gl.feature import FeatureSet, has_text
+from pvibr.gl.refused_shaders import REFUSED
 from pvibr.things.frame import Frame
+from pvibr.things.thing import Thing
 
 
 class Turn:
     """One frame on its way through a pipeline, with what went wrong in it."""
 
-    def __init__(self, frame):
+    def __init__(self, frame, thread):
+        if not thread.has_drawn:
+            thread.begin()
         self.images: list = []
         self.failures: list[str] = []
         self.begun: Frame | None = None
@@ -37,24 +43,53 @@ class Turn:
         """Call a hook; an error must not reach VTK's loop: it disables the effects involved."""
         start = time.perf_counter()
         try:
-            return hook(*args)
+            found = hook(*args)
+            if REFUSED:
+                self._refuse(entries)
+            return found
         except Exception as error:  # noqa: BLE001, RUF100
             for entry in entries:
-                self._fail(entry, error)
+                self.fail(entry, error)
             return None
         finally:
             entries[0].row.ms += 1e3 * (time.perf_counter() - start)
 
-    def _fail(self, entry, error):
-        entry.effect.enabled = False
+    def fail(self, entry, error):
+        """Disable the effect that raised an error."""
+        self.failures.append(switch_off(entry.effect, error))
         entry.stop('off', f'{type(error).__name__}: {error}')
-        why = entry.row.why.rstrip('.')
-        self.failures.append(
-            f'{entry.effect.name} is off, the picture is drawn without it: {why}. '
-            'Mend the cause, then set its enabled = True, or remove it.'
-        )
 
     def warn(self):
         """Say what went wrong, once; last, since a filter may turn a warning into an error."""
         if self.failures:
             warn('\n'.join(self.failures))
+
+    def _refuse(self, entries):
+        """Disable effects whose hook drew with shaders that do not compile; things see to it."""
+        error = _error_of(*next(iter(REFUSED.items())))
+        REFUSED.clear()
+        for entry in entries:
+            if not isinstance(entry.effect, Thing):
+                self.fail(entry, error)
+
+    def blame(self, refused, entries):
+        """Disable the effects of features, each with the driver's log, that do not compile."""
+        for name, log in refused:
+            running = [e for e in entries if e.running]
+            drawing = [e for e in running if _draws_by(e.effect, name)]
+            for entry in drawing or [e for e in running if e.effect.surfaces]:
+                if not entry.effect.mends_shaders:
+                    self.fail(entry, _error_of(name, log))
+
+
+def _error_of(name, log) -> ShaderError:
+    return ShaderError(f'shader {name!r} does not compile: {log.splitlines()[0]}', log)
+
+
+def _draws_by(effect, name) -> bool:
+    """Return whether an effect has put the text of a feature on actors."""
+    sets = [value for value in vars(effect).values() if isinstance(value, FeatureSet)]
+    if any(features.has(name) for features in sets):
+        return True
+    actors = effect.shader_actors() if isinstance(effect, Thing) else effect.props
+    return any(has_text(actor, name) for actor in actors if actor.IsA('vtkActor'))

@@ -146,7 +146,7 @@ class Instances(ItemSet):
         range='(0, inf)',
         unit='px',
     )
-    _noun = 'instances'
+    mends_shaders, _noun = True, 'instances'
 
     @takes(mesh_kwargs=as_parts)
     def __init__(

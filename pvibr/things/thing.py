@@ -96,6 +96,10 @@ class Thing(Effect, pv.Actor):
         """Return the actors that draw it, including invisible ones."""
         raise NotImplementedError
 
+    def shader_actors(self) -> list:
+        """Return the actors with shader text of its own."""
+        return self.actors()
+
     def drawn(self) -> list:
         """Return the actors that draw it in the frame it was prepared for."""
         return [actor for actor in self.actors() if actor.GetVisibility()]
