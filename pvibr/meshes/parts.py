@@ -14,6 +14,7 @@ from pvibr.core import _vtk
 from pvibr.core.arguments import checked_number, naming
 from pvibr.core.signatures import takes
 from pvibr.io.trimesh_meshes import as_dataset, is_trimesh
+from pvibr.meshes.composites import set_block_look, visible_blocks
 from pvibr.meshes.materials import (
     checked_data,
     culled_faces,
@@ -394,17 +395,6 @@ def _from_actor(actor, look):
     return [_copied(actor, mapper, dataset, look.get('alpha_cutoff'))]
 
 
-def visible_blocks(mapper) -> list:
-    """Return the datasets that a composite mapper draws."""
-    attributes = mapper.GetCompositeDataDisplayAttributes()
-    blocks = pv.wrap(mapper.GetInputDataObject(0, 0))
-    return [
-        block
-        for block in blocks.recursive_iterator(skip_none=True, skip_empty=True)
-        if attributes.GetBlockVisibility(block) or not attributes.HasBlockVisibility(block)
-    ]
-
-
 def _from_composite(actor, mapper):
     parts = []
     for block in visible_blocks(mapper):
@@ -416,18 +406,6 @@ def _from_composite(actor, mapper):
             'mesh must be an actor with visible points, got no visible block with any'
         )
     return parts
-
-
-def set_block_look(actor, mapper, block):
-    """Give an actor the colour and opacity of a block of a composite mapper."""
-    attributes = mapper.GetCompositeDataDisplayAttributes()
-    if attributes.HasBlockColor(block):
-        color = [0.0, 0.0, 0.0]
-        attributes.GetBlockColor(block, color)
-        actor.prop.color = color
-        actor.mapper.scalar_visibility = False
-    if attributes.HasBlockOpacity(block):
-        actor.prop.opacity = attributes.GetBlockOpacity(block)
 
 
 def copy_with(actor, mapper, dataset) -> pv.Actor:

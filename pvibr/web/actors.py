@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from pvibr.meshes.parts import copy_with, set_block_look, visible_blocks
+from pvibr.meshes.composites import set_block_look, visible_blocks
+from pvibr.meshes.parts import copy_with
 
 
 def actors_of(prop) -> list:
