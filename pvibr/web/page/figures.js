@@ -39,9 +39,9 @@ export function lengthOf(players) {
   for (const player of players)
     for (let i = 0; i < player.clip.length; i++) {
       const [speed, , cycles, count] = timingOf(player, i);
-      const seconds = cycles * player.clips[player.clip[i]].duration * Math.min(count, 1e6 / count);
-      const shown = count < Infinity ? seconds : cycles * player.clips[player.clip[i]].duration;
-      if (shown > 0 && speed) periods.add(Number((shown / Math.abs(speed)).toPrecision(4)));
+      const cycle = cycles * player.clips[player.clip[i]].duration;
+      const seconds = count < Infinity ? count * cycle : cycle;
+      if (seconds > 0 && speed) periods.add(Number((seconds / Math.abs(speed)).toPrecision(4)));
     }
   if (!periods.size) return 1;
   const longest = Math.max(...periods);
