@@ -51,7 +51,7 @@ class Pipeline:
         self._adaptive_quality = adaptive_quality
         self._entries: list[_Entry] = []
         self._effects: tuple[Effect, ...] = ()
-        self._things: list[Effect] = []
+        self._things: list[Thing] = []
         #: The effects that draw on the picture, in running order.
         self.image_effects: list[Effect] = []
         self._observers: list[int] = []
@@ -216,7 +216,9 @@ class Pipeline:
         self.changed()
         if self._entries and not self._observers:
             # Before and after everyone else's: what others do at these events is in the picture.
+            # Things go first, so that the frame has one clipping range.
             self._observers = [
+                self.renderer.AddObserver('StartEvent', self._on_first),
                 self.renderer.AddObserver('StartEvent', self._on_start, -1.0),
                 self.renderer.AddObserver('EndEvent', self._on_end, 1.0),
                 self.renderer.AddObserver('ActiveCameraEvent', self._on_camera),
@@ -235,6 +237,10 @@ class Pipeline:
         """Return the view of the camera as it is now, at the quality of the last frame."""
         quality = 1.0 if self._adaptive_quality is None else self._adaptive_quality.latest
         return Frame.of(self.renderer, time=self.time, quality=quality)
+
+    def _on_first(self, _renderer, _event):
+        for thing in self._things:
+            thing.begin_frame()
 
     def _on_start(self, _renderer, _event):
         if self._turn is not None:  # a frame that did not end
@@ -288,8 +294,14 @@ class Pipeline:
 
     def _on_end(self, _renderer, _event):
         turn, self._turn = self._turn, None
-        if turn is None:
-            return
+        if turn is not None:
+            self._end(turn)
+        for thing in self._things:
+            thing.end_frame()
+        if turn is not None:
+            turn.warn()
+
+    def _end(self, turn):
         self._frames += not turn.frame.picking
         refused = [*REFUSED.items()] if REFUSED else ()  # as the scene was drawn
         REFUSED.clear()
@@ -307,7 +319,6 @@ class Pipeline:
             if 'llvmpipe' in renderer_name(self.window):
                 turn.failures.append(_PEELS_NOTHING)
         self._counts = turn.counts, TOTAL.so_far()
-        turn.warn()
 
     def forget_removed(self):
         """Forget things whose props were removed by the plotter's own means, between frames."""

@@ -10,19 +10,28 @@ import numpy as np
 
 from pvibr.large.cells import blocks_of, kd_cells
 from pvibr.large.hierarchy import NO_CELL
+from pvibr.large.merged_vertices import merged_vertices
 from pvibr.large.simplified_cell import Cell, edges_once, simplify_cell
+from pvibr.large.textured_cell import closest_weights
 from pvibr.large.wedges import Wedges
 
 #: Random samples of the full mesh by which the error of a cell is measured, and how many of those
 #: farthest off are measured again.
 _SAMPLES, _FARTHEST = 960, 64
+#: Of the random ones, those by which it is known what the shading of a cell loses.
+_PROBES = 256
 #: Area of a vertex relative to the square of the mesh's diagonal, at least: one without area
 #: counts as little as can be, but has its own values.
 _LEAST_AREA = 1e-20
+#: Triangles whose normals are computed at once.
+_PIECE = 1 << 18
 
 #: Arrays of the triangles of a level, and of its samples of the full mesh.
 TRIANGLE_ARRAYS = 'faces', 'is_border', 'made_by', 'mesh_cells', 'edge_flags', 'coordinates'
-SAMPLE_ARRAYS = 'samples', 'sample_faces', 'sample_distances', 'sample_coordinates'
+SAMPLE_ARRAYS = (
+    *('samples', 'sample_vertices', 'sample_faces', 'sample_distances'),
+    'sample_coordinates',
+)
 #: Arrays of vertices.
 VERTEX_ARRAYS = 'points', 'areas', 'normals'
 #: Arrays of the patches of a hierarchy.
@@ -42,8 +51,8 @@ class Block:
     bounds: np.ndarray
     #: Length of a unit of texture coordinates, if there are any.
     texture_unit: float
-    #: Arrays of its vertices, triangles and samples by name; those of the full mesh have no areas,
-    #: borders and samples yet.
+    #: Arrays of its vertices, triangles and samples by name; those of the full mesh have no areas
+    #: and borders yet, and samples are known by their vertices alone.
     vertices: dict[str, np.ndarray]
     triangles: dict[str, np.ndarray]
     samples: dict[str, np.ndarray]
@@ -78,6 +87,8 @@ class SimplifiedBlock:
     #: Vertices that were merged, and into which, (n, 2).
     merges: np.ndarray
     cells: dict[str, np.ndarray]
+    #: Places of vertices of the full mesh on cells, as in a hierarchy.
+    probes: dict[str, np.ndarray]
     #: Patches of the full mesh, and others; with vertices, triangles and cells of the mesh.
     full_patches: dict[str, np.ndarray]
     other_patches: dict[str, np.ndarray]
@@ -137,6 +148,8 @@ class _Simplification:
         self._made_by = block.triangles['made_by']
         self._errors: list[float] = []
         self._boxes: list[np.ndarray] = []
+        self._probes = [np.zeros((0, 5), np.int32)]
+        self._probe_weights = [np.zeros((0, 3), np.float32)]
         self._full, self._other = _Patches(), _Patches()
         self._vertex_count = len(self._points)
         self._new_vertices = [{n: v[:0] for n, v in block.vertices.items()}]
@@ -145,17 +158,10 @@ class _Simplification:
     def _prepare_full_mesh(self, is_shared):
         """Set areas and normals of vertices, borders, and all vertices as samples."""
         block, count = self._block, len(self._points)
-        corners = self._points[self._faces].astype(float)
-        crosses = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-        lengths = np.linalg.norm(crosses, axis=1)
-        least = _LEAST_AREA * float(((block.bounds[1] - block.bounds[0]) ** 2).sum())
-        areas = np.bincount(self._faces.ravel(), np.repeat(lengths, 3), count)
-        self._own_vertices['areas'] = np.maximum(areas, max(least, 1e-30)).astype(np.float32)
+        areas, normals = areas_and_normals(self._points, self._faces, block.bounds)
+        self._own_vertices['areas'] = areas
         if 'normals' not in block.vertices:
-            # The mean of the facets' unit normals, as VTK has it.
-            crosses /= np.maximum(lengths, 1e-300)[:, None]
-            sums = [np.bincount(self._faces.ravel(), np.repeat(n, 3), count) for n in crosses.T]
-            self._own_vertices['normals'] = np.stack(sums, 1).astype(np.float32)
+            self._own_vertices['normals'] = normals
         block.vertices |= self._own_vertices
         block.vertices['normals'] = unit(block.vertices['normals'])
         # Where blocks meet no edge is known to be of the mesh's border: it stays as it is.
@@ -163,7 +169,7 @@ class _Simplification:
         block.triangles['is_border'] = edges_once(self._faces, count) & ~is_seam
         owners = np.empty(count, np.int32)
         owners[self._faces.ravel()] = np.repeat(np.arange(len(self._faces), dtype=np.int32), 3)
-        block.samples = {
+        block.samples |= {
             'samples': self._points,
             'sample_faces': owners,
             'sample_distances': np.zeros(count, np.float32),
@@ -210,6 +216,10 @@ class _Simplification:
             _joined(self._new_vertices),
             np.concatenate(self._merges),
             {'errors': errors, 'boxes': boxes},
+            {
+                'probes': np.concatenate(self._probes),
+                'probe_weights': np.concatenate(self._probe_weights),
+            },
             self._full.arrays(),
             self._other.arrays(),
         )
@@ -284,8 +294,10 @@ class _Simplification:
         children = np.flatnonzero(targets >= 0)
         children = children[simplified.is_new[targets[children]]]
         self._merges.append(np.c_[own_vertices, numbers[targets]][children].astype(np.int32))
-        self._add_vertices(simplified, is_new, own_vertices[children], targets[children])
+        own = {name: values[own_vertices] for name, values in self._block.vertices.items()}
+        self._new_vertices.append(merged_vertices(simplified, own, children, targets[children]))
         self._replace(ids, simplified.error)
+        self._probe(samples, simplified, numbers)
         count = len(simplified.faces)
         triangles = {
             'faces': numbers[simplified.faces],
@@ -301,21 +313,6 @@ class _Simplification:
             'sample_distances': simplified.distances.astype(np.float32),
         }
 
-    def _add_vertices(self, simplified, is_new, children, targets):
-        """Add new vertices: where they are, and the means by area of what they were made of."""
-        count = len(simplified.points)
-        areas = self._block.vertices['areas'][children].astype(float)
-        weights = np.bincount(targets, areas, count)[is_new]
-        added = {'points': simplified.points[is_new], 'areas': weights}
-        for name, values in self._block.vertices.items():
-            if name not in added:
-                weighted = values[children] * areas[:, None]
-                sums = np.stack([np.bincount(targets, w, count) for w in weighted.T], 1)
-                added[name] = sums[is_new] / weights[:, None]
-        self._new_vertices.append(
-            {name: v.astype(self._block.vertices[name].dtype) for name, v in added.items()}
-        )
-
     def _replace(self, ids, error):
         """Note that a cell has replaced triangles."""
         makers = np.unique(self._made_by[ids])
@@ -325,6 +322,18 @@ class _Simplification:
         self._boxes.append(np.stack([boxes[:, 0].min(0), boxes[:, 1].max(0)]))
         self._errors.append(max([error, *self._block.cell_errors[children]]))
         self._record(ids, -1 - len(self._errors))
+
+    def _probe(self, samples, simplified, numbers):
+        """Note where some vertices of the full mesh are on the cell that was replaced last."""
+        count = min(len(samples), _SAMPLES)
+        some = np.linspace(0, count - 1, min(count, _PROBES)).astype(int)
+        corners = simplified.faces[simplified.nearest[some]]
+        places = self._block.samples['samples'][samples[some]].astype(float)
+        vertices = self._block.samples['sample_vertices'][samples[some]]
+        cells = np.full(len(some), -1 - len(self._errors))
+        self._probes.append(np.c_[cells, vertices, numbers[corners]].astype(np.int32))
+        weights = closest_weights(places, simplified.points[corners])
+        self._probe_weights.append(weights.astype(np.float32))
 
     def _record(self, ids, replaced_by):
         """Note the patches of triangles that one cell replaces."""
@@ -376,6 +385,27 @@ class _Simplification:
         samples = {name: values[sample_order] for name, values in samples.items()}
         samples['sample_faces'] = (places[samples['sample_faces']] - first).astype(np.int32)
         return triangles, samples, np.stack([own_blocks, counts, sample_counts], 1)
+
+
+def areas_and_normals(points, faces, bounds) -> tuple[np.ndarray, np.ndarray]:
+    """Return the area around each vertex, times a factor, and the sums of facets' unit normals."""
+    count = len(points)
+    pieces = np.array_split(faces, max(len(faces) // _PIECE, 1))
+    lengths, normals = map(np.concatenate, zip(*(_facets(points, p) for p in pieces), strict=True))
+    least = _LEAST_AREA * float(((bounds[1] - bounds[0]) ** 2).sum())
+    areas = np.bincount(faces.ravel(), np.repeat(lengths, 3), count)
+    areas = np.maximum(areas, max(least, 1e-30)).astype(np.float32)
+    # The mean of the facets' unit normals, as VTK has it.
+    sums = [np.bincount(faces.ravel(), np.repeat(n, 3), count) for n in normals.T]
+    return areas, np.stack(sums, 1).astype(np.float32)
+
+
+def _facets(points, faces) -> tuple[np.ndarray, np.ndarray]:
+    """Return twice the areas of triangles, and their unit normals."""
+    corners = points[faces].astype(float)
+    crosses = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    lengths = np.linalg.norm(crosses, axis=1)
+    return lengths, crosses / np.maximum(lengths, 1e-300)[:, None]
 
 
 def unit(normals) -> np.ndarray:

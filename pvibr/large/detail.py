@@ -4,22 +4,17 @@ from __future__ import annotations
 
 import operator
 from dataclasses import replace
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
 from pvibr.large.hierarchy import NO_CELL, Hierarchy
 
-#: Spread of the unit normals that a vertex stands for, and of its values relative to their range,
-#: from which what it leaves out is seen as soon as it is large enough.
-_NORMAL_SPREAD, _VALUE_SPREAD = 0.12, 0.15
-#: Distance of such vertices, relative to the error that is allowed: pixels at an error of 1.
+#: Difference of the unit normals of the full mesh and of a cell, and of their values relative to
+#: their range, from which what is left out is seen as soon as it is large enough.
+_NORMAL_DIFFERENCE, _VALUE_DIFFERENCE = 0.12, 0.15
+#: Size of triangles that have such, relative to the error that is allowed: pixels at 1.
 _SPACING = 1.6
-#: Corners of triangles that count the area around a vertex, times 2 for the parallelogram.
-_AREA_PARTS = 6
-#: Vertices that are looked at at once.
-_PIECE = 1 << 22
 
 
 class Detail:
@@ -49,77 +44,47 @@ class Detail:
 
 def lost_lengths(hierarchy, values, value_range, *, is_lit) -> np.ndarray:
     """Return the lengths across which each cell leaves out what can be seen, never decreasing."""
-    # That of a vertex is the size of what was merged into it, less where this is nearly even.
-    areas = vertex_areas(hierarchy)
-    shares = np.zeros(len(areas), np.float32)
+    # That of a triangle is its size, less where its corners give nearly what the full mesh has.
+    shares = np.zeros(len(hierarchy.probes), np.float32)
     if is_lit:
-        shares += spread_of(hierarchy, areas, hierarchy.normals) / _NORMAL_SPREAD**2
+        shares += squared_differences(hierarchy, hierarchy.normals) / _NORMAL_DIFFERENCE**2
     if values is not None:
         by_vertex = values.by_vertex
         # What is beyond the range has its first or last colour.
         low, high = (0, 255) if by_vertex.ndim == 2 else value_range
-        scale = max(high - low, 1e-30) * _VALUE_SPREAD  # in single precision
-        by_vertex = np.clip(by_vertex, low, high).reshape(len(areas), -1)
-        shares += spread_of(hierarchy, areas, by_vertex, scale)
-    squares = areas * np.minimum(shares, 1) / _AREA_PARTS
+        scale = max(high - low, 1e-30) * _VALUE_DIFFERENCE  # in single precision
+        by_vertex = np.clip(by_vertex, low, high).reshape(len(by_vertex), -1)
+        shares += squared_differences(hierarchy, by_vertex, scale)
+    squares = triangle_areas(hierarchy) * np.minimum(shares, 1)
     return np.sqrt(_largest_below(hierarchy, _means_of_cells(hierarchy, squares)))
 
 
-def vertex_areas(hierarchy) -> np.ndarray:
-    """Return the area of the full mesh, times a factor, that each vertex stands for."""
-    areas = np.zeros(len(hierarchy.points), np.float32)
-    areas[: len(hierarchy.areas)] = hierarchy.areas
-    for children, parents in _merges(hierarchy):
-        _add(areas, parents, areas[children])
-    return areas
+def squared_differences(hierarchy, values, scale=1.0) -> np.ndarray:
+    """Return squared differences of values (v, k) at probes from those of the corners there."""
+    own, *corners = (values.take(places, axis=0) for places in hierarchy.probes.T[1:])
+    own = own.astype(np.result_type(values, np.float32))
+    differences = np.zeros(own.shape, np.float32)
+    for corner, weights in zip(corners, hierarchy.probe_weights.T, strict=True):
+        differences += (weights[:, None] * (corner - own) / scale).astype(np.float32)
+    is_unknown = np.isnan(differences)
+    if is_unknown.any():  # what is known ends there
+        is_end = np.isnan(own) != np.any([np.isnan(corner) for corner in corners], axis=0)
+        differences = np.where(is_unknown, is_end, differences)
+    return np.einsum('ij,ij->i', differences, differences)
 
 
-def spread_of(hierarchy, areas, values, scale=1.0) -> np.ndarray:
-    """Return the variance of what was merged into each vertex, by area, from values (v, k)."""
-    sums, kind = np.zeros(len(areas), np.float32), np.result_type(values, np.float32)
-    for children, parents in _merges(hierarchy):
-        ends = values[children].astype(kind), values[parents].astype(kind)
-        differences = ((ends[0] - ends[1]) / scale).astype(np.float32)
-        is_unknown = np.isnan(differences)
-        if is_unknown.any():  # what is known ends there
-            is_end = np.isnan(ends[0]) != np.isnan(ends[1])
-            differences = np.where(is_unknown, is_end, differences)
-        squares = np.einsum('ij,ij->i', differences, differences)
-        _add(sums, parents, areas[children] * squares + sums[children])
-    return np.divide(sums, areas, out=np.zeros_like(sums), where=areas > 0)
-
-
-def _merges(hierarchy):
-    """Yield vertices and what each was merged into, those of a vertex before its own merge."""
-    starts = hierarchy.level_starts.tolist()
-    for level_start, level_end in pairwise(starts):
-        for first in range(level_start, level_end, _PIECE):
-            parents = np.asarray(hierarchy.parents[first : min(first + _PIECE, level_end)])
-            is_merged = parents >= 0
-            if is_merged.any():
-                yield first + np.flatnonzero(is_merged), parents[is_merged]
-
-
-def _add(sums, places, values):
-    """Add values to sums, which may have several at a place."""
-    low, high = places.min(), places.max()
-    sums[low : high + 1] += np.bincount(places - low, values, high - low + 1)
+def triangle_areas(hierarchy) -> np.ndarray:
+    """Return the areas of the parallelograms of the triangles that probes are on."""
+    a, b, c = (hierarchy.points.take(corner, axis=0) for corner in hierarchy.probes[:, 2:].T)
+    return np.linalg.norm(np.cross(b - a, c - a), axis=1)
 
 
 def _means_of_cells(hierarchy, values) -> np.ndarray:
-    """Return the mean of the values of the vertices of what replaced each cell."""
+    """Return the means by area of values at probes of each cell."""
+    cells, weights = hierarchy.probes[:, 0], hierarchy.areas[hierarchy.probes[:, 1]]
     count = len(hierarchy.errors)
-    is_made = hierarchy.patch_cells[:, 0] != NO_CELL
-    first = hierarchy.vertex_starts[:-1][is_made]
-    if not len(first):
-        return np.zeros(count)
-    start = int(first[0])  # those of the full mesh come first
-    sums = np.add.reduceat(values[hierarchy.vertices[start:]], first - start)
-    makers = hierarchy.patch_cells[is_made, 0]
-    vertex_counts = np.diff(hierarchy.vertex_starts)[is_made]
-    return np.bincount(makers, sums, count) / np.maximum(
-        np.bincount(makers, vertex_counts, count), 1
-    )
+    sums = np.bincount(cells, weights * values, count)
+    return sums / np.maximum(np.bincount(cells, weights, count), 1e-300)
 
 
 def _largest_below(hierarchy, values) -> np.ndarray:

@@ -26,6 +26,8 @@ _LAYOUT: dict[str, tuple[str, tuple[int, ...]]] = {
     'edge_flags': ('u', ()),
     'errors': ('f', ()),
     'boxes': ('f', (2, 3)),
+    'probes': ('i', (5,)),
+    'probe_weights': ('f', (3,)),
     'patch_cells': ('i', (2,)),
     'patch_boxes': ('f', (2, 3)),
     'vertex_starts': ('i', ()),
@@ -65,6 +67,10 @@ class Hierarchy:
     errors: np.ndarray
     #: Bounds (low, high) about the origin of each cell and all that it replaces, (c, 2, 3).
     boxes: np.ndarray
+    #: Where some vertices of the full mesh are on what replaced each cell: the cell, the vertex,
+    #: the corners of the nearest triangle, (n, 5), and the weights of these, (n, 3).
+    probes: np.ndarray
+    probe_weights: np.ndarray
     #: Cells that made each patch and that replace it, (p, 2), `NO_CELL` for none.
     patch_cells: np.ndarray
     #: Bounds of each patch, (p, 2, 3).
@@ -214,6 +220,10 @@ class Hierarchy:
         starts = self.level_starts
         yield 'origin', len(self.origin) == 3
         yield 'boxes', len(self.boxes) == len(self.errors)
+        yield 'probes', _is_below(self.probes[:, 0], len(self.errors))
+        yield 'probes', _is_below(self.probes[:, 1], len(self.areas))
+        yield 'probes', _is_below(self.probes[:, 2:], vertex_count)
+        yield 'probe_weights', len(self.probe_weights) == len(self.probes)
         yield 'patch_cells', _is_below(self.patch_cells, len(self.errors), NO_CELL)
         yield 'patch_boxes', len(self.patch_boxes) == patch_count
         yield 'level_starts', starts[:2].tolist() == [0, len(self.areas)]

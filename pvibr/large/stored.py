@@ -22,7 +22,7 @@ from pvibr.meshes.materials import merged_look
 
 SUFFIX = '.pvl'
 #: Raise it whenever another hierarchy is built of the same mesh.
-VERSION = 5
+VERSION = 6
 _KIND = 'large mesh'
 #: Prefixes of the names of arrays of points and of cells.
 _SCALARS, _OF_CELLS = 'scalars:', 'cells:'

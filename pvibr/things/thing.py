@@ -148,6 +148,12 @@ class Thing(Effect, pv.Actor):
         """Clip it by a vtkPlaneCollection."""
         raise AttributeError(f'{self.name} cannot be clipped: {self.clipped_by}')
 
+    def begin_frame(self):
+        """Follow changes before any effect of a frame, also of a picker's; it must not raise."""
+
+    def end_frame(self):
+        """Do what the time between frames needs, after all effects of a frame."""
+
     # -- hooks: state -----------------------------------------------------------------------
 
     @property

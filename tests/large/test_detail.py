@@ -9,9 +9,11 @@ import pytest
 import pyvista as pv
 
 from pvibr.instances.sharpness import sharpness
+from pvibr.large.build import build_hierarchy
 from pvibr.large.cut import patches_within
-from pvibr.large.detail import lost_lengths, spread_of, vertex_areas
+from pvibr.large.detail import lost_lengths, squared_differences
 from pvibr.large.hierarchy import NO_CELL
+from pvibr.large.sources import source_of
 from pvibr.large.vertex_values import Values
 from pvibr.maths.flip import flip
 from pvibr.things.frame import STEP
@@ -136,6 +138,20 @@ def test_what_is_even_is_not_refined():
     assert thing.report()['triangles'] == other.report()['triangles']
 
 
+def test_smooth_curvature_is_not_refined():
+    """What corners give by interpolation is no detail, however much normals differ there."""
+    mesh = smooth()
+    view = around(mesh, (1, 0.4, 0.5), 0.9)
+    look = {'view': view, 'color': 'tan', 'smooth_shading': True}
+    pl, thing = drawn(mesh, detail='normals', **look)
+    detailed = thing.report()['triangles']
+    thing.detail = 'none'
+    plain, _ = drawn(mesh, large=False, **look)
+    differences = np.abs(shot(pl).astype(int) - shot(plain)).max(-1)
+    assert (differences > 3).mean() < 0.01
+    assert detailed < 1.3 * thing.report()['triangles'] < 0.2 * mesh.n_cells
+
+
 def test_values_that_are_all_equal_add_nothing():
     hierarchy = hierarchy_of(terrain)
     values = Values('v', np.full(len(hierarchy.points), 442.0, np.float32))
@@ -189,18 +205,47 @@ def test_pictures_from_other_cameras_have_it():
 
 
 @pytest.mark.parametrize('make', [terrain, folded])
-def test_spread_is_that_of_all_that_was_merged(make):
+def test_probes_are_on_the_cells(make):
+    """Each is a vertex of the full mesh, as far from the triangle as the cell's error says."""
     hierarchy = hierarchy_of(make)
-    rng = np.random.default_rng(1)
-    by_point = rng.normal(size=(len(hierarchy.vertex_of_point), 2))
-    values = hierarchy.averaged(by_point)
-    areas = vertex_areas(hierarchy)
-    assert areas.min() > 0
-    found = spread_of(hierarchy, areas, values)
-    squares = hierarchy.averaged((values[hierarchy.vertex_of_point] ** 2).sum(1))[:, 0]
-    expected = squares - (values**2).sum(1)
-    np.testing.assert_allclose(found, expected, atol=2e-4)
-    assert (found[: len(hierarchy.areas)] == 0).all()
+    cells, vertices, *corners = hierarchy.probes.T
+    assert (np.bincount(cells, minlength=len(hierarchy.errors)) > 100).all()
+    assert vertices.max() < len(hierarchy.areas)
+    np.testing.assert_allclose(hierarchy.probe_weights.sum(1), 1, atol=1e-5)
+    assert hierarchy.probe_weights.min() > -1e-6
+    distances = np.sqrt(squared_differences(hierarchy, hierarchy.points))
+    is_within = distances <= hierarchy.errors[cells] * (1 + 1e-4) + 1e-6
+    assert is_within.mean() > 0.98
+    made_by = hierarchy.patch_cells[:, 0]
+    for cell in (0, len(hierarchy.errors) - 1):
+        own = [
+            hierarchy.vertices[slice(*hierarchy.vertex_starts[patch : patch + 2])]
+            for patch in np.flatnonzero(made_by == cell)
+        ]
+        assert np.isin(np.stack(corners)[:, cells == cell], np.concatenate(own)).all()
+
+
+def smooth():
+    """Return a fine mesh of a smooth surface, with its own normals."""
+    ball = pv.Icosphere(nsub=6)
+    ball.scale((1, 1, 0.7), inplace=True)
+    normals = np.array(ball.points) / (1, 1, 0.7**2)
+    ball['Normals'] = normals / np.linalg.norm(normals, axis=1, keepdims=True)
+    ball.point_data.active_normals_name = 'Normals'
+    return ball
+
+
+def test_normals_of_a_smooth_surface_are_its_own():
+    """Those of simplified vertices are of where they are, not of what they were merged from."""
+    hierarchy = build_hierarchy(source_of(smooth()).mesh)
+    points = hierarchy.points + hierarchy.origin
+    exact = points / (1, 1, 0.7**2)
+    exact /= np.linalg.norm(exact, axis=1, keepdims=True)
+    angles = np.linalg.norm(hierarchy.normals - exact, axis=1)
+    levels = np.searchsorted(hierarchy.level_starts, np.arange(len(points)), 'right')
+    edges = np.sqrt(4 * np.pi / len(hierarchy.areas)) * 2 ** (levels / 2)
+    later = levels > 1
+    assert np.quantile((angles / edges)[later], 0.95) < 0.03  # by means alone, 0.18
 
 
 @pytest.mark.parametrize('make', [terrain, folded])
