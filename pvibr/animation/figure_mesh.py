@@ -156,6 +156,9 @@ class FigureMesh:
             self.morphs.check(point_count)
         if self.frames is not None:
             self.frames = _with_normals(self.frames, self.mesh)
+        if self.mesh.cell_data.active_normals is not None:  # which would not move with it
+            self.mesh = self.mesh.copy(deep=False)
+            self.mesh.cell_data.active_normals_name = None
         self.points = np.array(self.mesh.points, dtype=np.float64)
         self.normals = np.array(point_normals(self.mesh), dtype=np.float64)
 

@@ -41,7 +41,7 @@ def web_report(self, backend='client') -> WebReport:
     Bloom    lost                      works on frames, and a browser draws its own
     >>> pl.close()
     """
-    if backend == 'page':
+    if isinstance(backend, str) and backend == 'page':
         from pvibr.api.page_methods import page_report
 
         return page_report(self._plotter, self._subplots())

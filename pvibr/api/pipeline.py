@@ -160,7 +160,7 @@ class Pipeline:
     def remove(self, effect):
         """Take an effect or a thing out and free what it holds on the GPU."""
         self.check_thread()
-        if effect not in self.effects:
+        if not any(e is effect for e in self.effects):
             name = effect.name if isinstance(effect, Effect) else f'thing = {effect!r:.80}'
             raise ValueError(f'{name} is not in this subplot; here are: {self._names() or "none"}')
         put_into(effect, self)  # Python's collector may have cleared it, a weak reference

@@ -363,7 +363,7 @@ class IBRComponent(metaclass=Complete):
             If it is in no subplot of this plotter.
         """
         thing = self[thing] if isinstance(thing, str) else thing
-        here = (p for p in self._pipelines if thing in p.effects)
+        here = (p for p in self._pipelines if any(e is thing for e in p.effects))
         next(here, self.pipeline).remove(thing)
 
     def clear(self):
@@ -435,8 +435,15 @@ class IBRComponent(metaclass=Complete):
         ----------
         function : callable
             Called once, without arguments.
+
+        Raises
+        ------
+        TypeError
+            If `function` is not callable.
         """
         self._thread.check()
+        if not callable(function):
+            raise TypeError(f'function must be callable, got {function!r:.80}')
         self._at_close.append(function)
 
     def close(self):

@@ -10,10 +10,11 @@ from time import perf_counter
 
 import numpy as np
 
-from pvibr.core.arguments import checked_number
+from pvibr.core.arguments import checked_whole
 from pvibr.core.progress import baking
 from pvibr.things.thing import Thing
 
+_MOST_FRAMES = 1000  # of each, which takes minutes
 _TURN = 0.05  # degrees between frames: what is kept while nothing changes does not count
 _NOISE = 0.05  # of a frame: a setting that costs less is no advice
 
@@ -82,7 +83,7 @@ def costs(self, frames=2) -> Costs:
     Raises
     ------
     ValueError
-        If `frames` is below 1.
+        If `frames` is not a whole number from 1 to 1000.
 
     Examples
     --------
@@ -96,7 +97,7 @@ def costs(self, frames=2) -> Costs:
     >>> pl.close()
     """
     self._check_open()
-    frames = int(checked_number('frames', frames, 1))
+    frames = checked_whole('frames', frames, 1, _MOST_FRAMES)
     self.wait()
     renderer = self.pipeline.renderer
     parts = _parts(self, renderer)

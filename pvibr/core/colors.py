@@ -21,7 +21,7 @@ def as_rgb(name, color) -> tuple[float, float, float]:
         is_text = not isinstance(color, str) and np.asarray(color).dtype.kind in 'US'
         if color is not None and np.size(color) and not is_text:
             return pv.Color(color).float_rgb
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         pass
     raise ValueError(f'{name} must be {ALLOWED}, got {color!r}')
 

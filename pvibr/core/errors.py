@@ -49,7 +49,7 @@ class ClosedError(PvibrError, RuntimeError):
 
 
 class ThreadError(PvibrError, RuntimeError):
-    """pvibr was called in a thread, or a forked process, other than that which draws.
+    """A call came from a thread, or a forked process, other than that which draws.
 
     Examples
     --------

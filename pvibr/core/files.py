@@ -27,7 +27,9 @@ _PAGES = b'<!doctype html', b'<html'
 def existing(path, kind='file') -> Path:
     """Return the path of an existing file, which does not stand in for another."""
     path = _as_path(path)
-    if not path.is_file():
+    with naming('path', path):
+        is_file = path.is_file()
+    if not is_file:
         raise FileNotFoundError(f'path must be an existing {kind}, got {str(path)!r}')
     with path.open('rb') as file:
         stand_in = stand_in_of(file.read(HEAD_BYTES))

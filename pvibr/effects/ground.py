@@ -185,7 +185,7 @@ class Ground(Effect):
         if camera.GetParallelProjection():
             eye_height = 0.0
         if eye_height >= 0:
-            near = max(min(near, 0.5 * eye_height), NEAREST * far)
+            near = min(near, max(0.5 * eye_height, NEAREST * far))
         camera.SetClippingRange(near, far)
         self._plane_change = scene_planes, camera.GetClippingRange()
 

@@ -205,6 +205,8 @@ class PendingTexels:
 
     def __init__(self, texture_object):
         self._buffer = texture_object.Download()
+        if self._buffer.GetReferenceCount() > 1:  # VTK's own, which Python never gives back
+            self._buffer.UnRegister(None)
         self._buffer.UnBind()  # else the window's next readback goes into it
         width, height = texture_object.GetWidth(), texture_object.GetHeight()
         self._shape = height, width, texture_object.GetComponents()
@@ -222,5 +224,4 @@ class PendingTexels:
     def release(self):
         """Free the GPU's memory; the context must be alive."""
         self._buffer.UnBind()
-        self._buffer.ReleaseMemory()
-        self._buffer.UnBind()
+        self._buffer.SetContext(None)  # which deletes the buffer of OpenGL

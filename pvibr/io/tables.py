@@ -294,10 +294,12 @@ class _PointCloud(Table):
     def __init__(self, path):
         laspy = require('laspy', 'las', 'LAS and LAZ files')
         self.path = path
-        # Any exception of a third-party reader means an unreadable file.
+        # Any error of a third-party reader means an unreadable file; a panic is no Exception.
         try:
             self._points = laspy.read(path, laz_backend=_laz_backend(laspy, path))
-        except Exception as error:
+        except BaseException as error:
+            if not isinstance(error, Exception) and type(error).__name__ != 'PanicException':
+                raise
             raise ValueError(f'{path}: not a readable LAS or LAZ file ({error})') from error
         dimension_names = self._points.point_format.dimension_names
         self.names = ['x', 'y', 'z', *(name for name in dimension_names if name not in 'XYZ')]

@@ -17,6 +17,7 @@ from pvibr.core.progress import baking
 from pvibr.gl import Texture, release, set_fragment_uniforms, set_vertex_uniforms, shader_source
 from pvibr.gl.feature import Feature, FeatureSet, declared_samplers, sections
 from pvibr.meshes.parts import as_parts
+from pvibr.meshes.surfaces import check_points
 from pvibr.photos.photo_bake import data_of, texture_of
 from pvibr.photos.photo_choice import FACE_PHOTOS, Choice, Surface, Visibility, choose
 from pvibr.photos.photo_colors import Pairs, unique_corners
@@ -433,6 +434,8 @@ def _triangles(mesh) -> pv.PolyData:
     """Return the triangles of a mesh's surface with texture coordinates, without other data."""
     if not isinstance(mesh, pv.DataSet):
         raise TypeError(f'mesh must be a pyvista.DataSet, got {mesh!r:.60}')
+    if mesh.n_points:
+        check_points(mesh)
     surface = polydata_of(mesh).triangulate()
     triangles = surface_of(surface)
     if surface.active_texture_coordinates is not None:

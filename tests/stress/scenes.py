@@ -156,30 +156,32 @@ def base(pl, place, *, backwards=False):
     pl.add_light(light, only_active=True)
 
 
-def look(pl, place, *, parallel=False):
-    """Look at the scene, at the time that shows everything."""
+def look(pl, place, *, parallel=False, depths=None):
+    """Look at the scene, at the time that shows everything; near and far in its lengths."""
     pl.camera.position, pl.camera.focal_point = place.points([EYE, FOCUS])
     pl.camera.up = place.turn @ UP
     if parallel:
         pl.camera.parallel_projection, pl.camera.parallel_scale = True, 4 * place.scale
     pl.ibr.time = 0.4
     pl.renderer.ResetCameraClippingRange()
+    if depths is not None:
+        pl.camera.clipping_range = np.multiply(place.scale, depths)
 
 
-def fill(pl, name, place, *, parallel=False, backwards=False):
+def fill(pl, name, place, *, backwards=False, **view):
     """Put the scene with one of all into the active subplot."""
     base(pl, place, backwards=backwards)
     PLACED.get(name, lambda pl, _: EVERYTHING[name](pl))(pl, place)
-    look(pl, place, parallel=parallel)
+    look(pl, place, **view)
 
 
 #: About the origin.
 HOME = Place()
 
 
-def picture(name, place=HOME, *, samples=0, **how):
+def picture(name, place=HOME, *, samples=0, lighting='light kit', **how):
     """Return the picture of a scene, and why what of it was not drawn."""
-    pl = plotter(SIZE, lighting='light kit')
+    pl = plotter(SIZE, lighting=lighting)
     pl.render_window.SetMultiSamples(samples)
     fill(pl, name, place, **how)
     pl.show(auto_close=False)

@@ -105,6 +105,33 @@ def test_a_subplot_is_as_a_window(name):
         check(name, unchanged(name), half, share=0.01)
 
 
+#: Across a plane that is none of the axes'; and what is fixed on the screen, or to a photograph.
+MIRROR = np.eye(3) - 2 * np.outer(*[np.array([0.6, -0.8, 0.0])] * 2)
+ON_SCREEN = {'ImageOverlay', 'NightVision', 'Projector', 'Projector, two images', 'LiveTexture'}
+ON_SCREEN |= {'Mirror', 'PhotoMesh'}
+
+
+@pytest.mark.sampled
+@pytest.mark.parametrize('name', [name for name in EVERYTHING if name not in ON_SCREEN])
+def test_mirrored_scene_is_its_picture_mirrored(name):
+    found, idle = picture(name, Place(turn=MIRROR), lighting='none')
+    assert not idle
+    check(name, unchanged(name, lighting='none'), found[:, ::-1])
+
+
+@pytest.mark.sampled
+@every
+@pytest.mark.parametrize('near', [1.0, 1e-3])
+def test_near_to_far(name, near):
+    """As a millionth is near, or all is near to what is far: near to far as 1 to 1e7."""
+    if (name, near) == ('Ground', 1e-3):
+        pytest.skip('depths of 24 bits do not tell it from the floor just above it')
+    depths = near, near * 1e7
+    found, idle = picture(name, depths=depths)
+    assert not idle
+    check(name, unchanged(name), found, share=SHARE if near == 1 else 0.05)
+
+
 @pytest.mark.stress
 @every
 @pytest.mark.parametrize('samples', [0, 4, 8])
