@@ -23,7 +23,8 @@ from benchmarks.common.timing import timed
 from benchmarks.common.whole_frames import real_plotter, turning
 from benchmarks.moving import Mouse
 from pvibr.cli.timing import spent
-from pvibr.large.build import build_draft, build_hierarchy
+from pvibr.large.build import build_hierarchy
+from pvibr.large.draft import NEXT_POINTS, build_draft
 from pvibr.large.sources import source_of
 from pvibr.large.stored import load
 from pvibr.large.workers import worker_count
@@ -115,6 +116,8 @@ def _builds(settings, results):
         yield Row(f'{name}: the same, processor time', processor / millions, 's')
         _, first = timed(lambda mesh=mesh: build_draft(mesh))
         yield Row(f'{name}: draft of {millions:.1f} million', first, 's', 1.5)
+        _, following = timed(lambda mesh=mesh: build_draft(mesh, NEXT_POINTS))
+        yield Row(f'{name}: the finer one that follows', following, 's')
 
 
 def _processor_time() -> float:
@@ -265,26 +268,35 @@ def _drags(settings, results):
 def _pops(settings, results):
     """Yield how much frames of slow flights differ from the ones before, beside the mesh's own."""
     for name, make in MESHES.items():
-        mesh = make(settings.triangles)
-        plotters = [_plotter(settings, 0) for _ in range(3)]
-        plotters[2].enable_anti_aliasing('ssaa')
-        plotters[0].ibr.add_large_mesh(mesh, **_LOOK)
-        for plotter in plotters[1:]:
+        for samples in (0, 8):
+            changes = _changes(settings, name, make(settings.triangles), samples)
+            of_mesh, truth = changes.pop('mesh'), changes.pop('supersampled')
+            for detail, change in changes.items():
+                title = f'{name}, {samples} samples, detail {detail}: change a frame over that of'
+                yield Row(f'{title} the mesh', change / of_mesh, 'x', 1.2)
+                yield Row(f'{title} the supersampled mesh', change / truth, 'x')
+
+
+def _changes(settings, name, mesh, samples) -> dict[str, float]:
+    """Return the mean FLIP from each frame of slow flights to the next, by what draws them."""
+    plotters = {key: _plotter(settings, samples) for key in ('none', 'normals', 'mesh')}
+    plotters['supersampled'] = _plotter(settings, 0)
+    plotters['supersampled'].enable_anti_aliasing('ssaa')
+    for key, plotter in plotters.items():
+        if key in ('none', 'normals'):
+            plotter.ibr.add_large_mesh(mesh, detail=key, **_LOOK)
+        else:
             plotter.add_mesh(mesh, **_LOOK)
-        cameras, changes = flight(name, _SLOW_FRAMES), []
-        for first in np.linspace(0.1, 0.9, settings.views):
-            start = round(first * _SLOW_FRAMES)
-            pictures = [
-                [_picture(plotter, camera) for plotter in plotters]
-                for camera in cameras[start : start + settings.slow_frames]
-            ]
-            for before, after in itertools.pairwise(pictures):
-                changes.append([flip(a, b).mean() for a, b in zip(before, after, strict=True)])
-        own, of_mesh, truth = np.mean(changes, axis=0)
-        yield Row(f'{name}: change a frame over that of the mesh', own / of_mesh, 'x', 1.2)
-        yield Row(f'{name}: the same over those of the supersampled mesh', own / truth, 'x', 1.2)
-        for plotter in plotters:
-            plotter.close()
+    cameras = flight(name, _SLOW_FRAMES)
+    changes: dict[str, list[float]] = {key: [] for key in plotters}
+    for first in np.linspace(0.1, 0.9, settings.views):
+        start = round(first * _SLOW_FRAMES)
+        for key, plotter in plotters.items():
+            frames = [_picture(plotter, c) for c in cameras[start : start + settings.slow_frames]]
+            changes[key] += [flip(a, b).mean() for a, b in itertools.pairwise(frames)]
+    for plotter in plotters.values():
+        plotter.close()
+    return {key: float(np.mean(found)) for key, found in changes.items()}
 
 
 def _plotter(settings, samples):

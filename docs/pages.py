@@ -7,6 +7,8 @@ from pathlib import Path
 import numpy as np
 import pyvista as pv
 
+from pvibr.scenes.walker import walker
+
 #: Where they are built; the site copies them into its folder of static files.
 FOLDER = Path(__file__).parent / '_build' / 'pages'
 
@@ -49,10 +51,20 @@ def molecule():
     return pl
 
 
+def people():
+    """Return a plotter of two people, one who walks and one who waves."""
+    pl = pv.Plotter(off_screen=True, window_size=(800, 450))
+    pl.add_mesh(pv.Plane(i_size=5, j_size=3), color='tan')
+    for x, clip in ((-1.0, 'Walk'), (1.0, 'Wave')):
+        actor = pl.ibr.add_animated(walker(), clip=clip, name=clip.lower())
+        actor.position = (x, 0, 0)
+    return pl
+
+
 def build():
     """Write the pages that are older than this file, or not there."""
     FOLDER.mkdir(parents=True, exist_ok=True)
-    for make in (rings, hills, molecule):
+    for make in (rings, hills, molecule, people):
         path = FOLDER / f'{make.__name__}.html'
         if not path.exists() or path.stat().st_mtime < Path(__file__).stat().st_mtime:
             plotter = make()

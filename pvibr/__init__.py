@@ -67,6 +67,7 @@ _EXPORTS = {
     'Billboards': 'pvibr.points.billboards',
     'cluster': 'pvibr.cluster',
     'ClosedError': 'pvibr.core.errors',
+    'ThreadError': 'pvibr.core.errors',
     'Crowd': 'pvibr.figures.crowd',
     'Cylinders': 'pvibr.points.cylinders',
     'deterministic': 'pvibr.core.determinism',

@@ -16,6 +16,7 @@ ROOT = Path(pvibr.__file__).parent
 # The floors of the house, highest first: an import goes down, or stays in its room.
 FLOORS = (
     ('api', 'cli', 'cluster'),
+    ('web',),
     (
         'capture',
         'export',
@@ -25,7 +26,6 @@ FLOORS = (
         'photos',
         'scenes',
         'substitutes',
-        'web',
     ),
     ('effects', 'instances', 'points', 'shadows', 'visibility'),
     ('meshes', 'things'),

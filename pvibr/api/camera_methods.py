@@ -45,4 +45,5 @@ def fly_to(self, camera, frames=30):
     """
     from pvibr.photos.camera_flight import fly
 
+    self._check_open()
     fly(self._plotter, camera, checked_whole('frames', frames, 1, 10**6))

@@ -48,6 +48,7 @@ def play(self, speed=1.0, loop=None, *, fps=None):
 
 def stop(self):
     """Stop the animation clock at the current time."""
+    self._thread.check()
     self._clock.stop()
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from pvibr.api.export_methods import to_plain_plotter
+from pvibr.capture.clock import checked_time
 from pvibr.core._vtk import address
 from pvibr.core.arguments import checked_whole
 from pvibr.core.files import replacing, with_suffix
@@ -15,14 +16,15 @@ from pvibr.export.web_report import WebReport, WebRow
 
 def page_report(plotter, pipelines_by_subplot) -> WebReport:
     """Return what a page of pvibr draws of effects, and which props it does not draw."""
-    from pvibr.web.scene import sets_of
+    from pvibr.web.scene import drawn_of, losses_of
 
     rows = []
     for number, renderer in enumerate(renderers_of(plotter)):
         pipeline = pipelines_by_subplot.get(number)
         effects = [] if pipeline is None else pipeline.effects
-        sets = sets_of(effects)
-        rows += [_row(effect, number, effect in sets) for effect in effects]
+        drawn = drawn_of(effects)
+        rows += [_row(effect, number, effect in drawn) for effect in effects]
+        rows += [WebRow(name, 'lost', why, number) for name, why in losses_of(drawn)]
         rows += [WebRow(name, 'lost', why, number) for name, why in _missing(renderer, effects)]
     return WebReport('page', rows)
 
@@ -44,32 +46,36 @@ def _actors(effect) -> list:
 
 
 def _row(effect, subplot, is_drawn) -> WebRow:
+    from pvibr.web.scene import what_of, why_baked
+
     why_off = effect.why_neutral if effect.enabled else 'enabled is False'
     if why_off:
         return WebRow(effect.name, 'off', why_off, subplot)
     if is_drawn:
-        return WebRow(effect.name, 'shown', 'instances, with their levels of detail', subplot)
-    state, what = effect.web
-    return WebRow(effect.name, 'lost' if state == 'lost' else 'shown', what, subplot)
+        return WebRow(effect.name, 'shown', what_of(effect), subplot)
+    state = 'lost' if effect.web[0] == 'lost' else 'shown'
+    return WebRow(effect.name, state, why_baked(effect), subplot)
 
 
 @explicit
 @takes(options=to_plain_plotter)
-def export_html(self, path, *, megabytes=None, **options):
+def export_html(self, path, *, megabytes=None, time=None, **options):
     """Write all subplots as one file that draws them in any browser with WebGL 2.
 
     The file asks no host for anything. Meshes are lit by VTK's own shaders, instances keep their
-    levels of detail, and a click says what it hits. Everything else that pvibr draws is baked
-    into meshes as it is now; a warning names what is lost. ``pl.ibr.web_report('page')`` says
-    which is which.
+    levels of detail, figures and crowds play, and a click says what it hits. Everything else
+    that pvibr draws is baked into meshes as it is now; a warning names what is lost.
+    ``pl.ibr.web_report('page')`` says which is which.
 
     Parameters
     ----------
     path : str or pathlib.Path
         File name ending in ``.html``.
     megabytes : float, optional
-        Largest size of the file, MB of 10^6 bytes: images of instances get smaller tiles, then
-        lower quality, which a warning says.
+        Largest size of the file, MB of 10^6 bytes: clips get fewer frames, images of instances
+        smaller tiles, then lower quality, which a warning says.
+    time : float, optional
+        Seconds of ``pl.ibr.time`` at which the page starts; default now.
     **options
         See :meth:`to_plain_plotter`.
 
@@ -98,14 +104,14 @@ def export_html(self, path, *, megabytes=None, **options):
     >>> pl.close()
     """
     path = with_suffix(path, '.html')
-    text = _text(self, path.stem, megabytes, options)
+    text = _text(self, path.stem, megabytes, time, options)
     with replacing(path) as temporary_path:
         Path(temporary_path).write_text(text, encoding='utf-8')
 
 
 @explicit
 @takes(options=to_plain_plotter)
-def show_web(self, *, height=480, megabytes=None, **options):
+def show_web(self, *, height=480, megabytes=None, time=None, **options):
     """Return the page of :meth:`export_html` in a frame, which notebooks show.
 
     It needs no server, and stays in the notebook's file.
@@ -114,7 +120,7 @@ def show_web(self, *, height=480, megabytes=None, **options):
     ----------
     height : int
         Height of the frame, CSS pixels.
-    megabytes : float, optional
+    megabytes, time : float, optional
         As in :meth:`export_html`.
     **options
         See :meth:`to_plain_plotter`.
@@ -148,23 +154,35 @@ def show_web(self, *, height=480, megabytes=None, **options):
 
     checked_whole('height', height, 1, 100_000)
     title = str(getattr(self._plotter, 'title', None) or 'Scene')
-    return WebPage(_text(self, title, megabytes, options), int(height))
+    return WebPage(_text(self, title, megabytes, time, options), int(height))
 
 
-def _text(self, title, megabytes, options) -> str:
-    """Return the page of a plotter."""
+def _text(self, title, megabytes, time, options) -> str:
+    """Return the page of a plotter that starts at a time."""
+    if time is None:
+        return _text_now(self, title, megabytes, options)
+    time, before = checked_time(time), self.time
+    self._show_time(time)
+    try:
+        return _text_now(self, title, megabytes, options)
+    finally:
+        self._show_time(before)
+
+
+def _text_now(self, title, megabytes, options) -> str:
+    """Return the page of a plotter as it is now."""
     from pvibr.export.plain_plotter import plain_copy, warn_of_losses
     from pvibr.substitutes.billboard_cloud import billboard_cloud
     from pvibr.web.page_file import page_text
-    from pvibr.web.scene import scene_of, sets_of
+    from pvibr.web.scene import drawn_of, scene_of
 
     self._check_open()
     self.wait()
     self._show()
     if self._every_pipeline() and self.pipeline.window is not None:
         self._screenshots.draw()  # instances place themselves, and lights follow the camera
-    sets = {number: sets_of(p.effects) for number, p in self._subplots().items()}
-    without = [instances for subplot_sets in sets.values() for instances in subplot_sets]
+    drawn = {number: drawn_of(p.effects) for number, p in self._subplots().items()}
+    without = [effect for effects in drawn.values() for effect in effects]
     plain, dropped = plain_copy(
         self._plotter,
         self._pipelines,
@@ -173,7 +191,8 @@ def _text(self, title, megabytes, options) -> str:
         **to_plain_plotter.__kwdefaults__ | options,
     )
     try:
-        text = page_text(scene_of(self._plotter, plain, sets), title, megabytes)
+        scene = scene_of(self._plotter, plain, drawn, self.time)
+        text = page_text(scene, title, megabytes)
     finally:
         plain.close()
     warn_of_losses(page_report(self._plotter, self._subplots()), dropped, 'page')

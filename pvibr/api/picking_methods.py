@@ -103,6 +103,7 @@ def enable_picking(
 
 def disable_picking(self):
     """Stop picking with the mouse."""
+    self._thread.check()
     click_picking, self._clicks = self._clicks, None
     if click_picking is not None:
         click_picking.stop()

@@ -2,25 +2,27 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
-from contextlib import nullcontext
+from contextlib import ExitStack, nullcontext, suppress
 from difflib import get_close_matches
 from functools import partial
 from typing import Any
 
+from pvibr.api.turn import Turn
 from pvibr.core.counts import TOTAL, difference
 from pvibr.core.effect import Effect, put_into
-from pvibr.core.errors import ClosedError, warn
+from pvibr.core.errors import ClosedError
 from pvibr.core.passes import has_shadows, loses_depth, peels_samples
 from pvibr.core.plotters import list_all_props
 from pvibr.core.report import Report, Row
+from pvibr.core.threads import DrawingThread
 from pvibr.effects import ORDER
 from pvibr.gl.annotations import Annotations
 from pvibr.gl.driver import renderer_name
 from pvibr.gl.fused import Fused
 from pvibr.gl.hidden_window import RENDERERS
 from pvibr.gl.picture import Picture
+from pvibr.gl.refused_shaders import REFUSED
 from pvibr.gl.scene_pass import ScenePass
 from pvibr.gl.texture import Texture, nbytes_of, release
 from pvibr.things.buffers import Buffers, Tap
@@ -40,19 +42,21 @@ _PEELS_NOTHING = (
 class Pipeline:
     """What runs before and after a renderer draws; empty, it does nothing and costs nothing."""
 
-    def __init__(self, renderer, adaptive_quality=None):
+    def __init__(self, renderer, adaptive_quality=None, thread=None):
         self.renderer = renderer
-        RENDERERS.add(renderer)
+        self._thread = RENDERERS[renderer] = thread or DrawingThread()
+        #: Raises an error in other threads than that which draws.
+        self.check_thread = self._thread.check
         self.time = 0.0
         self._adaptive_quality = adaptive_quality
         self._entries: list[_Entry] = []
         self._effects: tuple[Effect, ...] = ()
-        self._things: list[Effect] = []
+        self._things: list[Thing] = []
         #: The effects that draw on the picture, in running order.
         self.image_effects: list[Effect] = []
         self._observers: list[int] = []
         self._frames = 0
-        self._turn: _Turn | None = None
+        self._turn: Turn | None = None
         self.surfaces = Surfaces(renderer)
         self.buffers = Buffers(renderer, self.surfaces.plain_actors)
         self.order = DrawOrder(renderer, self.surfaces.plain_actors)
@@ -115,7 +119,11 @@ class Pipeline:
         effect.attach(self)
         put_into(effect, self)
         self._enter(sorted([*self._entries, _Entry(effect, Row(effect.name))], key=_place))
-        self._observe()
+        try:
+            self._observe()
+        except Exception:
+            self.remove(effect)
+            raise
         return effect
 
     def _enter(self, entries):
@@ -128,6 +136,7 @@ class Pipeline:
 
     def check_addable(self, effect):
         """Raise an error unless an effect can be added."""
+        self.check_thread()
         if self._closed:
             raise ClosedError('the plotter is closed; create a new one and add the effect there')
         if not isinstance(effect, Effect):
@@ -150,6 +159,7 @@ class Pipeline:
 
     def remove(self, effect):
         """Take an effect or a thing out and free what it holds on the GPU."""
+        self.check_thread()
         if effect not in self.effects:
             name = effect.name if isinstance(effect, Effect) else f'thing = {effect!r:.80}'
             raise ValueError(f'{name} is not in this subplot; here are: {self._names() or "none"}')
@@ -165,8 +175,9 @@ class Pipeline:
 
     def clear(self):
         """Take everything out."""
-        for effect in self.effects:
-            self.remove(effect)
+        with ExitStack() as each:  # the others go, too, where one raises an error
+            for effect in reversed(self.effects):
+                each.callback(self.remove, effect)
 
     def release(self):
         """Remove all effects for good, while the context is alive; calling it again is fine."""
@@ -193,6 +204,7 @@ class Pipeline:
 
     def make_current(self):
         """Make the context of the window current, if it was drawn."""
+        self.check_thread()
         window = self.window
         if window is not None and not window.GetNeverRendered():
             window.MakeCurrent()
@@ -204,7 +216,9 @@ class Pipeline:
         self.changed()
         if self._entries and not self._observers:
             # Before and after everyone else's: what others do at these events is in the picture.
+            # Things go first, so that the frame has one clipping range.
             self._observers = [
+                self.renderer.AddObserver('StartEvent', self._on_first),
                 self.renderer.AddObserver('StartEvent', self._on_start, -1.0),
                 self.renderer.AddObserver('EndEvent', self._on_end, 1.0),
                 self.renderer.AddObserver('ActiveCameraEvent', self._on_camera),
@@ -224,6 +238,10 @@ class Pipeline:
         quality = 1.0 if self._adaptive_quality is None else self._adaptive_quality.latest
         return Frame.of(self.renderer, time=self.time, quality=quality)
 
+    def _on_first(self, _renderer, _event):
+        for thing in self._things:
+            thing.begin_frame()
+
     def _on_start(self, _renderer, _event):
         if self._turn is not None:  # a frame that did not end
             self._turn.put_camera_back()
@@ -232,7 +250,7 @@ class Pipeline:
         quality = self._adaptive_quality.quality(self.renderer) if self._adaptive_quality else 1.0
         frame = Frame.of(self.renderer, index=self._frames, time=self.time, quality=quality)
         self.surfaces.begin()
-        self._turn = turn = _Turn(frame)
+        self._turn = turn = Turn(frame, self._thread)
         for entry in self._entries if not frame.picking else ():
             if entry.effect.as_sampled is not None and entry.effect.enabled:
                 turn.take(turn.guard([entry], entry.effect.as_sampled, turn.begun))
@@ -276,9 +294,17 @@ class Pipeline:
 
     def _on_end(self, _renderer, _event):
         turn, self._turn = self._turn, None
-        if turn is None:
-            return
+        if turn is not None:
+            self._end(turn)
+        for thing in self._things:
+            thing.end_frame()
+        if turn is not None:
+            turn.warn()
+
+    def _end(self, turn):
         self._frames += not turn.frame.picking
+        refused = [*REFUSED.items()] if REFUSED else ()  # as the scene was drawn
+        REFUSED.clear()
         for entry in self._entries:
             if entry.running:
                 frame = turn.frame if entry.is_image_effect else turn.drawn
@@ -286,12 +312,13 @@ class Pipeline:
         turn.put_camera_back()
         self.order.finish()
         self._stage.end(turn)
+        if refused:
+            turn.blame(refused, self._entries)
         if not self._peels and peels_samples(self.renderer):
             self._peels = True
             if 'llvmpipe' in renderer_name(self.window):
                 turn.failures.append(_PEELS_NOTHING)
         self._counts = turn.counts, TOTAL.so_far()
-        turn.warn()
 
     def forget_removed(self):
         """Forget things whose props were removed by the plotter's own means, between frames."""
@@ -300,8 +327,9 @@ class Pipeline:
             return
         self._time_of_props = time
         for effect in self._effects:
-            if effect.is_gone(self.renderer):
-                self.remove(effect)
+            with suppress(Exception):  # of users' own effects, within VTK's loop
+                if effect.is_gone(self.renderer):
+                    self.remove(effect)
 
 
 class _Entry:
@@ -317,7 +345,12 @@ class _Entry:
         if 0 in turn.frame.size or (turn.frame.picking and not effect.picks):
             return
         row.ms = 0.0
-        if self._awake and effect.enabled and effect.is_prepared(turn.drawn):
+        try:
+            is_prepared = self._awake and effect.enabled and effect.is_prepared(turn.drawn)
+        except Exception as error:
+            turn.fail(self, error)
+            is_prepared = False
+        if is_prepared:
             self.running = True
         elif not effect.enabled:
             self.stop('off', row.why if row.state == 'off' else 'enabled is False')
@@ -351,56 +384,6 @@ class _Entry:
         self.row.bytes = int(details.pop('bytes', 0))
         self.row.details = details
         return self.row
-
-
-class _Turn:
-    """One frame on its way through a pipeline, with what went wrong in it."""
-
-    def __init__(self, frame):
-        self.images: list[_Entry] = []
-        self.failures: list[str] = []
-        self.begun: Frame | None = None
-        self.camera = None  # once all is prepared for it
-        self.counts = TOTAL.so_far()
-        self.take(frame)
-
-    def take(self, frame):
-        """Switch to a frame, unless it is None."""
-        if frame is not None and frame is not self.begun:
-            self.begun = frame
-            self.drawn, self.frame = (frame, frame) if frame.picking else frame.within_passes()
-
-    def put_camera_back(self):
-        """Let the renderer have the user's camera again, after a sample."""
-        sample = self.frame.sample
-        if sample is not None:
-            self.frame.renderer.SetActiveCamera(sample.camera)
-
-    def guard(self, entries, hook: Callable, *args):
-        """Call a hook; an error must not reach VTK's loop: it disables the effects involved."""
-        start = time.perf_counter()
-        try:
-            return hook(*args)
-        except Exception as error:  # noqa: BLE001, RUF100
-            for entry in entries:
-                self._fail(entry, error)
-            return None
-        finally:
-            entries[0].row.ms += 1e3 * (time.perf_counter() - start)
-
-    def _fail(self, entry, error):
-        entry.effect.enabled = False
-        entry.stop('off', f'{type(error).__name__}: {error}')
-        why = entry.row.why.rstrip('.')
-        self.failures.append(
-            f'{entry.effect.name} is off, the picture is drawn without it: {why}. '
-            'Mend the cause, then set its enabled = True, or remove it.'
-        )
-
-    def warn(self):
-        """Say what went wrong, once; last, since a filter may turn a warning into an error."""
-        if self.failures:
-            warn('\n'.join(self.failures))
 
 
 class _Stage:

@@ -36,6 +36,7 @@ from pvibr.core.plotters import heavy_actors, is_closed, renderers_of
 from pvibr.core.report import Report
 from pvibr.core.spelling import Complete, check_attribute
 from pvibr.core.state_files import named
+from pvibr.core.threads import DrawingThread
 from pvibr.export.exporters import plain_exporters, release_exporters
 from pvibr.export.web_report import HandOver, Watch
 from pvibr.things.thing import Thing
@@ -60,7 +61,10 @@ _FRAME_MS = attrgetter('frame_ms')
 class IBRComponent(metaclass=Complete):
     """Image-based rendering of a plotter; it acts on the active subplot.
 
-    Once the plotter is closed, methods that add, draw or export raise a `ClosedError`.
+    Once the plotter is closed, methods that add, draw or export raise a `ClosedError`. All methods
+    raise a `ThreadError` in a thread other than that which first used ``plotter.ibr`` or drew it.
+    Others may read `time`, `playing`, `quality` and `buffer_objects`, and read and set
+    `interactive_frame_ms` and settings of effects.
 
     Parameters
     ----------
@@ -87,6 +91,7 @@ class IBRComponent(metaclass=Complete):
 
     def __init__(self, plotter):
         self._plotter = plotter
+        self._thread = DrawingThread()
         self._pipelines: list[Pipeline] = []
         self._closed = False
         self._time = 0.0
@@ -163,6 +168,7 @@ class IBRComponent(metaclass=Complete):
 
     @time.setter
     def time(self, seconds):
+        self._thread.check()
         self._show_time(checked_time(seconds))
         self._clock.set(self._time)
 
@@ -193,6 +199,7 @@ class IBRComponent(metaclass=Complete):
         return self._closed or is_closed(self._plotter)
 
     def _check_open(self):
+        self._thread.check()
         if self._is_closed:
             raise ClosedError('the plotter is closed; create a new one and add to its ibr')
 
@@ -227,7 +234,7 @@ class IBRComponent(metaclass=Complete):
             if pipeline.renderer is renderer:
                 pipeline.forget_removed()
                 return pipeline
-        pipeline = Pipeline(renderer, self._adaptive_quality)
+        pipeline = Pipeline(renderer, self._adaptive_quality, self._thread)
         pipeline.time = self._time
         pipeline.watch = Watch(renderer, self._hand_over.warn)
         pipeline.changed = weakly(self._hook)
@@ -411,6 +418,7 @@ class IBRComponent(metaclass=Complete):
 
         Once the plotter is closed, as ``show()`` leaves it, the report is that of its last frame.
         """
+        self._thread.check()
         if self._is_closed:
             return self._last_report
         report, costs = self.pipeline.report(), self._costs.get(self.pipeline)
@@ -428,10 +436,13 @@ class IBRComponent(metaclass=Complete):
         function : callable
             Called once, without arguments.
         """
+        self._thread.check()
         self._at_close.append(function)
 
     def close(self):
         """Release everything; plotters call it when they close. It may be called again."""
+        self._thread.check()
+        self._thread.end()
         if self._pipelines and not self._is_closed:
             with contextlib.suppress(Exception):  # an effect's report must not keep it open
                 self._last_report = self.report()
@@ -442,11 +453,11 @@ class IBRComponent(metaclass=Complete):
         self._clock.stop()
         self._adaptive_quality.release()
         self._buffer_objects, self._looks, self._costs = [], {}, {}
-        while self._pipelines:
-            self._pipelines.pop().release()
-        while self._at_close:
-            self._at_close.pop()()
-        self._let_go()
+        pipelines, self._pipelines = self._pipelines, []
+        functions, self._at_close = self._at_close, []
+        with contextlib.ExitStack() as steps:  # the last one first, and all where one fails
+            for step in (self._let_go, *functions, *(p.release for p in pipelines)):
+                steps.callback(step)
 
     def _let_go(self):
         """Hold the plotter weakly, so that it ends when its last user lets it go."""

@@ -15,6 +15,8 @@ from pvibr.capture.load_budget import LoadBudget
 from pvibr.core import _vtk
 from pvibr.core.costs import RunningMean
 from pvibr.core.determinism import is_deterministic
+from pvibr.core.effect import switch_off
+from pvibr.core.errors import warn
 from pvibr.core.hooks import Hooks
 from pvibr.core.plotters import is_dragged
 from pvibr.gl.frame_timer import FrameTimer
@@ -38,6 +40,8 @@ _GAIN = 1.25
 #: Seconds after the last moving frame until the view is at rest.
 SETTLE = 0.2
 _PENDING = attrgetter('pending')
+#: By which effects ask for more frames.
+_MORE = attrgetter('rests', 'pending', 'unfinished')
 _WHEELS = ('Forward', 'Backward', 'Left', 'Right')
 _BUTTONS = ('Left', 'Middle', 'Right')
 
@@ -236,8 +240,11 @@ class AdaptiveQuality:
         for effect in counting:
             if effect.enabled:
                 frame = effect.pipeline.view()
-                if effect.needed(frame) is True:
-                    counts.append(effect.triangles_of(frame))
+                try:
+                    if effect.needed(frame) is True:
+                        counts.append(effect.triangles_of(frame))
+                except Exception as error:
+                    warn(switch_off(effect, error))
         return (lambda quality: sum(count(quality) for count in counts)) if counts else None
 
     def _choose(self) -> float:
@@ -264,12 +271,16 @@ class AdaptiveQuality:
             self._record(frame_ms)
         self.lowered = self.latest < 1
         self._draw_pending = False
-        if self._is_moving_frame or False in [effect.rests for effect in effects]:
-            self._last_move = perf_counter()
         if self.lowered:
             self._watch_screenshots()
-        if True in [effect.pending for effect in effects] or self._may_refine():
-            self._start_ticks()
+        try:
+            running = [effect for effect in effects if effect.enabled]
+            if self._is_moving_frame or False in [effect.rests for effect in running]:
+                self._last_move = perf_counter()
+            if True in [effect.pending for effect in running] or self._may_refine():
+                self._start_ticks()
+        except Exception:
+            _switch_off_failing(effects)
 
     def _restore_samples(self, window):
         if self._multi_samples:
@@ -350,7 +361,7 @@ class AdaptiveQuality:
 
     def _may_refine(self) -> bool:
         """Return True if more frames of the same view refine it, and may be drawn unprompted."""
-        if True not in [effect.unfinished for effect in self._list_effects()]:
+        if True not in [e.unfinished for e in self._list_effects() if e.enabled]:
             return False
         if is_dragged(self._window) or filming(self._plotter) or is_deterministic():
             return False
@@ -384,6 +395,15 @@ class AdaptiveQuality:
             return take_screenshot(*args, **kwargs)
 
         self._hooks.put({'screenshot': screenshot})
+
+
+def _switch_off_failing(effects):
+    """Disable the effects that raise an error when asked for more frames, and tell why."""
+    for effect in effects:
+        try:
+            _MORE(effect)
+        except Exception as error:
+            warn(switch_off(effect, error))
 
 
 def _is_partial(window) -> bool:

@@ -56,6 +56,13 @@ class ChildProcess:
         """Return what it answers, by `send`; raise a RuntimeError with its last words."""
         try:
             send(question, self.stdin)
+        except (OSError, ValueError) as error:
+            raise RuntimeError(self.last_words()) from error
+        return self.answer()
+
+    def answer(self) -> Any:
+        """Return what it sends next; raise a RuntimeError with its last words."""
+        try:
             return pickle.load(self.stdout)  # noqa: S301 - from a child of ours
         except (OSError, EOFError, ValueError, pickle.UnpicklingError) as error:
             raise RuntimeError(self.last_words()) from error

@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from pvibr.core.arguments import checked_number
-from pvibr.core.params import checked_name, params_of
+from pvibr.core.params import Param, checked_name, params_of
 from pvibr.core.signatures import arguments_of, docstring_of, signature_of
 from pvibr.core.spelling import Complete, check_attribute, nearest
 
@@ -99,6 +99,8 @@ class Effect(metaclass=Complete):
     frame_ms: Any = None
     #: Returns the triangles of a frame about to be drawn, as a function of its quality.
     triangles_of: Callable[[Any], Callable[[float], float]] | None = None
+    #: Whether it draws in another way where the driver refuses its shaders.
+    mends_shaders = False
     #: Class passed by the user, if that created a subclass with additional settings.
     _class: type | None = None
     __signature__: ClassVar[Signature]
@@ -293,6 +295,9 @@ class Effect(metaclass=Complete):
             object.__setattr__(self, name, value)
             return
         check_attribute(self, name)
+        pipeline = self._pipeline()
+        if pipeline is not None and not isinstance(getattr(type(self), name, None), Param):
+            pipeline.check_thread()
         super().__setattr__(name, value)
 
     def __dir__(self) -> list[str]:
@@ -400,6 +405,16 @@ class Effect(metaclass=Complete):
         params = params_of(type(self))
         self._set(self._checked({n: v for n, v in state.items() if n in params}))
         return [n for n in state if n not in params]
+
+
+def switch_off(effect, error) -> str:
+    """Disable an effect that raised an error; return what to tell the user."""
+    effect.enabled = False
+    why = f'{type(error).__name__}: {error}'.rstrip('.')
+    return (
+        f'{effect.name} is off, the picture is drawn without it: {why}. '
+        'Mend the cause, then set its enabled = True, or remove it.'
+    )
 
 
 def _equal(first, second) -> bool:

@@ -48,6 +48,16 @@ class ClosedError(PvibrError, RuntimeError):
     """The plotter or its window is closed, and its resources are released."""
 
 
+class ThreadError(PvibrError, RuntimeError):
+    """pvibr was called in a thread, or a forked process, other than that which draws.
+
+    Examples
+    --------
+    >>> issubclass(ThreadError, RuntimeError)
+    True
+    """
+
+
 #: Packages whose stack frames are not the user's; trame's are matched by prefix.
 _LIBRARIES = ('pvibr', 'pvibr_widgets', 'pyvista', 'pyvistaqt', 'importlib', 'contextlib')
 

@@ -55,6 +55,11 @@ def names_of(renderer) -> dict:
     return {address(a): n for n, a in actors.items()} if isinstance(actors, dict) else {}
 
 
+def plain_name(name) -> str:
+    """Return a name without the address that PyVista gives to what users did not name."""
+    return re.sub(r'\(Addr=0x[0-9a-f]+\)$', '', str(name))
+
+
 def draw_frame(plotter):
     """Draw a frame as the plotter's ``render`` does, even while it suppresses rendering.
 
@@ -203,6 +208,13 @@ def _is_here(thing, renderer) -> bool:
 def border_of(renderer):
     """Return the actor of a subplot's border, or None."""
     return getattr(renderer, '_border_actor', None)
+
+
+def seams_of(plotter) -> list:
+    """Return the actors of lines between subplots, which PyVista 0.49 draws over all of them."""
+    layout = getattr(plotter, 'renderers', None)
+    overlay = getattr(layout, '_border_overlay_renderer', None)
+    return [] if overlay is None else list(overlay.GetViewProps())
 
 
 def trame_viewer(plotter):

@@ -101,14 +101,7 @@ class AmbientOcclusion(Effect):
             'parallel': int(frame.parallel),
             'coarse': coarse,
         }
-        radius = self._world_radius(frame)
-        search_uniforms = {
-            'slices': max(1, round(self.samples * _share(frame.quality) / (2 * _STEPS))),
-            'steps': _STEPS,
-            'radius': float(radius),
-            'thickness': float(radius if self.thickness is None else self.thickness),
-            'vary': (*frame.vary('occlusion'), frame.vary('occlusion, sectors')[0]),
-        }
+        search_uniforms = self.search_uniforms(frame)
         depth_texture = {'depth': picture.depth}
         visibility.draw(self._quads['search'], view_uniforms | search_uniforms, depth_texture)
         apply_textures = {
@@ -124,6 +117,17 @@ class AmbientOcclusion(Effect):
         }
         with picture.drawing():
             self._quads['apply'].draw(uniforms, apply_textures)
+
+    def search_uniforms(self, frame) -> dict:
+        """Return the uniforms of the search that depend on settings and on the frame's quality."""
+        radius = self._world_radius(frame)
+        return {
+            'slices': max(1, round(self.samples * _share(frame.quality) / (2 * _STEPS))),
+            'steps': _STEPS,
+            'radius': float(radius),
+            'thickness': float(radius if self.thickness is None else self.thickness),
+            'vary': (*frame.vary('occlusion'), frame.vary('occlusion, sectors')[0]),
+        }
 
     def _draw_unlit(self, frame) -> Texture | None:
         """Draw the depth of unlit actors that keep their colour, if there are any."""

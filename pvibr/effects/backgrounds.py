@@ -181,7 +181,7 @@ class Sky(_Background):
         numpy.ndarray, shape (n, 3), float64
             Colours in [0, 1].
         """
-        sky_directions = directions @ _axes(self.up, self.turn).T
+        sky_directions = directions @ sky_axes(self.up, self.turn).T
         elevation = np.arcsin(np.clip(sky_directions[:, 2:], -1, 1)) / (np.pi / 2)
         if self._image is None:
             end_color = np.where(elevation > 0, self.top, self.bottom)
@@ -206,7 +206,7 @@ class Sky(_Background):
             return None
         azimuth = np.linspace(0, 2 * np.pi, 16, endpoint=False)
         horizon_directions = np.stack([np.cos(azimuth), np.sin(azimuth), 0 * azimuth], 1)
-        world_directions = horizon_directions @ _axes(self.up, self.turn)
+        world_directions = horizon_directions @ sky_axes(self.up, self.turn)
         return tuple(self.colors(world_directions, frame).mean(axis=0))
 
     def directions(self, frame) -> np.ndarray:
@@ -223,7 +223,7 @@ class Sky(_Background):
             Takes (x, y, 1), with x and y from -1 to 1 across the frame, to a direction that is
             not normalized: z up, x towards the centre of the panorama.
         """
-        return _axes(self.up, self.turn) @ frame.view_from_world[:3, :3].T @ _rays(frame)
+        return sky_axes(self.up, self.turn) @ frame.view_from_world[:3, :3].T @ _rays(frame)
 
     def _uniforms(self, frame, size):
         return super()._uniforms(frame, size) | {
@@ -241,7 +241,7 @@ class Sky(_Background):
         return {'panorama': self._image.texture(frame.window, frame.time)}
 
 
-def _axes(up, turn):
+def sky_axes(up, turn):
     """Return the rotation from world space to the sky's space."""
     z = unit_vectors(up)
     panorama_center = np.eye(3)[0] if abs(z[0]) < 0.999 else np.eye(3)[1]

@@ -93,7 +93,7 @@ class Bloom(LightSpread):
         uniforms = {
             'picture_size': picture.size,
             'texel_size': float(texel_size),
-            'limits': self._limits(stops),
+            'limits': self.limits(stops),
             'background': float(self.background),
             'saturation': self.saturation,
             'firefly_reduction': self.firefly_reduction,
@@ -103,7 +103,12 @@ class Bloom(LightSpread):
             textures = {'color': color} | ({} if metered is None else {'metered': metered})
             target.draw(quad, uniforms, textures)
 
-    def _limits(self, stops):
+    def choices(self) -> dict[str, int]:
+        """Return the defines of the bright pass that depend on settings."""
+        fireflies = int(self.firefly_reduction > 0)
+        return {'OPERATOR': _OPERATORS.index(self.operator), 'FIREFLIES': fireflies}
+
+    def limits(self, stops):
         """Return the threshold and both ends of the smooth step, before exposure as set."""
         display_limits = self.threshold, self.threshold, self.threshold + self.knee
         if stops == 0:
@@ -113,9 +118,8 @@ class Bloom(LightSpread):
     def _bright_pass(self, window, picture, texel_size, is_metered):
         is_whole = float(texel_size).is_integer() and not any(n % texel_size for n in picture.size)
         defines = {
-            'OPERATOR': _OPERATORS.index(self.operator),
+            **self.choices(),
             'FLOATS': int(picture.color.is_float),
-            'FIREFLIES': int(self.firefly_reduction > 0),
             'TAPS': math.ceil(texel_size) + (not is_whole),
             'WHOLE': int(is_whole),
             'METERED': int(is_metered),
@@ -123,12 +127,17 @@ class Bloom(LightSpread):
         key = window, defines
         if self._bright_quad is None or self._bright_key != key:
             self._forget()
-            text = ''.join(f'#define {name} {value}\n' for name, value in defines.items())
-            text += sections(shader_source(__file__, 'tone_mapping'))['light']
-            text += sections(shader_source(__file__))['bright']
-            self._bright_quad, self._bright_key = Quad(window, text, 'bloom bright'), key
+            quad = Quad(window, bright_text(defines), 'bloom bright')
+            self._bright_quad, self._bright_key = quad, key
         return self._bright_quad
 
     def _forget(self):
         release(self._bright_quad)
         self._bright_quad, self._bright_key = None, ()
+
+
+def bright_text(defines) -> str:
+    """Return the source of the bright pass."""
+    lines = ''.join(f'#define {name} {value}\n' for name, value in defines.items())
+    light = sections(shader_source(__file__, 'tone_mapping'))['light']
+    return lines + light + sections(shader_source(__file__))['bright']

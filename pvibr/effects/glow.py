@@ -166,7 +166,7 @@ class Glow(LightSpread):
         if self._gpu is None:
             self._gpu = _Gpu(frame.renderer, frame.size)
         feature = {'color': _COLOR, 'alpha': _ALPHA, 'emissive': _EMISSIVE}[self.source]
-        self._gpu.draw(frame, self._glowing_actors, feature, frame.whole[1] / self._light_rows)
+        self._gpu.draw(frame, self._glowing_actors, feature, frame.whole[1] / self.light_rows)
 
     def deactivate(self):
         """Restore the shaders of the actors."""

@@ -24,7 +24,7 @@ _GAP, _GAP_OF_HEIGHT = 1e-3, 1e-2
 #: Least near plane as a fraction of the far one, for the precision of depth buffers.
 _NEAREST = 2e-4
 _TEXT = sections(shader_source(__file__))
-_FADES = Feature(
+FADES = Feature(
     'ground',
     vertex={
         'VTK::PositionVC::Dec': _TEXT['vertex.declare'],
@@ -102,7 +102,7 @@ class Ground(Effect):
         self._actor.SetProperty(_vtk.vtkProperty())  # PyVista's has edges if its theme has
         self._actor.GetProperty().BackfaceCullingOn()
         self._actor.SetVisibility(False)  # until a frame needs it
-        _FADES.attach(self._actor)
+        FADES.attach(self._actor)
         self._fit_key = ()
         put_inner(renderer, self._actor)
         self._observer = renderer.AddObserver('ResetCameraClippingRangeEvent', self._widen_planes)
@@ -197,9 +197,12 @@ class Ground(Effect):
 
     def prepare(self, frame):
         """Set the colour and range of the fading."""
+        set_fragment_uniforms(self.props, self.fading(frame))
+
+    def fading(self, frame) -> dict:
+        """Return the uniforms of the shader by which it fades."""
         fade_span = _FADE, max(_FADED * self.size, 2 * _FADE)
-        uniforms = {
-            'ibr_horizon': self.pipeline.horizon_color(frame),
+        return {
+            'ibr_horizon': tuple(self.pipeline.horizon_color(frame)),
             'ibr_fade': tuple(radius / self.size for radius in fade_span),
         }
-        set_fragment_uniforms(self.props, uniforms)

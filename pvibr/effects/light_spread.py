@@ -117,7 +117,7 @@ class LightSpread(Effect):
         # Very wide pictures get larger texels: textures are limited in size.
         kernel_scale = 1.0
         smallest = max(frame.whole) / texture_limit(frame.window)
-        texel_size = max(frame.whole[1] / self._light_rows, smallest)
+        texel_size = max(frame.whole[1] / self.light_rows, smallest)
         if frame.scale == 1:
             texel_size, kernel_scale = self._whole_texels(texel_size, picture.size)
         blur = self._ready_blur(frame, picture.size, texel_size, kernel_scale)
@@ -135,7 +135,7 @@ class LightSpread(Effect):
         raise NotImplementedError
 
     @property
-    def _light_rows(self) -> float:
+    def light_rows(self) -> float:
         """Rows of the light's image, the same in a window of any size."""
         return 2 * _ROWS / self.downsample
 
@@ -145,7 +145,7 @@ class LightSpread(Effect):
         for whole_pixels in (math.floor(texel_size), math.ceil(texel_size)):
             is_near = whole_pixels and _NARROWEST < texel_size / whole_pixels < 1 / _NARROWEST
             if self.chain == 'gaussian' and is_near and not any(n % whole_pixels for n in size):
-                halving, doubling = variances(self._level_count(), self.kernel, self.chain)
+                halving, doubling = variances(self.level_count(), self.kernel, self.chain)
                 variance_ratio = (texel_size / whole_pixels) ** 2
                 excess = (variance_ratio - 1) * (doubling + _ENDS) / halving
                 return whole_pixels, math.sqrt(variance_ratio + excess)
@@ -153,7 +153,7 @@ class LightSpread(Effect):
 
     def _ready_blur(self, frame, size, texel_size, kernel_scale=1.0):
         texel_counts = size[0] / texel_size, size[1] / texel_size
-        blur_key = texel_counts, self._level_count(), self.kernel, self.chain, kernel_scale
+        blur_key = texel_counts, self.level_count(), self.kernel, self.chain, kernel_scale
         window = frame.window
         if self._blur is not None and (self._window is not window or self._blur.key != blur_key):
             self._forget_blur()
@@ -162,11 +162,11 @@ class LightSpread(Effect):
         self._texel_size = texel_size
         return self._blur
 
-    def _level_count(self):
+    def level_count(self) -> int:
         """Return the number of blurs, after which about twenty rows remain."""
         if self.levels is not None:
             return self.levels
-        return max(1, 1 + round(math.log2(self._light_rows / 40)))
+        return max(1, 1 + round(math.log2(self.light_rows / 40)))
 
     def _forget(self):
         """Free GPU memory of `_draw_source`."""

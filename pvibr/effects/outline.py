@@ -153,7 +153,7 @@ class Outline(Effect):
         line_uniforms = {
             'width': width,
             'dash': self.dash * frame.scale,
-            'ink': (*self.color, self.opacity),
+            'ink': self.ink,
         }
         self._veil = self._veil or Veil(frame.renderer)
         veil_texture = self._veil.draw(frame, picture) if self._reads_surfaces else None
@@ -199,7 +199,7 @@ class Outline(Effect):
 
     def _inputs(self, frame, picture):
         """Return uniforms and textures of the edge programs."""
-        uniforms, textures = self._uniforms(frame), {'color': picture.color}
+        uniforms, textures = self.edge_uniforms(frame), {'color': picture.color}
         if self._reads_surfaces:
             geometry = self._geometry(frame, picture)
             uniforms['corner'] = geometry.origin
@@ -229,7 +229,13 @@ class Outline(Effect):
             self._mark_texture = mark_bytes, Texture(window).upload(texels)
         return self._mark_texture[1]
 
-    def _uniforms(self, frame):
+    @property
+    def ink(self) -> tuple[float, ...]:
+        """Colour and opacity of lines."""
+        return *self.color, self.opacity
+
+    def edge_uniforms(self, frame) -> dict:
+        """Return the uniforms of the programs that find edges."""
         pixel_size, clip = 1 / frame.pixel_scale, frame.clip_from_view
         lens = (1 / clip[0, 0], 1 / clip[1, 1], clip[0, 2], clip[1, 2])
         return {
@@ -246,20 +252,20 @@ class Outline(Effect):
         }
 
     def _quad(self, window, name):
-        defines = self._defines
-        if (name, defines) not in self._quads:
-            self._quads[name, defines] = Quad(window, defines + _TEXTS[name], _NAME + name)
-        return self._quads[name, defines]
+        text = self.program_text(name)
+        if text not in self._quads:
+            self._quads[text] = Quad(window, text, _NAME + name)
+        return self._quads[text]
 
     def _tiled_quad(self, tiles, name):
         if name not in self._quads:
             self._quads[name] = tiles.program(f'#define SIDE {SIDE}\n{_TEXTS[name]}', _NAME + name)
         return self._quads[name]
 
-    @property
-    def _defines(self):
+    def program_text(self, name) -> str:
+        """Return the source of a program."""
         edge_kinds = {'SURFACES': self._reads_surfaces, 'LUMINANCE': self.luminance}
-        return ''.join(f'#define {name}\n' for name, on in edge_kinds.items() if on)
+        return ''.join(f'#define {kind}\n' for kind, on in edge_kinds.items() if on) + _TEXTS[name]
 
     def release(self):
         """Free GPU memory; the context is current."""

@@ -97,7 +97,7 @@ class ToneMapping(Effect):
         uniforms = {'stops': stops, 'white': self.white, 'intensity': self.intensity}
         textures = {} if metered is None else {'metered': metered}
         is_exposed = int(stops != 0 or metered is not None)
-        program_text = _map(CURVES.index(self.curve), is_exposed, len(textures))
+        program_text = map_text(CURVES.index(self.curve), is_exposed, len(textures))
         picture.apply(Pointwise('tone_mapping map', program_text, uniforms, textures))
 
     def expose(self, frame, picture) -> float:
@@ -126,7 +126,7 @@ class ToneMapping(Effect):
 
 
 @cache
-def _map(curve_number, is_exposed, is_metered):
+def map_text(curve_number, is_exposed, is_metered):
     """Return a program's text: one object each time, since it is a key whose hash is kept."""
     values = {'CURVE': curve_number, 'EXPOSED': is_exposed, 'METERED': is_metered}
     constants = ''.join(f'const int {name} = {value};\n' for name, value in values.items())

@@ -67,7 +67,7 @@ def plain_copy(host, pipelines, make_cloud, *, triangles, texture, detail, witho
                     effect.bake_into(scene)
             _copy_view(renderer, plain_plotter.renderer, cameras)
             _copy_lights(renderer, plain_plotter.renderer, still=scene.lights_stand)
-            scene.add_to(plain_plotter, _props(renderer, subplot_effects))
+            scene.add_to(plain_plotter, _props(renderer, subplot_effects, without))
             if getattr(renderer, 'axes_enabled', False):
                 plain_plotter.renderer.add_axes()
             dropped |= scene.dropped
@@ -135,14 +135,17 @@ def _copy_lights(old, new, *, still):
         new.AddLight(light_copy)
 
 
-def _props(renderer, effects) -> list:
-    """Return the props of a renderer that belong to no baked thing, with names."""
+def _props(renderer, effects, without) -> list:
+    """Return the props of a renderer that belong to no baked thing, with names.
+
+    Those of effects in `without` are left out.
+    """
     hidden_addresses = set()
     for effect in effects:
         # Between frames, substitutes hide their own actors and show the plain ones.
         if isinstance(effect, Thing) and effect.web[0] != 'shown':
             hidden_addresses |= {address(a) for a in (*effect.actors(), *effect.picked())}
-        if isinstance(effect, Thing) or effect.web[0] != 'shown':
+        if isinstance(effect, Thing) or effect.web[0] != 'shown' or effect in without:
             hidden_addresses |= {address(p) for p in effect.props}
     prop_names = names_of(renderer)
     props = [p for p in renderer.GetViewProps() if address(p) not in hidden_addresses]

@@ -8,6 +8,14 @@ import pyvista as pv
 from pvibr.core import _vtk
 from pvibr.textures.material_textures import copied_property
 
+#: What a shallow copy of a scalar bar lacks.
+_BAR_SETTINGS = (
+    *('UnconstrainedFontSize', 'DrawBelowRangeSwatch', 'DrawAboveRangeSwatch'),
+    *('BelowRangeAnnotation', 'AboveRangeAnnotation', 'DrawNanAnnotation', 'NanAnnotation'),
+)
+#: What a deep copy of a table lacks.
+_TABLE_SETTINGS = 'BelowRangeColor', 'UseBelowRangeColor', 'AboveRangeColor', 'UseAboveRangeColor'
+
 
 def copied(prop, plotter):
     """Return a copy of a prop for another window, None if the plotter added an equal one."""
@@ -48,11 +56,22 @@ def _like(prop):
         prop_copy.SetLinearFontScaleFactor(prop.GetLinearFontScaleFactor())
         prop_copy.SetNonlinearFontScaleFactor(prop.GetNonlinearFontScaleFactor())
     if prop.IsA('vtkScalarBarActor'):
-        prop_copy.SetUnconstrainedFontSize(prop.GetUnconstrainedFontSize())
+        _copy_settings(prop_copy, prop, _BAR_SETTINGS)
         table = prop.GetLookupTable().NewInstance()
         table.DeepCopy(prop.GetLookupTable())
+        if table.IsA('vtkLookupTable'):
+            _copy_settings(table, prop.GetLookupTable(), _TABLE_SETTINGS)
         prop_copy.SetLookupTable(table)
+    if prop.IsA('vtkAxisActor2D'):
+        for name in ('GetPositionCoordinate', 'GetPosition2Coordinate'):
+            place, new_place = getattr(prop, name)(), getattr(prop_copy, name)()
+            _copy_settings(new_place, place, ('CoordinateSystem', 'ReferenceCoordinate', 'Value'))
     return prop_copy
+
+
+def _copy_settings(copy, original, names):
+    for name in names:
+        getattr(copy, f'Set{name}')(getattr(original, f'Get{name}')())
 
 
 def range_teller(scalar_bar):

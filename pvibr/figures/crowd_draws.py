@@ -89,17 +89,7 @@ class MemberDraws(MeshPartDraws):
         super().__init__(part, material, *shared)
 
     def _feature(self, *, depth=False) -> Feature:
-        section = sections(shader_source(__file__))
-        is_posed = isinstance(self.mesh_actor, PosedMeshActor)
-        defines = f'#define POSED {int(is_posed)}\n#define WIDTH {WIDTH}u\n'
-        normal = '#define normalMC ibr_vertex_normal\n', '#undef normalMC\n'
-        return draws_feature(
-            self.part.mesh,
-            defines + section['vertex.members'],
-            section['vertex.begin'],
-            depth=depth,
-            around_normal=normal if is_posed else ('', ''),
-        )
+        return member_feature(self.part.mesh, isinstance(self.mesh_actor, PosedMeshActor), depth)
 
     def upload_entries(self, window, entries):
         """Upload the entries unless they are on the GPU."""
@@ -113,3 +103,17 @@ class MemberDraws(MeshPartDraws):
         if self.poses.posing is not None and isinstance(self.mesh_actor, PosedMeshActor):
             textures = textures | self.poses.posing.textures
         return textures, *uniforms
+
+
+def member_feature(mesh, is_posed, depth=False) -> Feature:
+    """Return the shader of copies of a mesh, each with a matrix and perhaps a pose."""
+    section = sections(shader_source(__file__))
+    defines = f'#define POSED {int(is_posed)}\n#define WIDTH {WIDTH}u\n'
+    normal = '#define normalMC ibr_vertex_normal\n', '#undef normalMC\n'
+    return draws_feature(
+        mesh,
+        defines + section['vertex.members'],
+        section['vertex.begin'],
+        depth=depth,
+        around_normal=normal if is_posed else ('', ''),
+    )

@@ -18,8 +18,8 @@ _X, _Y = (1.0, 0.0), (0.0, 1.0)
 _ENDLESS = 1e9
 _TINY = 1e-6  # of a texel: rounding
 # Downsampling by a Gaussian per axis or in one pass of 13 taps, and the matching upsampling.
-_PASSES = {'gaussian': ('halve', 'mix'), 'tent': ('down13', 'tent')}
-CHAINS = tuple(_PASSES)
+PASSES = {'gaussian': ('halve', 'mix'), 'tent': ('down13', 'tent')}
+CHAINS = tuple(PASSES)
 
 
 def halving_taps(kernel, width=1.0):
@@ -55,9 +55,8 @@ class Blur:
     def __init__(self, window, extent, levels, kernel, chain='gaussian', width=1.0):
         self.key = extent, levels, kernel, chain, width
         size = math.ceil(extent[0] - _TINY), math.ceil(extent[1] - _TINY)
-        shader_sections = sections(shader_source(__file__))
-        shader_sections['halve'] = _constants(kernel, width) + shader_sections['halve']
-        self._quads = {n: Quad(window, shader_sections[n], f'blur {n}') for n in _PASSES[chain]}
+        shader_sections = texts(kernel, width)
+        self._quads = {n: Quad(window, shader_sections[n], f'blur {n}') for n in PASSES[chain]}
         self._blend_sources = [f'#define WHOLE {k}\n' + shader_sections['add'] for k in (0, 1)]
         driver = driver_of(window)
         self._is_software, light_format = driver.is_software, driver.light_format
@@ -100,7 +99,7 @@ class Blur:
     def draw(self, image, spread):
         """Blur an image; `spread` weights the wider levels."""
         halve_level = self._halve_by_axes if self._chain == 'gaussian' else self._halve_at_once
-        upsample = _PASSES[self._chain][1]
+        upsample = PASSES[self._chain][1]
         width, height = self.key[0]
         extents = [(width / 2**k, height / 2**k) for k in range(len(self._levels) + 1)]
         for level, extent in zip(self._levels, extents, strict=False):
@@ -160,6 +159,12 @@ def variances(levels, kernel, chain, width=1.0) -> tuple[float, float]:
         down_variance, up_variance = (weights * texels**2).sum() / weights.sum(), 0.75
     scale_steps = 4.0 ** np.arange(levels)
     return down_variance * scale_steps.sum(), up_variance * scale_steps[1:].sum()
+
+
+def texts(kernel, width=1.0) -> dict[str, str]:
+    """Return the programs by name, with the kernel of halving."""
+    programs = sections(shader_source(__file__))
+    return programs | {'halve': _constants(kernel, width) + programs['halve']}
 
 
 def _constants(kernel, width):

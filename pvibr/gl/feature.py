@@ -6,6 +6,7 @@ import re
 
 from pvibr.core import _vtk
 from pvibr.core._vtk import address
+from pvibr.gl import refused_shaders
 
 # Interleaved gradient noise: Jimenez, "Next Generation Post Processing in Call of Duty: Advanced
 # Warfare", SIGGRAPH 2014, slide 123. Constant over time, but the samples of a still picture
@@ -52,6 +53,7 @@ class Feature:
 
     def attach(self, actor):
         """Add the text to an actor, marked in each place."""
+        refused_shaders.watch()
         for shader, stage, tag, text in self._texts(actor):
             current_text = replacements(shader).get((stage, tag), tag)
             if self.mark not in current_text:
@@ -102,6 +104,11 @@ class FeatureSet:
     def actors(self) -> list:
         """Return the actors that have features."""
         return [actor for actor, _, _ in self._attached.values()]
+
+    def has(self, name) -> bool:
+        """Return whether a feature of this name is on any actor."""
+        entries = self._attached.values()
+        return any(f.name == name for _, features, _ in entries for f in features)
 
     def of(self, actor) -> tuple:
         """Return the features of an actor that has some."""
@@ -159,6 +166,12 @@ class FeatureSet:
     def clear(self):
         """Detach from all actors."""
         self.match((), tuple)
+
+
+def has_text(actor, name) -> bool:
+    """Return whether an actor has the text of a feature."""
+    texts = replacements(actor.GetShaderProperty()).values()
+    return any(Feature(name).mark in text for text in texts)
 
 
 def replacements(shader) -> dict:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from contextlib import contextmanager
-from weakref import WeakSet
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -13,8 +13,8 @@ from pvibr.gl.drawer import Drawer
 from pvibr.gl.target import Target
 from pvibr.gl.texture import texture_limit
 
-#: Renderers whose frames may be interrupted by off-screen drawing.
-RENDERERS: WeakSet = WeakSet()
+#: Renderers whose frames may be interrupted by off-screen drawing, and the threads of them.
+RENDERERS: WeakKeyDictionary = WeakKeyDictionary()
 #: Weights of red, green and blue in a triangle's index.
 _DIGITS = np.array([1, 1 << 8, 1 << 16], np.int32)
 
@@ -22,7 +22,8 @@ _DIGITS = np.array([1, 1 << 8, 1 << 16], np.int32)
 @contextmanager
 def hidden_window(width=64, height=64):
     """Yield a small off-screen window with a live context; restore the previous one afterwards."""
-    windows = [w for r in RENDERERS if (w := r.GetRenderWindow()) is not None]
+    here = [r for r, thread in RENDERERS.items() if thread.is_here()]
+    windows = [w for r in here if (w := r.GetRenderWindow()) is not None]
     # Every window of EGL says that it is the current one: within a frame, it is the one drawn.
     windows = [w for w in windows if w.CheckInRenderStatus()] or windows
     current_window = next((w for w in windows if not w.GetNeverRendered() and w.IsCurrent()), None)

@@ -119,17 +119,18 @@ def chunk(instances) -> int:
     return int(np.clip(-(-instances // _DRAWS // BLOCK) * BLOCK, *_CHUNKS))
 
 
-def slabs(depths, turns, capacity) -> list[list[int]]:
-    """Return where to cut the sorted blocks of each mesh, so that draws alternate far to near."""
-    if len(depths) == 1:
-        block_count = len(depths[0])
+def slabs(choices, turns, capacity) -> list[list[int]]:
+    """Return where to cut the chosen blocks of each mesh, so that draws alternate far to near."""
+    if len(choices) == 1:
+        block_count = len(choices[0])
         return [[*range(0, block_count, capacity), block_count]]
-    block_count = sum(map(len, depths))
+    block_count = sum(map(len, choices))
     slab_size = min(capacity, max(1, -(-block_count // turns)))
+    depths = np.concatenate([choice.depths for choice in choices])
     depth_rank = np.empty(block_count, int)
-    depth_rank[np.argsort(np.concatenate(depths), kind='stable')] = np.arange(block_count)
+    depth_rank[np.argsort(depths, kind='stable')] = np.arange(block_count)
     slab_edges = np.arange(-(-block_count // slab_size) + 1)
-    mesh_starts = np.cumsum([0, *(len(d) for d in depths)])
+    mesh_starts = np.cumsum([0, *map(len, choices)])
     slab_of_block = depth_rank // slab_size
     bounds = pairwise(mesh_starts)
     return [np.searchsorted(slab_of_block[a:b], slab_edges).tolist() for a, b in bounds]

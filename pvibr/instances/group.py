@@ -2,76 +2,23 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
 from pvibr.instances.baked_materials import copy_light
-from pvibr.instances.card_layers import PATCH_SIDE
-from pvibr.instances.card_spans import CardSpan
 from pvibr.instances.cards import FADE, Cards
+from pvibr.instances.choices import UNKNOWN, CardBlocks, SeenBlocks, view_patches
 from pvibr.instances.near_meshes import NearMeshes
 from pvibr.instances.placement import Placement, spheres
 from pvibr.instances.posed_bounds import PosedShape
-from pvibr.maths import octahedral
 from pvibr.maths.blocks import BLOCK, Blocks, ascending
-from pvibr.meshes.turntable import SIDE_ELEVATION
 from pvibr.things.shared_material import CardMaterial
 
 SORTED = 16_384  # instances up to which each is sorted and culled on its own
 # In larger sets, visible instances up to which one shader still sorts each: some milliseconds.
 SORTED_SEEN = 131_072
-_UNSURE = 1e-4  # error of the sine of an angle, or of a position in a patch, on the GPU
-_UNKNOWN = -1  # patch
 _MAX_SAMPLED = 16_384  # instances that statistics look at
-_BY_BLOCK = 'table', 'depths', 'sizes', 'centers', 'radii'  # arrays of chosen blocks
-
-
-@dataclass(frozen=True)
-class CardBlocks:
-    """The blocks of a group that one card shader draws."""
-
-    table: np.ndarray
-    depths: np.ndarray
-    #: On-screen diameter of the largest instance of each, in pixels.
-    sizes: np.ndarray
-    #: The sizes that the shader draws, and those near a turntable's horizon.
-    spans: tuple[CardSpan, CardSpan]
-    #: On-screen diameter up to which cards have no core.
-    core_size: float
-    #: Centres in eye space and radii of bounding spheres.
-    centers: np.ndarray
-    radii: np.ndarray
-    #: Instances in a block.
-    unit: int
-    #: What chooses single instances of the blocks.
-    limits: Any
-
-    def __len__(self):
-        return len(self.table)
-
-    def where(self, mask) -> CardBlocks:
-        """Return some of the blocks, by a mask or their rows."""
-        return replace(self, **{name: getattr(self, name)[mask] for name in _BY_BLOCK})
-
-    @property
-    def ranges(self) -> tuple:
-        """The spans as the shader reads them."""
-        above, side = self.spans
-        return above.ranges, side.ranges
-
-    @property
-    def cored(self) -> int:
-        """The first block that may have a core."""
-        (may_have_core,) = (self.sizes > 0.99 * self.core_size).nonzero()  # the shader decides
-        return int(may_have_core[0]) if may_have_core.size else self.sizes.size
-
-    def fits(self, sizes, patches) -> np.ndarray:
-        """Return which sizes may be drawn, a little generously: the shader decides."""
-        above, side = (span.fits(patches, 0.99 * sizes, 1.01 * sizes) for span in self.spans)
-        return above | side
 
 
 def unit_of(count) -> int:
@@ -92,8 +39,9 @@ class InstanceGroup:
         self.near = self._near_meshes(translucent)
         self.near.draw_many(capacity, self.atlas.center, binder)
         self.looks: np.ndarray | None = None
-        self.counts: dict[str, int] = {}
-        self._no_cards = dict.fromkeys(self.cards.layers, 0)
+        #: What cards drew in the last frame by shader, and how many instances others hid.
+        self.shown_cards: dict[str, CardBlocks] = {}
+        self.hidden_count = 0
         self.visible_blocks = np.zeros(0, int)
         #: Blocks that may have instances too large for cards: origin in eye space, index.
         self.mesh_blocks = np.zeros((0, 4), np.float32)
@@ -255,91 +203,42 @@ class InstanceGroup:
             layer.refresh()
         self.near.tint(self, colors)
 
-    def select(self, frame, limits, *, depth=False):
-        """Return the blocks that each card shader draws, by its name, where there are any."""
-        blocks = self.placement.blocks
-        seen = visible_blocks, origins, _, largest, _ = blocks.seen(frame)
-        self.visible_blocks, block_count = visible_blocks, visible_blocks.size
-        self.cards.view(frame, depth=depth)
-        total = {'blocks': block_count, 'of blocks': blocks.reach.size}
-        self.counts = total | {'hidden': 0} | self._no_cards | self.near.no_counts
-        block_table = np.empty((block_count, 4), np.float32)
-        block_table[:, :3], block_table[:, 3] = origins, visible_blocks
-        patches: Any = _UNKNOWN
-        if self.unit == 1:
-            patches = self.patches(frame, limits, visible_blocks, origins.T, largest)
-        self.mesh_blocks = block_table[largest >= limits.mesh_from_at[patches]]
-        if not limits.drawn_cards or not block_count:
-            return {}
-        return self._card_blocks(frame, limits, seen, block_table, patches)
-
-    def _card_blocks(self, frame, limits, seen, block_table, patches):
-        """Return the blocks of each card shader that draws any."""
-        visible_blocks, origins, smallest, largest, depths = seen
-        elevations = None
-        if self.atlas.turntable is not None and self.unit == 1:
-            elevations = self._elevations(frame, visible_blocks, origins)
-        radii, choices = self.blocks.bounding_radii[visible_blocks], {}
-        extreme_sizes = np.minimum.reduce(smallest), np.maximum.reduce(largest)
-        layers = self.cards.layers
-        for name, spans in limits.drawn_between(*extreme_sizes):
-            if name in layers:
-                layer = layers[name]
-                in_span = _which_fit(spans, elevations, patches, smallest, largest)
-                if in_span.size:
-                    choices[name] = CardBlocks(
-                        table=block_table[in_span],
-                        depths=depths[in_span],
-                        sizes=largest[in_span],
-                        spans=spans,
-                        core_size=layer.core_size,
-                        centers=origins[in_span],
-                        radii=radii[in_span],
-                        unit=self.unit,
-                        limits=limits,
-                    )
-        return self._counted(choices)
+    @property
+    def counts(self) -> dict[str, int]:
+        """Blocks, and instances of each level, in the last frame."""
+        total = {'blocks': self.visible_blocks.size, 'of blocks': self.blocks.reach.size}
+        of_cards = {n: min(len(b) * b.unit, len(self)) for n, b in self.shown_cards.items()}
+        no_cards = dict.fromkeys(self.cards.layers, 0)
+        return total | {'hidden': self.hidden_count} | no_cards | of_cards | self.near.counts
 
     def without_hidden(self, choices, are_behind) -> dict:
         """Return chosen blocks without those behind others, and leave out meshes that are."""
         masks = {name: are_behind(b.centers, b.radii) for name, b in choices.items()}
         hidden_count = sum(mask.sum() * choices[name].unit for name, mask in masks.items())
-        self.counts['hidden'] = min(int(hidden_count), len(self))
+        self.hidden_count = min(int(hidden_count), len(self))
         origins, blocks = self.mesh_blocks[:, :3].astype(float), self.mesh_blocks[:, 3].astype(int)
         is_behind = are_behind(origins, self.blocks.bounding_radii[blocks])
         self.mesh_blocks = self.mesh_blocks[~is_behind]
         shown = {name: choices[name].where(~mask) for name, mask in masks.items()}
-        return self._counted({name: blocks for name, blocks in shown.items() if len(blocks)})
-
-    def _counted(self, choices):
-        self.counts |= self._no_cards
-        item_count = self.placement.ids.size
-        for name, blocks in choices.items():
-            count = blocks.depths.size * blocks.unit
-            self.counts[name] = count if count < item_count else item_count
-        return choices
+        return {name: blocks for name, blocks in shown.items() if len(blocks)}
 
     def patches(self, frame, limits, slots, centers, sizes):
-        """Return the patch of each slot's view direction, -1 where unsure or irrelevant."""
-        min_size, max_size = limits.varying
-        patches = np.zeros(slots.shape, np.intp) + _UNKNOWN
-        if min_size > max_size:
-            return patches
-        (undecided,) = ((sizes >= min_size) & (sizes < max_size * FADE)).nonzero()
-        if undecided.size:
-            view = frame.view
-            toward = np.array([[0.0], [0.0], [1.0]]) if view.parallel else -centers[:, undecided]
-            toward = view.view_from_world[:3, :3].T @ toward
-            directions = self.placement.directions(slots[undecided], toward)
-            directions = directions / np.maximum(_lengths(directions.T), 1e-30)[:, None]
-            cells, cell_margin = octahedral.cells(directions, PATCH_SIDE, self.atlas.half)
-            patches[undecided] = np.where(cell_margin > _UNSURE, cells, _UNKNOWN)
+        """Return the patch of each slot's view direction, UNKNOWN where it does not matter."""
+        patches = np.full(slots.shape, UNKNOWN)
+        least, most = limits.varying
+        if least <= most:
+            (undecided,) = ((sizes >= least) & (sizes < most * FADE)).nonzero()
+            if undecided.size:
+                axes = self.placement.axes(slots[undecided])
+                patches[undecided] = view_patches(
+                    frame, centers[:, undecided], axes, self.atlas.half
+                )
         return patches
 
-    def _elevations(self, frame, index, origins):
+    def elevations(self, frame, slots, origins):
         """Return sines of the eye's elevation over the horizons of instances' turntables."""
         turntable_axes = np.broadcast_to(self.atlas.turntable.turns.axis, origins.shape)
-        poses = self.poses[self.ids[index]]
+        poses = self.poses[self.ids[slots]]
         if poses.ndim == 3:
             turntable_axes = np.einsum('nij,nj->ni', poses[:, :3, :3], turntable_axes)
         turntable_axes = turntable_axes @ frame.view_from_world[:3, :3].T
@@ -383,8 +282,9 @@ class InstanceGroup:
         table = np.empty((len(in_span), 4), np.float32)
         table[:, :3], table[:, 3] = choice.table[table_rows[in_span], :3], slots[in_span]
         depths = np.maximum.accumulate(depths[in_span])
-        of_blocks = table, depths, sizes[in_span], centers.T[in_span], self.radii[slots[in_span]]
-        return replace(choice, unit=1, **dict(zip(_BY_BLOCK, of_blocks, strict=True)))
+        columns = table, depths, sizes[in_span], centers.T[in_span], self.radii, slots[in_span]
+        options = choice.spans, choice.core_size, 1, choice.limits
+        return CardBlocks(SeenBlocks(*columns), np.arange(len(in_span)), *options)
 
     def mesh_actors(self):
         """Return the actors of instances drawn as meshes."""
@@ -400,19 +300,6 @@ class InstanceGroup:
         window = self.cards.window
         self.cards.release()
         self.near.release(window)
-
-
-def _which_fit(spans, elevations, patches, smallest, largest) -> np.ndarray:
-    """Return the blocks that may have instances within spans, from above and from the side."""
-    above, side = spans
-    fits = above.fits(patches, smallest, largest)
-    if side is not above:
-        fits_side = side.fits(patches, smallest, largest)
-        if elevations is not None:  # close to the limit, the shader decides
-            fits &= elevations > SIDE_ELEVATION - _UNSURE
-            fits_side &= elevations < SIDE_ELEVATION + _UNSURE
-        fits |= fits_side
-    return fits.nonzero()[0]
 
 
 def _lengths(columns):

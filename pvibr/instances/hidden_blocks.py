@@ -55,7 +55,8 @@ class HiddenBlocks:
 
     def cull(self, frame, groups, choices) -> list[dict]:
         """Return what groups draw as cards, and leave them as meshes, what is not hidden."""
-        if frame.casting or not frame.own or not self._may_hide(frame):
+        in_view = sum(len(blocks) * blocks.unit for c in choices for blocks in c.values())
+        if in_view < _LEAST or frame.casting or not frame.own or not self._may_hide(frame):
             return choices
         farthest_depths = self._farthest_depths(frame, list(zip(groups, choices, strict=True)))
         if farthest_depths is None:

@@ -10,17 +10,17 @@ import pyvista as pv
 
 from pvibr.core.arguments import check_one_of, naming
 from pvibr.core.determinism import is_deterministic
-from pvibr.core.errors import warn
 from pvibr.core.nan_rows import NanRows
 from pvibr.core.params import Param, checked_flag
 from pvibr.core.signatures import takes
 from pvibr.instances import explain as explaining
-from pvibr.instances import model_changes, plain_copies, updates
+from pvibr.instances import model_changes, plain_copies, shared_choices, updates
 from pvibr.instances.instance_arguments import mesh_looks, placed
 from pvibr.instances.limits import LevelChoice, Limits, checked_force, needs_images
 from pvibr.instances.mesh_groups import MeshGroups
 from pvibr.instances.mesh_models import MeshModels
 from pvibr.instances.posed_items import PosedItems
+from pvibr.instances.shared_choices import SharedChoices
 from pvibr.meshes.parts import as_parts
 from pvibr.things import appearance as look
 from pvibr.things.appearance import TABLE_OPTIONS
@@ -137,6 +137,7 @@ class Instances(ItemSet):
     _planes: Any = None
     #: Error of a card shader.
     _failure: str | None = None
+    _limits_key: tuple = ()
 
     max_error = Param(
         1.0,
@@ -145,7 +146,7 @@ class Instances(ItemSet):
         range='(0, inf)',
         unit='px',
     )
-    _noun = 'instances'
+    mends_shaders, _noun = True, 'instances'
 
     @takes(mesh_kwargs=as_parts)
     def __init__(
@@ -241,6 +242,10 @@ class Instances(ItemSet):
     is_prepared = model_changes.is_prepared
     _show_models = model_changes.show_models
     _rank_bakes = model_changes.rank_bakes
+    _check_shaders = model_changes.check_shaders
+    lacks_choice = shared_choices.lacks_choice
+    version = shared_choices.version
+    _choose = shared_choices.choose
     report = explaining.report
     explain = explaining.explain
 
@@ -416,6 +421,12 @@ class Instances(ItemSet):
         self._models.resume()
         self.order = self.groups.draw_order()
         super()._put_in(renderer)
+        self._shared_choices = SharedChoices.of(self.pipeline)
+        self._shared_choices.sets.append(self)
+
+    def _take_out(self, renderer):
+        super()._take_out(renderer)
+        self._shared_choices.sets.remove(self)
 
     def item_spheres(self) -> tuple[np.ndarray, np.ndarray]:
         """Return centres, shape (n, 3), and radii of the instances' bounding spheres."""
@@ -444,7 +455,8 @@ class Instances(ItemSet):
         models = self._models
         if models.has_drafts and is_deterministic():
             self.wait()
-        self._follow_meshes()
+        if self._unchanged_in is not frame:
+            self._follow_meshes()
         super().prepare(frame)
         if models.pending and frame.own:
             self._rank_bakes(frame)
@@ -465,23 +477,6 @@ class Instances(ItemSet):
     def _choice_key(self, frame) -> tuple:
         key = super()._choice_key(frame)
         return *key, frame.depth_map, frame.quality, self._depth_is_read(frame)
-
-    def _choose(self, frame, _other_depths):
-        if self.groups.draw(frame, self._level_choice(), depth=self._depth_is_read(frame)):
-            self.order = self.groups.draw_order()
-
-    def _check_shaders(self):
-        """On failure of a shader, warn and draw without it from then on."""
-        if failure := self.groups.mesh_failure():
-            self._rebuild()
-            self._warn(failure, 'each instance is drawn by an actor')
-        failure = self.groups.card_failure
-        if failure and not self._failure:
-            self._failure, self._content_key = failure, None
-            self._warn(failure, 'instances are drawn as meshes')
-
-    def _warn(self, failure, instead):
-        warn(f'{self.name}: {failure}: {instead} instead. Run `pvibr doctor`.')
 
     def finish(self, frame):
         """Release the texture units, and check that the shaders were drawn."""

@@ -339,11 +339,11 @@ class LevelChoice:
         if frame.depth_map and not self.rule:
             low, high = sorted(frame.pixel_scales)
             return [model.depth_limits(self.max_error, high / low) for model in models]
-        driver = frame.once(_driver_in)
+        driver = frame.once(driver_in)
         found = [self.limits(model, driver) for model in models]
         return found if frame.quality == 1 else [x.coarser(frame.quality) for x in found]
 
 
-def _driver_in(frame):
+def driver_in(frame):
     """Return the kind of driver that draws a frame."""
     return driver_of(frame.window)

@@ -7,6 +7,7 @@ import numpy as np
 from pvibr.core.plotters import put_inner
 from pvibr.gl.binder import Binder
 from pvibr.instances.cards import slab_counts, slabs
+from pvibr.instances.choices import Choice, GroupBlocks
 from pvibr.instances.group import SORTED_SEEN, InstanceGroup, unit_of
 from pvibr.instances.hidden_blocks import HiddenBlocks
 from pvibr.instances.placement import centers_of
@@ -28,6 +29,7 @@ class MeshGroups:
         #: Index of each group's mesh.
         self.meshes: list[int] = []
         self._groups: list[InstanceGroup] = []
+        self._blocks = GroupBlocks()
         self._capacity = 0
         self._poses, self._index = np.zeros((0, 3)), np.zeros(0, int)
         #: All instances, neighbours together.
@@ -189,17 +191,28 @@ class MeshGroups:
                 group.upload(window)
             self._is_uploaded = True
 
-    def draw(self, frame, choice, *, depth) -> bool:
-        """Choose what draws each instance in a frame; return True if actors may be new."""
-        group_limits = choice.limits_in(frame, [group.model for group in self._groups])
-        pairs = list(zip(self._groups, group_limits, strict=True))
-        choices = [group.select(frame, limits, depth=depth) for group, limits in pairs]
-        if self[0].unit > 1:
-            choices = self._refined(frame, choices)
-        self._show_cards(self._hidden_blocks.cull(frame, self._groups, choices))
+    def versions(self) -> list[tuple]:
+        """Return what changes with the poses of instances."""
+        return [(group.placement, group.placement.version) for group in self._groups]
+
+    def choose(self, frame, limits) -> list[Choice]:
+        """Return what draws each group in a frame, by their limits."""
+        self._blocks = self._blocks.of(self._groups)
+        return self._blocks.choose(frame, limits)
+
+    def draw(self, frame, limits, choices, *, depth) -> bool:
+        """Draw what was chosen for each group in a frame; return True if actors may be new."""
+        for group, choice in zip(self._groups, choices, strict=True):
+            group.visible_blocks, group.mesh_blocks = choice.visible, choice.meshes
+            group.hidden_count = 0
+            group.cards.view(frame, depth=depth)
+        cards = [choice.cards for choice in choices]
+        if self._groups[0].unit > 1:
+            cards = self._refined(frame, cards)
+        self._show_cards(self._hidden_blocks.cull(frame, self._groups, cards))
         has_new_actors = False
-        for group, limits in pairs:
-            for actor in group.near.select(group, frame, limits):
+        for group, group_limits in zip(self._groups, limits, strict=True):
+            for actor in group.near.select(group, frame, group_limits):
                 put_inner(frame.renderer, actor)
                 has_new_actors = True
             has_new_actors |= True in group.near.has_own_actors
@@ -223,23 +236,21 @@ class MeshGroups:
 
     def _show_cards(self, choices):
         """Draw the chosen blocks of each group by the shaders that they are chosen for."""
+        drawn: dict[str, list] = {}
         for group, choice in zip(self._groups, choices, strict=True):
+            group.shown_cards = choice
             group.cards.show_only(choice)
-        shader_names = {name for choice in choices for name in choice}
-        for name in self._groups[0].cards.layers if shader_names else ():
-            if name in shader_names:
-                pairs = zip(self._groups, choices, strict=True)
-                drawn = [(group, choice[name]) for group, choice in pairs if name in choice]
-                self._show_layer(name, *zip(*drawn, strict=True))
-
-    def _show_layer(self, name, groups, choices):
-        """Draw the blocks of some groups by the shader of a name."""
-        unit, cards = choices[0].unit, groups[0].cards
-        turns, capacity = cards.layers[name].shader.turns, cards.chunk // unit
-        cuts = slabs([choice.depths for choice in choices], turns, capacity)
-        for group, choice, group_cuts in zip(groups, choices, cuts, strict=True):
-            options = {'ranges': choice.ranges, 'unit': unit, 'cored': choice.cored}
-            group.cards.layers[name].show(choice.table, group_cuts, **options)
+            for name, blocks in choice.items():
+                drawn.setdefault(name, []).append((group.cards, blocks))
+        for name, pairs in drawn.items():
+            cards, blocks = pairs[0]
+            turns, capacity = cards.layers[name].shader.turns, cards.chunk // blocks.unit
+            cuts = slabs([blocks for _, blocks in pairs], turns, capacity)
+            for (cards, blocks), blocks_cuts in zip(pairs, cuts, strict=True):
+                layer = cards.layers[name]
+                cored = 0 if layer.core is None else blocks.cored
+                options = {'ranges': blocks.ranges, 'unit': blocks.unit, 'cored': cored}
+                layer.show(blocks.table, blocks_cuts, **options)
 
     def draw_order(self) -> tuple:
         """Return pairs of sort key and actor, meshes first, whichever was needed first."""

@@ -1,4 +1,4 @@
-"""Changes of what instances are drawn as: bakes that end, meshes and materials that change."""
+"""Changes of what instances are drawn as: bakes, meshes, materials, and shaders that fail."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import time
 import numpy as np
 
 from pvibr.core.arguments import checked_number
+from pvibr.core.errors import warn
 from pvibr.core.progress import baking
 from pvibr.things.item_set import ItemSet
 
@@ -92,6 +93,22 @@ def show_models(self):
     self._rebuild()
     if self.pipeline is not None:
         self.pipeline.changed()
+
+
+def check_shaders(self):
+    """On failure of a shader, warn and draw without it from then on."""
+    if failure := self.groups.mesh_failure():
+        self._rebuild()
+        _warn(self, failure, 'each instance is drawn by an actor')
+    failure = self.groups.card_failure
+    if failure and not self._failure:
+        self._failure = failure
+        self._touch()
+        _warn(self, failure, 'instances are drawn as meshes')
+
+
+def _warn(self, failure, instead):
+    warn(f'{self.name}: {failure}: {instead} instead. Run `pvibr doctor`.')
 
 
 def rank_bakes(self, frame):

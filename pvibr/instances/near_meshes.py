@@ -41,8 +41,9 @@ class NearMeshes:
         self.level_of = np.zeros(0, np.int8)
         self._slots = np.zeros(0, int)
         self._level_names = [f'mesh {level.triangles}' for level in self.levels]
-        #: By the name of each level, 0 instances.
-        self.no_counts = dict.fromkeys(self._level_names, 0)
+        self._no_counts = dict.fromkeys(self._level_names, 0)
+        #: Instances in the last frame, by the name of each level.
+        self.counts = self._no_counts
 
     def _pools(self) -> list:
         return [MeshPool(level) for level in self.levels]
@@ -105,6 +106,7 @@ class NearMeshes:
     def select(self, group, frame, limits) -> list:
         """Draw the instances too large for cards; return new actors."""
         if not (group.mesh_blocks.size or self._slots.size):
+            self.counts = self._no_counts
             return []
         slots, centers, sizes, patches = self._large(group, frame, limits)
         # From the view alone, without hysteresis: a picture does not depend on earlier ones.
@@ -116,8 +118,9 @@ class NearMeshes:
             clear_slots = is_clear(group.looks[slots]).astype(np.int8)
             mesh_levels = mesh_levels + self._n_opaque * clear_slots
         level_counts = np.bincount(mesh_levels, minlength=len(self._level_names)).tolist()
+        self.counts = dict(self._no_counts)
         for name, count in zip(self._level_names, level_counts, strict=True):
-            group.counts[name] += count
+            self.counts[name] += count
         if frame.casting:
             fade_shares = np.ones(len(sizes), np.float32)
         else:

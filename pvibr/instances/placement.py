@@ -9,6 +9,7 @@ from pvibr.maths.transforms import signs_of
 
 #: Texels per row of the pose texture; a multiple of 3, so that a matrix stays in one row.
 WIDTH = 3072
+_AXES = [0, 1, 2, 4, 5, 6, 8, 9, 10]  # of the components of a pose
 _CHUNK = 4096  # instances that fit the processor's cache
 
 
@@ -60,6 +61,8 @@ class Placement:
     def __init__(self, atlas, unit):
         self._sphere, self.unit = (atlas.center, atlas.radius), unit
         self.pose_texture = np.zeros((0, WIDTH, 4), np.float32)
+        #: Grows with each change.
+        self.version = 0
         self.put(np.zeros((0, 3)), np.zeros(0, np.int32))
 
     @property
@@ -83,6 +86,7 @@ class Placement:
 
     def move(self, poses, blocks):
         """Update the instances of blocks, in ascending order."""
+        self.version += 1
         unit, chunk = self.unit, max(1, _CHUNK // self.unit)
         pose_rows = self.pose_texture.reshape(-1, 4 * self.texels_per_pose)
         for start in range(0, len(blocks), chunk):
@@ -122,25 +126,11 @@ class Placement:
         radii = has_matrices * self.radii[slots] + tolerance
         return slots[_may_be_outermost(slot_centers, slot_centers, radii)]
 
-    def directions(self, slots, toward) -> np.ndarray:
-        """Return directions, (3, n) or (3, 1), in model axes, of any length, (n, 3) or (1, 3)."""
+    def axes(self, slots) -> np.ndarray | None:
+        """Return the rows of the poses' axes as columns, (9, n), or None for points."""
         if self.texels_per_pose == 1:
-            return toward.T
-        matrices = self.pose_texture.reshape(-1, 12).take(slots, 0).T
-        (a, b, c), (d, e, f), (g, h, i) = matrices[:3], matrices[4:7], matrices[8:11]
-        x, y, z = toward
-        # The adjugate: the inverse but for the factor of the determinant.
-        cofactors = (e * i - f * h, f * g - d * i, d * h - e * g)
-        directions = np.stack(
-            [
-                cofactors[0] * x + (c * h - b * i) * y + (b * f - c * e) * z,
-                cofactors[1] * x + (a * i - c * g) * y + (c * d - a * f) * z,
-                cofactors[2] * x + (b * g - a * h) * y + (a * e - b * d) * z,
-            ],
-            1,
-        )
-        is_mirrored = a * cofactors[0] + b * cofactors[1] + c * cofactors[2] < 0
-        return np.where(is_mirrored[:, None], -directions, directions)
+            return None
+        return self.pose_texture.reshape(-1, 12).take(slots, 0).T[_AXES]
 
     def mirrored(self, slots) -> np.ndarray:
         """Return which slots have poses that mirror."""

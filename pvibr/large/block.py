@@ -23,6 +23,8 @@ _PROBES = 256
 #: Area of a vertex relative to the square of the mesh's diagonal, at least: one without area
 #: counts as little as can be, but has its own values.
 _LEAST_AREA = 1e-20
+#: Triangles whose normals are computed at once.
+_PIECE = 1 << 18
 
 #: Arrays of the triangles of a level, and of its samples of the full mesh.
 TRIANGLE_ARRAYS = 'faces', 'is_border', 'made_by', 'mesh_cells', 'edge_flags', 'coordinates'
@@ -156,17 +158,10 @@ class _Simplification:
     def _prepare_full_mesh(self, is_shared):
         """Set areas and normals of vertices, borders, and all vertices as samples."""
         block, count = self._block, len(self._points)
-        corners = self._points[self._faces].astype(float)
-        crosses = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-        lengths = np.linalg.norm(crosses, axis=1)
-        least = _LEAST_AREA * float(((block.bounds[1] - block.bounds[0]) ** 2).sum())
-        areas = np.bincount(self._faces.ravel(), np.repeat(lengths, 3), count)
-        self._own_vertices['areas'] = np.maximum(areas, max(least, 1e-30)).astype(np.float32)
+        areas, normals = areas_and_normals(self._points, self._faces, block.bounds)
+        self._own_vertices['areas'] = areas
         if 'normals' not in block.vertices:
-            # The mean of the facets' unit normals, as VTK has it.
-            crosses /= np.maximum(lengths, 1e-300)[:, None]
-            sums = [np.bincount(self._faces.ravel(), np.repeat(n, 3), count) for n in crosses.T]
-            self._own_vertices['normals'] = np.stack(sums, 1).astype(np.float32)
+            self._own_vertices['normals'] = normals
         block.vertices |= self._own_vertices
         block.vertices['normals'] = unit(block.vertices['normals'])
         # Where blocks meet no edge is known to be of the mesh's border: it stays as it is.
@@ -390,6 +385,27 @@ class _Simplification:
         samples = {name: values[sample_order] for name, values in samples.items()}
         samples['sample_faces'] = (places[samples['sample_faces']] - first).astype(np.int32)
         return triangles, samples, np.stack([own_blocks, counts, sample_counts], 1)
+
+
+def areas_and_normals(points, faces, bounds) -> tuple[np.ndarray, np.ndarray]:
+    """Return the area around each vertex, times a factor, and the sums of facets' unit normals."""
+    count = len(points)
+    pieces = np.array_split(faces, max(len(faces) // _PIECE, 1))
+    lengths, normals = map(np.concatenate, zip(*(_facets(points, p) for p in pieces), strict=True))
+    least = _LEAST_AREA * float(((bounds[1] - bounds[0]) ** 2).sum())
+    areas = np.bincount(faces.ravel(), np.repeat(lengths, 3), count)
+    areas = np.maximum(areas, max(least, 1e-30)).astype(np.float32)
+    # The mean of the facets' unit normals, as VTK has it.
+    sums = [np.bincount(faces.ravel(), np.repeat(n, 3), count) for n in normals.T]
+    return areas, np.stack(sums, 1).astype(np.float32)
+
+
+def _facets(points, faces) -> tuple[np.ndarray, np.ndarray]:
+    """Return twice the areas of triangles, and their unit normals."""
+    corners = points[faces].astype(float)
+    crosses = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    lengths = np.linalg.norm(crosses, axis=1)
+    return lengths, crosses / np.maximum(lengths, 1e-300)[:, None]
 
 
 def unit(normals) -> np.ndarray:

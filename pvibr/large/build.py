@@ -9,7 +9,7 @@ simplified by some process, and is written to where blocks of the next level fin
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
@@ -34,7 +34,6 @@ from pvibr.large.distribution import (
     spans,
 )
 from pvibr.large.hierarchy import NO_CELL, Hierarchy
-from pvibr.large.simplified_cell import has_three_corners
 from pvibr.large.workers import Workers
 
 #: Levels at most; each has about half the triangles of the one before.
@@ -43,10 +42,6 @@ _LEVELS = 40
 _ROW_BYTES = 500
 #: Centres of triangles by which blocks of the next level are divided, per block.
 _PROBES = 500
-#: Points of a draft, about.
-_DRAFT_POINTS = 100_000
-#: Cubes along the longest side of the grid by which points of drafts are counted, and of theirs.
-_ROUGH_GRID, _FINEST_GRID = 48, 300
 #: Arrays of no cells.
 _NO_CELLS = {'errors': np.zeros(0), 'boxes': np.zeros((0, 2, 3))}
 
@@ -77,30 +72,6 @@ def build_hierarchy(
     """Return the hierarchy of a mesh, built in memory."""
     builder = Builder(Columns(), progress, workers)
     return Hierarchy(**{name: whole(parts) for name, parts in builder.build(mesh).items()})
-
-
-def build_draft(mesh: TriangleMesh) -> Hierarchy:
-    """Return a hierarchy of one level, of a mesh with few points, to be drawn until it is built.
-
-    Rossignac and Borrel, "Multi-resolution 3D approximations for rendering complex scenes", 1993.
-    """
-    points = np.asarray(mesh.points)
-    origin = box_of_pieces(points, len(points)).mean(0)
-    points, places = clustered_points(points - origin)
-    faces = places[mesh.faces]
-    is_area = has_three_corners(faces)  # of few
-    faces, mesh_cells = faces[is_area], mesh.mesh_cells[is_area]
-    draft_mesh = TriangleMesh(points + origin, faces, mesh_cells)
-    if mesh.texture_coordinates is not None:
-        # Each point where its cluster is: they have coordinates of their own.
-        points, faces = draft_mesh.points[places], mesh.faces[is_area]
-        draft_mesh = replace(draft_mesh, points=points, faces=faces)
-        draft_mesh.texture_coordinates = mesh.texture_coordinates
-    arrays = Builder(Columns(), level_count=0).build(draft_mesh)
-    draft = {name: whole(parts) for name, parts in arrays.items()}
-    if mesh.texture_coordinates is None:
-        draft['vertex_of_point'] = draft['vertex_of_point'][places]
-    return Hierarchy(**draft)
 
 
 class Builder:
@@ -394,28 +365,3 @@ def whole(parts) -> np.ndarray:
     """Return the array of some columns."""
     arrays = [part[:] for part in parts]
     return arrays[0] if len(arrays) == 1 else np.concatenate(arrays)
-
-
-def clustered_points(points) -> tuple[np.ndarray, np.ndarray]:
-    """Return one point of each cube of a grid that has any, and the place of each among them."""
-    low, high = box_of_pieces(points, len(points))
-    extent = float((high - low).max()) or 1.0
-    side = extent / _ROUGH_GRID
-    occupied = _cubes(points[:: max(len(points) // _DRAFT_POINTS, 1)], low, side)[1]
-    # The number of cubes that a surface meets grows with the square of the grid.
-    side *= min(max((len(occupied) / _DRAFT_POINTS) ** 0.5, _ROUGH_GRID / _FINEST_GRID), 1.0)
-    places, first = _cubes(points, low, side)
-    return points[first], places
-
-
-def _cubes(points, low, side) -> tuple[np.ndarray, np.ndarray]:
-    """Return the cube of each point, numbered, and a point of each cube."""
-    cubes = ((points - low) / side).astype(np.int64)
-    shape = cubes.max(0) + 1
-    keys = (cubes[:, 0] * shape[1] + cubes[:, 1]) * shape[2] + cubes[:, 2]
-    point_of_key = np.full(int(shape.prod()), -1, np.int32)
-    point_of_key[keys] = np.arange(len(keys), dtype=np.int32)
-    occupied = np.flatnonzero(point_of_key >= 0)
-    first = point_of_key[occupied]
-    point_of_key[occupied] = np.arange(len(occupied), dtype=np.int32)
-    return point_of_key[keys], first

@@ -1,4 +1,4 @@
-"""Build a hierarchy in another process, while a draft is drawn."""
+"""Build a hierarchy in another process, and before it a draft that is finer than the first."""
 
 from __future__ import annotations
 
@@ -17,9 +17,12 @@ from pvibr.core.child_processes import (
     pipes_of_child,
     send,
 )
+from pvibr.core.errors import warn
 from pvibr.instances.cache import AtlasCache
 from pvibr.large.build import TriangleMesh, build_hierarchy
+from pvibr.large.draft import FIRST_POINTS, NEXT_POINTS, build_draft
 from pvibr.large.hierarchy import Hierarchy
+from pvibr.large.stored import built
 from pvibr.large.workers import worker_count
 
 
@@ -51,10 +54,24 @@ class BuildJob:
         self.start()
         return self._work is None or self._work.wait(timeout)
 
-    def result(self) -> Hierarchy:
-        """Return the hierarchy; raise a RuntimeError if there is none."""
-        if self._work is None or self._work.hierarchy is None:
-            raise RuntimeError(self._work.failure if self._work else 'it was not started')
+    @property
+    def has_news(self) -> bool:
+        """Whether `newest` returns something."""
+        return self._work is not None and (self.is_over or self._work.draft is not None)
+
+    def newest(self, name) -> Hierarchy | None:
+        """Return the hierarchy of what has a name; before it is there a finer draft, once."""
+        if self._work is None:
+            return None
+        if not self.is_over:
+            draft, self._work.draft = self._work.draft, None
+            return draft
+        if self._work.hierarchy is None:
+            warn(
+                f'{name}: the process that builds its hierarchy failed ({self._work.failure}); '
+                'it is built here instead'
+            )
+            return built(self._job[0], None)
         return self._work.hierarchy
 
     def stop(self):
@@ -70,6 +87,8 @@ class _Work:
 
     def __init__(self, job):
         self.hierarchy: Hierarchy | None = None
+        #: What may be drawn until then, and was not taken yet.
+        self.draft: Hierarchy | None = None
         #: Why there is none.
         self.failure = ''
         self.child: ChildProcess | None = None
@@ -84,7 +103,11 @@ class _Work:
     def _talk(self, job):
         child: Any = self.child
         try:
-            self.hierarchy = Hierarchy(**child.ask(job))
+            is_draft, arrays = child.ask(job)
+            if is_draft:
+                self.draft = Hierarchy(**arrays)
+                _, arrays = child.answer()
+            self.hierarchy, self.draft = Hierarchy(**arrays), None
         except (RuntimeError, TypeError) as error:
             self.failure = str(error)
 
@@ -114,7 +137,9 @@ def main():
         end_with_parent()
         hierarchy = None if cache is None else cache.load(key, Hierarchy.of_arrays)
         if hierarchy is None:
+            if len(mesh.points) > FIRST_POINTS:  # which are in the first draft
+                send((True, build_draft(mesh, NEXT_POINTS).to_arrays()), target)
             hierarchy = build_hierarchy(mesh, workers=worker_count(None))
             if cache is not None:
                 cache.put(key, hierarchy.to_arrays())
-        send(hierarchy.to_arrays(), target)
+        send((False, hierarchy.to_arrays()), target)

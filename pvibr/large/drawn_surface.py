@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from functools import cache, cached_property
 
 import numpy as np
@@ -12,10 +13,8 @@ from pvibr.core.arguments import checked_whole
 from pvibr.large.cut import ModelView, cut_of, patches_in_view, patches_within, pixels_of
 from pvibr.large.cut_mesh import CutLook
 from pvibr.large.detail import Detail
-from pvibr.large.hierarchy import Hierarchy
+from pvibr.large.hierarchy import NO_CELL, Hierarchy
 from pvibr.large.original_cells import (
-    VISIBLE_CELL,
-    VISIBLE_LINE,
     edge_lengths,
     patches_with_edges,
     with_visible_cells,
@@ -24,7 +23,6 @@ from pvibr.large.tolerance import Tolerance
 from pvibr.maths.kd_boxes import divided, inside
 
 _FLAT = 0  # VTK_FLAT
-_NOTHING = np.zeros(0, int)
 
 
 class DrawnSurface:
@@ -45,22 +43,18 @@ class DrawnSurface:
 
     @cached_property
     def _with_visible_cells(self) -> Hierarchy:
-        return with_visible_cells(self._built, self._edge_lengths, VISIBLE_CELL)
-
-    @cached_property
-    def _with_visible_lines(self) -> Hierarchy:
-        return with_visible_cells(self._built, self._edge_lengths, VISIBLE_LINE)
+        return with_visible_cells(self._built, self._edge_lengths)
 
     @property
     def hierarchy(self) -> Hierarchy:
         """The hierarchy, in which cells of the mesh that show are not simplified."""
-        if self.coloring.is_of_cells:
+        if self.coloring.is_of_cells or self._prop.GetEdgeVisibility():
             return self._with_visible_cells
-        return self._with_visible_lines if self._prop.GetEdgeVisibility() else self._built
+        return self._built
 
     def chosen(self, thing, factor=1.0) -> Hierarchy:
         """Return the hierarchy with the errors by which patches are chosen."""
-        if thing.detail == 'none' or factor == math.inf:
+        if thing.detail == 'none' or factor == math.inf or thing.is_draft:
             return self.hierarchy
         value_range, is_lit = thing.GetMapper().GetScalarRange(), bool(self._prop.GetLighting())
         values = self._values
@@ -93,20 +87,27 @@ class DrawnSurface:
 
         return count
 
-    def look(self, patches, view: ModelView | None = None, max_error=0.0) -> CutLook:
-        """Return the look of patches, with edges as a view shows them."""
+    def look(self, patches) -> CutLook:
+        """Return the look of patches."""
         edges = None
         if self._prop.GetEdgeVisibility():
-            edges = _NOTHING
-            if view is not None:
-                lengths = self._edge_lengths
-                edges = patches_with_edges(self._built, lengths, patches, view, max_error)
+            edges = patches[self._built.patch_cells[patches, 0] == NO_CELL]
         has_normals = self._prop.GetInterpolation() != _FLAT
         return CutLook(self._values, has_normals, self.coloring.has_texture, edges)
 
-    def show(self, cut, patches, view=None, max_error=0.0):
+    def look_of_export(self, patches, view: ModelView, max_error) -> CutLook:
+        """Return the look of patches, with the edges of those that a view shows in full."""
+        look = replace(self.look(patches), has_normals=True)
+        if look.edges is None:
+            return look
+        lengths = self._edge_lengths
+        return replace(
+            look, edges=patches_with_edges(self._built, lengths, patches, view, max_error)
+        )
+
+    def show(self, cut, patches):
         """Let a cut mesh be of some patches."""
-        cut.show(self.hierarchy, patches, self.look(patches, view, max_error))
+        cut.show(self.hierarchy, patches, self.look(patches))
 
 
 def _patches_of(hierarchy, index, count) -> np.ndarray:

@@ -27,7 +27,9 @@ def given_mesh(mesh, look) -> tuple[pv.DataSet, dict]:
         dataset, own_look = with_atlas(list(zip(meshes, looks, strict=True)))
     else:
         dataset, own_look = joined([dataset for dataset, _ in surfaces]), common_look(looks) | look
-    return dataset, own_look | {'opacity': opacity * own_look.get('opacity', 1.0)}
+    if isinstance(opacity, float | int):  # not of each point
+        opacity *= own_look.get('opacity', 1.0)
+    return dataset, own_look | {'opacity': opacity}
 
 
 def _surfaces(mesh, pbr) -> list[tuple[pv.DataSet, dict]]:

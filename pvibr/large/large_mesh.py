@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from operator import attrgetter
 from typing import Any
 
@@ -13,15 +12,14 @@ from pvibr.core import _vtk
 from pvibr.core.arguments import checked_number
 from pvibr.core.child_processes import can_start
 from pvibr.core.determinism import is_deterministic
-from pvibr.core.errors import warn
 from pvibr.core.params import Param, checked_flag
 from pvibr.core.signatures import takes
 from pvibr.large.baked_cut import bake_cut
-from pvibr.large.build import build_draft
 from pvibr.large.build_job import BuildJob
-from pvibr.large.colouring import Coloring
+from pvibr.large.colouring import Coloring, fade_edges
 from pvibr.large.cut import ModelView
 from pvibr.large.cut_mesh import CutLook, CutMesh
+from pvibr.large.draft import build_draft
 from pvibr.large.drawn_surface import DrawnSurface, checked_part
 from pvibr.large.full_picking import nearest_triangle
 from pvibr.large.left_out import leave_out_unused
@@ -68,8 +66,9 @@ class LargeMesh(Thing):
     smooth_shading : bool, optional
         Interpolate normals, by default as the theme says. Flat shading shows the facets of the
         triangles that are drawn, a few pixels wide: smooth looks more like a fine mesh.
-    opacity : float
-        Opacity of the whole, 0 to 1.
+    opacity : float, str or array_like
+        Opacity of the whole, 0 to 1; or as in ``add_mesh`` that of each of the scalars: an array
+        or its name, or a transfer function such as ``'linear'``.
     name : str, optional
         Name in the plotter and in reports.
     pickable : bool
@@ -171,7 +170,8 @@ class LargeMesh(Thing):
             self.user_matrix = user_matrix
         self.name, self.pickable = name, pickable
         look |= {'cmap': cmap, 'clim': clim, 'smooth_shading': smooth_shading, 'theme': theme}
-        look['opacity'] = checked_number('opacity', opacity, 0, 1)
+        is_number = np.ndim(opacity) == 0 and not isinstance(opacity, str)
+        look['opacity'] = checked_number('opacity', opacity, 0, 1) if is_number else opacity
         cache = cache_of(cache)
         waits = checked_flag('wait', wait, optional=True) is not False
         self._job: BuildJob | None = None
@@ -312,8 +312,7 @@ class LargeMesh(Thing):
         cut, surface = CutMesh(), self._surface
         view = self._view(self.pipeline.view())
         _, patches = surface.cut(self, view, Tolerance(max_error))
-        look = replace(surface.look(patches, view, max_error), has_normals=True)
-        cut.show(surface.hierarchy, patches, look)
+        cut.show(surface.hierarchy, patches, surface.look_of_export(patches, view, max_error))
         mesh = pv.wrap(cut.data)
         mesh.regular_faces = mesh.regular_faces[:-2]
         return mesh.clean(point_merging=False).transform(self.matrix, inplace=False)
@@ -411,23 +410,19 @@ class LargeMesh(Thing):
 
     @property
     def unfinished(self) -> bool:
-        """Whether a hierarchy was built that no frame shows yet."""
-        return self._job is not None and self._job.is_over
+        """Whether a hierarchy or a finer draft was built that no frame shows yet."""
+        return self._job is not None and self._job.has_news
 
     def _take_result(self):
         """Draw what another process has built."""
-        if self._job is None or not self._job.is_over:
+        job = self._job
+        if job is None:
             return
-        try:
-            hierarchy = self._job.result()
-        except RuntimeError as error:
-            warn(
-                f'{self.name}: the process that builds its hierarchy failed ({error}); '
-                'it is built here instead'
-            )
-            hierarchy = built(self._source.mesh, None)
-        self._job = None  # which removes its files
-        self._adopt(hierarchy)
+        if job.is_over:
+            self._job = None  # which removes its files
+        hierarchy = job.newest(self.name)
+        if hierarchy is not None:
+            self._adopt(hierarchy)
 
     # -- the life of an effect -------------------------------------------------------------------
 
@@ -456,10 +451,10 @@ class LargeMesh(Thing):
             self._surface.show(self._cut, self._whole)
             return
         self._tolerance, self._own_view = self._tolerance_of(frame.quality), frame.view
-        view, error = self._view(frame), self._tolerance.error
-        whole, patches = self._surface.cut(self, view, self._tolerance)
-        self._surface.show(self._cut, patches, view, np.inf if self.is_draft else error)
+        whole, patches = self._surface.cut(self, self._view(frame), self._tolerance)
+        self._surface.show(self._cut, patches)
         leave_out_unused(*self.actors())
+        fade_edges(self, frame, np.inf if self.is_draft else self._tolerance.error)
         if not np.array_equal(whole, self._whole):
             self._whole = whole
             self._changes += 1
@@ -486,12 +481,12 @@ class LargeMesh(Thing):
         if frame.view is self._own_view:
             return [self]
         # Shadows fall from what is drawn: between two cuts they would be of one on the other.
-        patches, view = self._whole, None
+        patches = self._whole
         if not frame.depth_map:
-            view = self._view(frame)
             tolerance = Tolerance(self.max_error, np.inf if depth else 1.0)
-            _, patches = self._surface.cut(self, view, tolerance)
-        self._surface.show(self._other_cut, patches, view, self.max_error)
+            _, patches = self._surface.cut(self, self._view(frame), tolerance)
+        self._surface.show(self._other_cut, patches)
+        fade_edges(self._other_actor, frame, np.inf if self.is_draft else self.max_error)
         self._other_actor.SetUserMatrix(self.GetMatrix())
         return [self._other_actor]
 

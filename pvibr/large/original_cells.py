@@ -9,9 +9,8 @@ import numpy as np
 from pvibr.large.cut import pixels_of
 from pvibr.large.hierarchy import NO_CELL, Hierarchy
 
-#: Length of a triangle's edges, relative to the error, above which its own value shows, and above
-#: which lines along its edges do.
-VISIBLE_CELL, VISIBLE_LINE = 3.0, 6.0
+#: Length of a triangle's edges, relative to the error, above which its own value and edges show.
+VISIBLE = 3.0
 #: Triangles of a patch, about, whose edges are measured.
 _MEASURED = 200
 
@@ -29,7 +28,7 @@ def edge_lengths(hierarchy) -> np.ndarray:
     return lengths
 
 
-def with_visible_cells(hierarchy, lengths, visible) -> Hierarchy:
+def with_visible_cells(hierarchy, lengths) -> Hierarchy:
     """Return a hierarchy whose errors are as large as the mesh's triangles, which show alone."""
     errors = hierarchy.errors.astype(float)
     made_by, replaced_by = hierarchy.patch_cells.T
@@ -37,7 +36,7 @@ def with_visible_cells(hierarchy, lengths, visible) -> Hierarchy:
     for patch in np.argsort(made_by, kind='stable').tolist():
         maker, owner = made_by[patch], replaced_by[patch]
         if owner != NO_CELL:
-            own = lengths[patch] / visible if maker == NO_CELL else errors[maker]
+            own = lengths[patch] / VISIBLE if maker == NO_CELL else errors[maker]
             errors[owner] = max(errors[owner], own)
     return replace(hierarchy, errors=errors)
 
@@ -66,8 +65,6 @@ def edge_flags(faces, polygons) -> np.ndarray:
 
 
 def patches_with_edges(hierarchy, lengths, patches, view, max_error) -> np.ndarray:
-    """Return those of some patches whose triangles' edges show."""
-    is_full = hierarchy.patch_cells[patches, 0] == NO_CELL
-    full = patches[is_full]
-    pixels = pixels_of(lengths[full], hierarchy.patch_boxes[full], view)
-    return full[pixels > VISIBLE_LINE * max_error]
+    """Return those of some patches of the full mesh whose triangles' edges show."""
+    pixels = pixels_of(lengths[patches], hierarchy.patch_boxes[patches], view)
+    return patches[pixels > VISIBLE * max_error]

@@ -36,6 +36,13 @@ class Scalars:
         """Whether the values are colours."""
         return self.values.ndim == 2
 
+    def blended(self, table, opacities) -> Scalars:
+        """Return colours with opacities, by a table from values unless they are colours."""
+        colors = self.values / 255 if self.are_colors else table(self.values.astype(float))
+        alpha = opacities[:, None] if colors.shape[1] == 3 else colors[:, 3:] * opacities[:, None]
+        colors = np.rint(255 * np.concatenate([colors[:, :3], alpha], 1)).astype(np.uint8)
+        return Scalars(self.name, colors, self.on_cells, title=self.title)
+
     def look(self, look) -> dict[str, Any]:
         """Return the look of `add_mesh` with the range and the colours of these scalars."""
         if self.are_colors:
@@ -75,6 +82,33 @@ def scalars_of(source, scalars, look) -> Scalars | None:
         return replace(_categories(argument, name, values, on_cells), title=title)
     values = _checked_numbers(argument, values, look.get('component'))
     return Scalars(name, values, on_cells, bool(look.get('categories')), title=title)
+
+
+def opacities_of(source, scalars, opacity) -> np.ndarray | None:
+    """Return an opacity for each of some scalars, None for a number or a transfer function."""
+    is_name = isinstance(opacity, str)
+    if np.ndim(opacity) == 0 and not is_name:
+        return None
+    if scalars is None:
+        raise ValueError('opacity must be a number from 0 to 1 without scalars')
+    arrays, others = source.arrays, source.cell_arrays
+    if scalars.on_cells:
+        arrays, others = others, arrays
+    if is_name and opacity not in arrays:
+        if opacity in others:
+            kind = 'cells' if scalars.on_cells else 'points'
+            raise ValueError(f'opacity must be of {kind}, as the scalars are, got {opacity!r}')
+        return None
+    values = np.asarray(arrays[opacity] if is_name else opacity)
+    if not is_name and not scalars.on_cells and len(values) == source.point_count:
+        values = values if source.points is None else values[source.points]
+    if len(values) != len(scalars.values):
+        return None
+    if values.ndim != 1 or values.dtype.kind not in 'biuf':
+        raise ValueError(f'opacity must be one number each, got {values.dtype} {values.shape}')
+    if not ((values >= 0) & (values <= 1)).all():
+        raise ValueError('opacity must be from 0 to 1 everywhere')
+    return values.astype(float)
 
 
 def _checked_preference(look) -> str:

@@ -57,6 +57,8 @@ class Blocks:
     reach: np.ndarray  # (m,), largest distance of an instance's centre
     largest: np.ndarray  # (m,), radius
     smallest: np.ndarray
+    #: Which of several groups blocks are of, ascending, if there are several; (m,) uint16.
+    owners: np.ndarray | None = None
     _parents: Blocks | None = field(default=None, repr=False)
 
     @classmethod
@@ -70,6 +72,18 @@ class Blocks:
         slots = members(np.arange(-(-len(centers) // size)), size, len(centers))
         blocks = cls.empty(len(slots))
         blocks.fill(slice(None), centers.T.take(slots, 1), radii[slots])
+        return blocks
+
+    @classmethod
+    def joined(cls, groups) -> Blocks:
+        """Return the blocks of groups, one group after the other."""
+        if len(groups) == 1:
+            return groups[0]
+        blocks = cls.empty(sum(len(group.reach) for group in groups))
+        for name in ('centers', 'half_sides', 'reach', 'largest', 'smallest'):
+            np.concatenate([getattr(g, name) for g in groups], out=getattr(blocks, name))
+        numbers = np.arange(len(groups), dtype=np.uint16)
+        blocks.owners = np.repeat(numbers, [len(group.reach) for group in groups])
         return blocks
 
     def fill(self, where, centers, radii) -> np.ndarray:
@@ -108,24 +122,27 @@ class Blocks:
         return self.reach + self.largest
 
     def seen(self, frame):
-        """Return the blocks in the frustum, farthest first, and the sizes of their instances.
+        """Return the blocks in the frustum, farthest first (of each owner), and their sizes.
 
         Indices, origins in view space (k, 3), bounds of diameters in pixels, depths, negative.
         """
         view = frame.view
         view_from_world, planes, parallel = view.view_from_world, view.side_planes, view.parallel
         near_blocks = self._near(view_from_world, planes, parallel)
-        # Rows of coordinates, each contiguous, are several times faster.
-        origins = view_from_world[:3, :3] @ self.centers[near_blocks].T + view_from_world[:3, 3:]
+        # Rows of coordinates, each contiguous, are several times faster, and so is what is
+        # computed in place: the system takes its time to hand out large arrays.
+        origins = _origins(view_from_world, self.centers[near_blocks])
         outer_radii = self.reach[near_blocks] + self.largest[near_blocks]
         (in_frustum,) = _inside(origins, outer_radii, planes, parallel).nonzero()
         origins = origins.take(in_frustum, 1)
-        depths = origins[2] if parallel else -np.sqrt(np.add.reduce(origins * origins))
-        far_first = depths.argsort()
-        origins = origins.take(far_first, 1).T
-        depths = depths[far_first]
-        in_frustum = in_frustum[far_first]
+        depths = origins[2] if parallel else _negative_lengths(origins)
         visible = in_frustum if isinstance(near_blocks, slice) else near_blocks[in_frustum]
+        far_first = depths.argsort()
+        if self.owners is not None:
+            owners = self.owners[visible[far_first]]
+            far_first = far_first[owners.argsort(kind='stable')]  # a radix sort
+        origins = origins.take(far_first, 1).T
+        depths, visible = depths[far_first], visible[far_first]
         scale = 2 * frame.pixel_scale
         if parallel:
             near = far = 1.0
@@ -133,9 +150,12 @@ class Blocks:
             center_reach, eye_distances = self.reach[visible], -depths
             near = np.maximum(eye_distances - center_reach, 1e-200)
             far = eye_distances + center_reach
-        small = self.smallest[visible] / far
-        large = self.largest[visible] / near
-        return visible, origins, scale * small, scale * large, depths
+        small, large = self.smallest[visible], self.largest[visible]
+        small /= far
+        large /= near
+        small *= scale
+        large *= scale
+        return visible, origins, small, large, depths
 
     def _near(self, view_from_world, planes, parallel):
         """Return the blocks whose neighbourhoods are in view."""
@@ -143,9 +163,9 @@ class Blocks:
         if count < _FEW:
             return slice(None)
         parents = self.neighborhoods
-        origins = view_from_world[:3, :3] @ parents.centers.T + view_from_world[:3, 3:]
+        origins = _origins(view_from_world, parents.centers)
         visible = _inside(origins, parents.reach + parents.largest, planes, parallel)
-        if visible.all():
+        if visible.sum() > len(visible) / 2:  # leaving out so few takes longer
             return slice(None)
         children = (np.flatnonzero(visible)[:, None] * _CHILDREN + np.arange(_CHILDREN)).ravel()
         return children[children < count]
@@ -158,11 +178,25 @@ def members(blocks, size, count) -> np.ndarray:
 
 def _inside(origins, outer_radii, planes, parallel):
     """Return which spheres, in view space, intersect a frustum."""
-    distances = planes[:, :3] @ origins + planes[:, 3:]
+    distances = planes[:, :3] @ origins
+    distances += planes[:, 3:]
     is_inside = np.minimum.reduce(distances) > -outer_radii
     if not parallel:
         is_inside &= origins[2] < outer_radii  # no plane lies behind the eye
     return is_inside
+
+
+def _origins(view_from_world, points):
+    """Return points (n, 3) in view space, (3, n)."""
+    origins = view_from_world[:3, :3] @ points.T
+    origins += view_from_world[:3, 3:]
+    return origins
+
+
+def _negative_lengths(columns):
+    """Return the lengths of column vectors, negative."""
+    squares = np.add.reduce(columns * columns)
+    return np.negative(np.sqrt(squares, squares), squares)
 
 
 def ascending(values):

@@ -14,6 +14,7 @@ from pvibr.core import _vtk
 from pvibr.core.arguments import checked_number, naming
 from pvibr.core.signatures import takes
 from pvibr.io.trimesh_meshes import as_dataset, is_trimesh
+from pvibr.meshes.composites import set_block_look, visible_blocks
 from pvibr.meshes.materials import (
     checked_data,
     culled_faces,
@@ -390,18 +391,16 @@ def _from_actor(actor, look):
     mapper.Update()
     dataset = pv.wrap(mapper.GetInputDataObject(0, 0))
     if isinstance(dataset, pv.MultiBlock):
-        return _from_composite(actor, mapper, dataset)
+        return _from_composite(actor, mapper)
     return [_copied(actor, mapper, dataset, look.get('alpha_cutoff'))]
 
 
-def _from_composite(actor, mapper, blocks):
-    attributes = mapper.GetCompositeDataDisplayAttributes()
+def _from_composite(actor, mapper):
     parts = []
-    for block in blocks.recursive_iterator(skip_none=True, skip_empty=True):
-        if attributes.GetBlockVisibility(block) or not attributes.HasBlockVisibility(block):
-            part = _copied(actor, mapper, block)
-            _set_block_look(part, attributes, block)
-            parts.append(part)
+    for block in visible_blocks(mapper):
+        part = _copied(actor, mapper, block)
+        set_block_look(part.actor, mapper, block)
+        parts.append(part)
     if not parts:
         raise ValueError(
             'mesh must be an actor with visible points, got no visible block with any'
@@ -409,19 +408,8 @@ def _from_composite(actor, mapper, blocks):
     return parts
 
 
-def _set_block_look(part, attributes, block):
-    """Apply the colour and opacity of a block of a composite mapper."""
-    if attributes.HasBlockColor(block):
-        color = [0.0, 0.0, 0.0]
-        attributes.GetBlockColor(block, color)
-        part.actor.prop.color = color
-        part.actor.mapper.scalar_visibility = False
-    if attributes.HasBlockOpacity(block):
-        part.actor.prop.opacity = attributes.GetBlockOpacity(block)
-
-
-def _copied(actor, mapper, dataset, cutoff=None):
-    check_points(dataset)
+def copy_with(actor, mapper, dataset) -> pv.Actor:
+    """Return an actor that draws the surface of a dataset with the look of another's mapper."""
     copy = pv.Actor()
     copy.mapper = _copied_mapper(mapper)
     copy.mapper.dataset = surface_of(dataset.copy(deep=False))
@@ -430,7 +418,12 @@ def _copied(actor, mapper, dataset, cutoff=None):
         copy.SetBackfaceProperty(copied_property(actor.GetBackfaceProperty()))
     copy_look(copy, actor)
     copy.user_matrix = pv.array_from_vtkmatrix(actor.GetMatrix())
-    part = _finished(copy, cutoff)
+    return copy
+
+
+def _copied(actor, mapper, dataset, cutoff=None):
+    check_points(dataset)
+    part = _finished(copy_with(actor, mapper, dataset), cutoff)
     part.of_actor = True
     return part
 

@@ -174,6 +174,11 @@ class Projector(Effect):
         return [slide.live for slide in self._slides if slide.live is not None]
 
     @property
+    def slides(self) -> tuple:
+        """Its images with their cameras and depth maps."""
+        return tuple(self._slides)
+
+    @property
     def cameras(self) -> tuple:
         """The camera of each image, as given."""
         return tuple(slide.given_camera for slide in self._slides)
@@ -248,23 +253,36 @@ class Projector(Effect):
     def _attach(self, frame, casters, things):
         receivers = self._receivers(things)
         size = _size(casters.bounds())
-        uniforms = self._uniforms(frame, size, self._gains(casters, things))
+        gains = self._gains(casters, things)
+        uniforms = self._uniforms(frame.view_from_world, size, gains) | self._units()
         actors = list(receivers.values())
-        feature = self._feature(frame.window.GetMultiSamples() > 1)
+        feature = self.feature(frame.window.GetMultiSamples() > 1)
         self._attached.match(actors, lambda _: (feature,))
         set_receiver_uniforms(actors, frame)
         set_fragment_uniforms(actors, uniforms)
 
-    def _feature(self, multisampled) -> Feature:
+    def feature(self, multisampled) -> Feature:
+        """Return the shader text of receivers."""
         lenses = tuple(slide.has_lens for slide in self._slides)
         has_depth = tuple(self.occlusion and 'depth' in slide.textures() for slide in self._slides)
         is_lit = self.lit and self.mode in ('replace', 'decal')
         best = self.blend == 'best'
         return _feature(self.number, lenses, has_depth, self.mode, is_lit, best, multisampled)
 
-    def _uniforms(self, frame, size, gains) -> dict:
-        prefix = f'ibr_projector_{self.number}'
-        view = frame.view_from_world
+    @property
+    def prefix(self) -> str:
+        """What the names of its uniforms start with."""
+        return f'ibr_projector_{self.number}'
+
+    def world_uniforms(self) -> dict:
+        """Return the uniforms of receivers whose positions are in world space."""
+        things = [t for t in self.pipeline.things if t.enabled]
+        casters = self.pipeline.surfaces.casters(self.casters, things)
+        gains = self._gains(casters, things)
+        return self._uniforms(np.eye(4), _size(casters.bounds()), gains)
+
+    def _uniforms(self, view, size, gains) -> dict:
+        prefix = self.prefix
         world_from_view = np.linalg.inv(view)
         matrices = [m for s in self._slides for m in s.matrices(world_from_view, size)]
         numbers = [
@@ -280,15 +298,19 @@ class Projector(Effect):
             self.outside_brightness,
             self.normal_bias,
         ]
-        uniforms = {
+        return {
             f'{prefix}_matrix': np.stack(matrices),
             f'{prefix}_number': np.reshape(numbers, (-1, 1)),
             f'{prefix}_set': np.reshape(settings, (-1, 1)),
         }
-        for k, slide in enumerate(self._slides):
-            for name, texture in slide.textures().items():
-                uniforms[f'{prefix}_{name}_{k}'] = texture.activate()
-        return uniforms
+
+    def _units(self) -> dict:
+        """Return the texture units of its textures."""
+        return {
+            f'{self.prefix}_{name}_{k}': texture.activate()
+            for k, slide in enumerate(self._slides)
+            for name, texture in slide.textures().items()
+        }
 
     def finish(self, frame):
         """Release the texture units."""

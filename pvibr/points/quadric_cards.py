@@ -22,7 +22,7 @@ from pvibr.things.shader_draws import DULL_FEATURE, ShaderDraws
 
 _GIANT = 300.0  # largest size over the near distance at which floats are good to 1e-5
 # Largest sizes in pixels that are drawn as single pixels, and with one depth for all pixels.
-_DOT_PX, _SMALL_PX = 1.0, 4.0
+SMALLEST_PX = 1.0, 4.0
 
 
 @dataclass(frozen=True)
@@ -183,7 +183,7 @@ def visible_blocks(blocks, frame, shape) -> VisibleBlocks:
     planes = frustum_planes(frame.clip_from_view)
     is_inside = (planes[:, :3] @ origins.T + planes[:, 3:]).min(0) > block_radii
     modes = np.full(len(block_ids), DRAW_MODES.index(QUADS))
-    limits = (POINTS, shape.largest_sprite_px), (SMALL, _SMALL_PX), (DOTS, _DOT_PX)
+    limits = (POINTS, shape.largest_sprite_px), *zip((SMALL, DOTS), SMALLEST_PX[::-1], strict=True)
     for mode, limit_px in limits:
         modes[is_inside & (largest_px <= limit_px)] = DRAW_MODES.index(mode)
     if has_shadows(frame.renderer):  # VTK's shadow maps draw the actors of the frame

@@ -349,6 +349,10 @@ class Quadrics(ItemSet):
         looks[~self.drawn_items(), :, 3] = 0
         return looks[self._order].reshape(-1, 4)
 
+    def texels(self) -> tuple:
+        """Return the order of the items, their blocks, and texels of shapes and of looks."""
+        return self._order, self._blocks, self._items(), self._looks()
+
     def release(self):
         """Free GPU memory; the context is current."""
         self.binder.unbind()

@@ -27,11 +27,7 @@ class Nearest:
         self.target = Target(self.window, *pyramid_size, ('r32f',), filter='nearest')
         # Levels are drawn here first: a pass must not read its own target.
         self._level_target = Target(self.window, side, side, ('r32f',), filter='nearest')
-        shader_text = _UNIFORMS + shader_source(__file__)
-        self._passes = [
-            Quad(self.window, f'#define STEP {step}\n{shader_text}', 'nearest.glsl')
-            for step in (STEP, 2)
-        ]
+        self._passes = [Quad(self.window, text, 'nearest.glsl') for text in texts()]
 
     @property
     def texture(self):
@@ -64,6 +60,12 @@ class Nearest:
     def release(self):
         """Free GPU memory; the context must be current."""
         release(self.target, self._level_target, *self._passes)
+
+
+def texts() -> list[str]:
+    """Return the programs of the first level and of the others."""
+    text = _UNIFORMS + shader_source(__file__)
+    return [f'#define STEP {step}\n{text}' for step in (STEP, 2)]
 
 
 def first_side(resolution) -> int:

@@ -30,6 +30,7 @@ from pvibr.things.depth_view import (
     receiver_stages,
     set_receiver_uniforms,
 )
+from pvibr.things.light_views import light_views
 from pvibr.things.lights import SceneLight, lights_of
 
 _GATHER = """//VTK::System::Dec
@@ -220,6 +221,19 @@ class Shadows(Effect):
         """Return the lights that cast shadows, at most as many as a shader may sample."""
         return self._may_cast()[: self._light_limit]
 
+    @property
+    def lights_casting(self) -> int:
+        """Number of lights that cast shadows in the last frame."""
+        return len(self._casting())
+
+    def light_of_page(self, frame, cascades=0) -> tuple | None:
+        """Return a light that casts, a sun or spot if any, its views of all casters, cascades."""
+        bounds, casting = self._casters(frame).bounds(), self._casting()
+        if not casting or not len(bounds):
+            return None
+        light = min(casting, key=lambda light: light.kind == 'point')
+        return light, *light_views(light, bounds, frame, self.resolution, cascades)
+
     def _may_cast(self) -> list[SceneLight]:
         casts_all = self.lights == 'all'
         return [x for x in self._scene_lights if x.kind != 'headlight' and (casts_all or x.still)]
@@ -301,13 +315,13 @@ class Shadows(Effect):
             uniforms['ibr_shadow_strength'] = float(self.strength)
             for light in self._casting():
                 uniforms |= _place(frame, light)
-            return _feature('volume', 0, False, multisampled, volume_lights), uniforms
+            return receiver_feature('volume', 0, False, multisampled, volume_lights), uniforms
         light_maps = [m for m in self._light_maps if m.view is not None]
         if not light_maps:
             return None, {}
         uses_polygon_offset = self.bias == 'polygon_offset'
         signatures = tuple(m.signature() for m in light_maps)
-        feature = _feature(*filter_of(self), uses_polygon_offset, multisampled, signatures)
+        feature = receiver_feature(*filter_of(self), uses_polygon_offset, multisampled, signatures)
         return feature, self._uniforms(frame, light_maps)
 
     def _uniforms(self, frame, light_maps):
@@ -409,7 +423,7 @@ def _place(frame, light) -> dict:
 
 
 @lru_cache(maxsize=16)
-def _feature(method, tap_count, uses_polygon_offset, multisampled, lights) -> Feature:
+def receiver_feature(method, tap_count, uses_polygon_offset, multisampled, lights) -> Feature:
     """Return the receivers' shader for these lights, around VTK's own light code."""
     shader_texts = sections(shader_source(__file__))
     if method == 'volume':

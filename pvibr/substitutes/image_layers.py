@@ -138,7 +138,7 @@ class ImageLayers(Substitute):
     @property
     def props(self) -> tuple:
         """Itself and the quads that show its layers."""
-        return (self, *self._card_actors())
+        return (self, *self.shader_actors())
 
     def _cards(self) -> list:
         return self._layer_cards

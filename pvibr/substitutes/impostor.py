@@ -126,7 +126,7 @@ class Impostor(Substitute):
 
     def actors(self) -> list:
         """Return the actor of the cards, and the replaced actors."""
-        return [*self._card_actors(), *self._stood_for()]
+        return [*self.shader_actors(), *self._stood_for()]
 
     def _stood_for(self) -> list:
         return [thing for thing in self.things if is_actor(thing)]

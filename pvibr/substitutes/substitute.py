@@ -48,7 +48,8 @@ class Substitute(Thing):
         """Return the draws that show the images."""
         raise NotImplementedError
 
-    def _card_actors(self) -> list:
+    def shader_actors(self) -> list:
+        """Return the actors of its images."""
         return [actor for card in self._cards() for actor in card.actors]
 
     def _stood_for(self) -> list:
@@ -78,7 +79,7 @@ class Substitute(Thing):
 
     def drawn(self) -> list:
         """Return the actors that draw it in the frame it was prepared for."""
-        own_actors = *self._card_actors(), *self._stood_for()
+        own_actors = *self.shader_actors(), *self._stood_for()
         return [actor for actor in own_actors if actor.GetVisibility()]
 
     def stands_for(self) -> list:
@@ -158,12 +159,12 @@ class Substitute(Thing):
         return list(self.props)
 
     def _put_in(self, renderer):
-        for actor in self._card_actors():
+        for actor in self.shader_actors():
             put_inner(renderer, actor)
 
     def _take_out(self, renderer):
         self.deactivate()
-        for actor in self._card_actors():
+        for actor in self.shader_actors():
             renderer.RemoveViewProp(actor)
 
     def deactivate(self):

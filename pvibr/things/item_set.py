@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import pyvista as pv
@@ -10,7 +10,6 @@ import pyvista as pv
 from pvibr.core.arguments import naming
 from pvibr.core.determinism import is_deterministic
 from pvibr.core.nan_rows import NanRows
-from pvibr.core.observers import weakly
 from pvibr.things import appearance as look
 from pvibr.things.appearance import TABLE_OPTIONS
 from pvibr.things.clipping import ClippingPlanes
@@ -22,6 +21,17 @@ from pvibr.things.thing import Thing
 
 if TYPE_CHECKING:
     from pyvista.plotting.themes import Theme
+
+    from pvibr.things.frame import Frame
+
+
+class _Still(NamedTuple):
+    """What a set was last prepared for."""
+
+    choice_key: tuple | None = None
+    flags: tuple = ()
+    getters: list = []
+    state: tuple = ()
 
 
 class ItemSet(Thing):
@@ -48,10 +58,11 @@ class ItemSet(Thing):
     _matrix_data: tuple = tuple(np.eye(4).ravel().tolist())
     _stand_ins: Any = None
     _noun = 'items'
-    _changes = _watcher = 0
+    _changes = 0
     _content_key: tuple | None = None
-    #: What a still frame was prepared for: its content key, getters of times, and its state.
-    _still: tuple = (None, (), None)
+    _still = _Still()
+    #: A frame in which only the view differs from that of the last choice.
+    _unchanged_in: Frame | None = None
     #: Clipping planes that the shaders of its items apply.
     clipping = ClippingPlanes()
     #: Which items have NaN among their positions and sizes, and are hidden.
@@ -334,6 +345,8 @@ class ItemSet(Thing):
 
     def needed(self, frame) -> bool | str:
         """Return True if there is anything to draw, else the reason."""
+        if frame is not None and self._unchanged_in is frame:
+            return True
         self.follow()
         if not self.visibility:
             return super().needed(frame)
@@ -343,29 +356,38 @@ class ItemSet(Thing):
         """Choose which items are drawn, and how, if the view or anything else has changed."""
         if self._is_drawn_for_picker(frame):
             return
-        self._upload(frame)
+        is_unchanged, self._unchanged_in = self._unchanged_in is frame, None
+        if not is_unchanged:
+            self._upload(frame)
         other_depths: list[float] = []
         if self.blends and frame.own and not frame.casting:
             other_depths = self.pipeline.order.others(frame, self, self.pipeline.things)
-        choice_key = frame.once(_view_key), other_depths, *self._choice_key(frame)
+        choice_key = frame.once(view_key), other_depths, *self._choice_key(frame)
         if choice_key != self._content_key:
             self._choose(frame, other_depths)
             self._content_key = choice_key
-        elif (getters := self._time_getters()) is not None and not self.blends:
-            self._still = self._content_key, getters, self._state_of(frame, getters)
+        still = self._still
+        getters = still.getters if is_unchanged else self._time_getters()
+        if getters is not None and not self.blends:
+            flags = frame.once(_flags), self._depth_is_read(frame)
+            state = still.state if is_unchanged else self._content_state(getters)
+            self._still = _Still(self._content_key, flags, getters, state)
 
     def is_prepared(self, frame) -> bool:
         """Return True if view, settings, transform, and what has times are as they were."""
-        content_key, getters, state = self._still
-        if content_key is None or content_key is not self._content_key:
+        still, self._unchanged_in = self._still, None
+        is_chosen = still.choice_key is not None and still.choice_key is self._content_key
+        if not is_chosen or still.state != self._content_state(still.getters):
             return False
-        return state == self._state_of(frame, getters)
+        if still.flags == (frame.once(_flags), self._depth_is_read(frame)):
+            return True
+        self._unchanged_in = frame
+        return False
 
-    def _state_of(self, frame, getters) -> tuple:
-        """Return what a still frame is recognised by."""
+    def _content_state(self, getters) -> tuple:
+        """Return what changes with all that a choice depends on, but not with the view."""
         times = [get() for get in getters]
-        depth_is_read = self._depth_is_read(frame)
-        return frame.once(_still_key), self.revision, self.GetVisibility(), depth_is_read, times
+        return self._changes, self.revision, self.GetVisibility(), is_deterministic(), times
 
     def _time_getters(self) -> list | None:
         """Return functions whose values tell all that `prepare` follows; None if none can."""
@@ -413,20 +435,23 @@ class ItemSet(Thing):
         super()._put_in(renderer)
         self._stand_ins = self._stand_ins or StandIns(self)
         self._stand_ins.put_in(renderer)
-        # Before the pipeline's own observer, so that the frame has one clipping range.
-        self._watcher = renderer.AddObserver('StartEvent', weakly(self._on_start))
 
-    def _on_start(self):
+    def begin_frame(self):
+        """Follow the transform, and let no picker's meshes be drawn."""
+        self._stand_ins.begin_frame()
         try:  # noqa: SIM105, a context manager takes longer
             self.follow()
         except ValueError:  # the pipeline raises it: VTK swallows errors here
             pass
         self._stay_whole(self._changes)
 
+    def end_frame(self):
+        """Let pickers find items between frames."""
+        self._stand_ins.end_frame()
+
     def _take_out(self, renderer):
         self.deactivate()
         self._stand_ins.take_out()
-        renderer.RemoveObserver(self._watcher)
         super()._take_out(renderer)
 
     def _touch(self):
@@ -435,12 +460,12 @@ class ItemSet(Thing):
         self._changes += 1
 
 
-def _still_key(frame) -> tuple:
+def _flags(frame) -> tuple:
     """Return what of a frame determines all choices; equal views are the same object."""
-    flags = frame.own, frame.picking, frame.casting, frame.depth_map, is_deterministic()
+    flags = frame.own, frame.picking, frame.casting, frame.depth_map
     return frame.view, frame.size, frame.quality, *flags
 
 
-def _view_key(frame) -> tuple:
+def view_key(frame) -> tuple:
     """Return what of a frame's view determines the choice of items."""
     return frame.view.key(), frame.size, frame.casting

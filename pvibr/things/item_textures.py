@@ -28,11 +28,12 @@ class ItemTextures:
         """Upload stale textures, of rows, width and channels by name; return their names."""
         if self.window is None:
             self.window, self._stale = window, set(texels)
-        stale_names, self._stale = self._stale, set()
+        stale_names = self._stale
         for name in sorted(stale_names):
             make_rows, width, channels = texels[name]
             texture = self.by_name.setdefault(name, Texture(window))
             texture.upload(pack(make_rows(), width, channels))
+        self._stale = set()  # all again where the driver refused one
         return stale_names
 
     def release(self):

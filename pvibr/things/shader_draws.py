@@ -17,6 +17,7 @@ from pvibr.gl.feature import Feature
 from pvibr.things.shared_material import CardMaterial
 
 ROW = 1024  # texels per row of a table
+_STEP = 128  # of the length of a single row
 PBR = 3  # VTKPBR
 # VTK computes highlights even if the material has none; with this the compiler drops them.
 DULL = '#define specularColor vec3(0.0)\n', '#undef specularColor\n'
@@ -59,6 +60,8 @@ class ShaderDraws:
         self.entries: Texture | None = None
         self.failure: str | None = None
         self._binder = binder or Binder()
+        #: Textures and entries as of the last draw, and both.
+        self._joined: tuple[dict, Texture | None, dict] = {}, None, {}
         self._spans: list[tuple[int, int]] = []
         self.span_count = 0  # of actors that draw
         self.grow(draws, lambda: draw_actor(self.mapper, self.material, translucent))
@@ -100,7 +103,9 @@ class ShaderDraws:
         """Upload the table of entries, shape (n, channels), unless it is empty."""
         if entries.size:
             self.entries = self.entries or Texture(window)
-            self.entries.upload(pack(entries, ROW, entries.shape[1]))
+            # Few need no whole row; steps keep the texture's size from frame to frame.
+            row_length = min(ROW, -(-len(entries) // _STEP) * _STEP)
+            self.entries.upload(pack(entries, row_length, entries.shape[1]))
 
     def grow(self, count, make_actor) -> list:
         """Grow the pool to at least `count` actors; return the new ones."""
@@ -158,11 +163,12 @@ class ShaderDraws:
 
     def _set_shader(self, program):
         textures, *uniforms = self._inputs()
-        if self.entries is not None:
-            textures = {**textures, 'ibr_entries': self.entries}
-            if self._corners == 1:
-                self.entries.window.GetState().SetEnumState(gl.PROGRAM_POINT_SIZE, True)
-        units = self._binder.bind(textures)
+        if self.entries is not None and self._corners == 1:
+            self.entries.window.GetState().SetEnumState(gl.PROGRAM_POINT_SIZE, True)
+        if textures is not self._joined[0] or self.entries is not self._joined[1]:
+            own = {} if self.entries is None else {'ibr_entries': self.entries}
+            self._joined = textures, self.entries, {**textures, **own}
+        units = self._binder.bind(self._joined[2])
         set_shared_uniforms(program, units, *uniforms, self.own_uniforms)
         if not self.landed:
             self.landed = True

@@ -37,7 +37,7 @@ class StandIns:
     def __init__(self, thing):
         self._thing: Any = weakref.ref(thing)
         self._renderer: Any = None
-        self._observers: list[int] = []
+        self._observer = 0
         #: The display points converted last: the only trace of a picker.
         self._display_points: deque = deque(maxlen=_LAST)
         self._ray_items: tuple = ((), [])
@@ -68,12 +68,8 @@ class StandIns:
         setters = [method(actor, 'SetVisibility') for actor in self.actors()]
         self._set_rays_visible, self._set_visible = setters[:_CLICKED], setters[_CLICKED:]
         self._empty()
-        self._observers = [
-            renderer.AddObserver('ModifiedEvent', weakly(self._on_convert)),
-            renderer.AddObserver('StartEvent', weakly(self._on_start)),
-            renderer.AddObserver('EndEvent', weakly(self._on_end)),
-        ]
-        self._on_end()
+        self._observer = renderer.AddObserver('ModifiedEvent', weakly(self._on_convert))
+        self.end_frame()
 
     def actors(self) -> list:
         """Return the actors of both kinds."""
@@ -87,11 +83,10 @@ class StandIns:
 
     def take_out(self):
         """Leave the scene."""
-        for tag in self._observers:
-            self._renderer.RemoveObserver(tag)
+        self._renderer.RemoveObserver(self._observer)
         for actor in self.actors():
             self._renderer.RemoveViewProp(actor)
-        self._renderer, self._observers = None, []
+        self._renderer = None
         self._set_rays_visible, self._set_visible = [], []
         self._drawn_actors, self._drawn_indices = [], []
         self._area_key = None
@@ -127,7 +122,8 @@ class StandIns:
         for actor in self._drawn_actors:
             actor.GetMapper().SetInputDataObject(_vtk.vtkPolyData())
 
-    def _on_start(self):
+    def begin_frame(self):
+        """Hide what is shown to pickers between frames."""
         if self._renderer.GetSelector() is None:
             self._empty()
         if self._are_rays_visible:
@@ -147,7 +143,7 @@ class StandIns:
             for set_visible in self._set_rays_visible:
                 set_visible(are_visible)
 
-    def _on_end(self):
+    def end_frame(self):
         """Let pickers find items between frames."""
         is_pickable = self._is_pickable()
         # The hardware picker draws only what is visible before its first frame.

@@ -96,6 +96,10 @@ class Thing(Effect, pv.Actor):
         """Return the actors that draw it, including invisible ones."""
         raise NotImplementedError
 
+    def shader_actors(self) -> list:
+        """Return the actors with shader text of its own."""
+        return self.actors()
+
     def drawn(self) -> list:
         """Return the actors that draw it in the frame it was prepared for."""
         return [actor for actor in self.actors() if actor.GetVisibility()]
@@ -143,6 +147,12 @@ class Thing(Effect, pv.Actor):
     def set_clipping_planes(self, planes):
         """Clip it by a vtkPlaneCollection."""
         raise AttributeError(f'{self.name} cannot be clipped: {self.clipped_by}')
+
+    def begin_frame(self):
+        """Follow changes before any effect of a frame, also of a picker's; it must not raise."""
+
+    def end_frame(self):
+        """Do what the time between frames needs, after all effects of a frame."""
 
     # -- hooks: state -----------------------------------------------------------------------
 

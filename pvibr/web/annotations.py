@@ -12,14 +12,19 @@ import pyvista as pv
 
 from pvibr.core import _vtk
 from pvibr.core._vtk import address
-from pvibr.core.plotters import border_of, names_of
+from pvibr.core.plotters import border_of, names_of, plain_name
 from pvibr.gl.annotations import is_flat
 from pvibr.gl.scene_pass import is_marker
-from pvibr.web.surfaces import table_of
+from pvibr.web.cube_axes import cube_of, is_cube_axes, is_ruler, ruler_of
+from pvibr.web.surfaces import css_of, table_of
 
 #: Flat props of which GL2PS knows all text, and which have nothing else.
-_TEXTS = 'vtkCornerAnnotation', 'vtkTextActor', 'vtkLegendBoxActor'
+_LEGEND = 'vtkLegendBoxActor'
+_TEXTS = 'vtkCornerAnnotation', 'vtkTextActor', _LEGEND
 _LABELS = 'vtkLabelPlacementMapper'
+_ROUNDED = 2  # vtkLabelPlacementMapper::ROUNDED_RECT
+#: Size of a legend's symbol, and how far below the top of its text it is, in sizes of the font.
+_SYMBOL_SIZE, _SYMBOL_DOWN = 0.45, 0.7
 _SVG = '{http://www.w3.org/2000/svg}'
 
 
@@ -28,12 +33,12 @@ def flat_props(renderer) -> list:
     names = names_of(renderer)
     props = [p for p in renderer.GetViewProps() if is_flat(p) and not is_marker(p)]
     visible = [p for p in props if p.GetVisibility() and p is not border_of(renderer)]
-    return [(names.get(address(p), type(p).__name__), p) for p in visible]
+    return [(plain_name(names.get(address(p), type(p).__name__)), p) for p in visible]
 
 
 def why_no_annotation(prop) -> str | None:
     """Return why a page does not draw a 2D prop, or None if it does."""
-    if _is_bar(prop) or any(prop.IsA(kind) for kind in _TEXTS):
+    if _is_bar(prop) or is_ruler(prop) or any(prop.IsA(kind) for kind in _TEXTS):
         return None
     mapper = prop.GetMapper() if prop.IsA('vtkActor2D') else None
     if mapper is not None and mapper.IsA(_LABELS):
@@ -57,10 +62,14 @@ def annotations_of(renderer, plain_renderer, things, size) -> list[dict]:
     props = [prop for _, prop in flat_props(plain_renderer) if why_no_annotation(prop) is None]
     labels = [p for p in props if p.IsA('vtkActor2D') and _labels_mapper(p) is not None]
     bars = [prop for prop in props if _is_bar(prop)]
-    texts = [prop for prop in props if prop not in labels and prop not in bars]
+    texts = [prop for prop in props if prop not in (*labels, *bars) and not is_ruler(prop)]
     annotations = [{'kind': 'text', **text} for text in _texts_of(texts, size)]
+    annotations[:0] = [_legend(prop, annotations, size) for prop in texts if prop.IsA(_LEGEND)]
     annotations += [_bar(bar, things, size) for bar in bars]
     annotations += [_labels(_labels_mapper(prop)) for prop in labels]
+    annotations += [ruler_of(prop) for _, prop in flat_props(renderer) if is_ruler(prop)]
+    cubes = [p for p in renderer.GetViewProps() if is_cube_axes(p) and p.GetVisibility()]
+    annotations += [cube_of(cube) for cube in cubes]
     widget = getattr(renderer, 'axes_widget', None)
     axes = _axes_of(widget) if widget is not None and widget.GetEnabled() else None
     return annotations if axes is None else [*annotations, _axes(widget, axes)]
@@ -117,6 +126,44 @@ def _text(node, size) -> dict:
     }
 
 
+def _legend(legend, texts, size) -> dict:
+    """Return the box of a legend, and the symbols beside its texts."""
+    left, bottom = legend.GetPosition()
+    width, height = legend.GetPosition2()
+    symbols = []
+    for number in range(legend.GetNumberOfEntries()):
+        shape, name = legend.GetEntrySymbol(number), (legend.GetEntryString(number) or '').strip()
+        text = next((text for text in texts if text['text'].strip() == name), None)
+        if shape is None or text is None or not shape.GetNumberOfPoints():
+            continue
+        points = np.array(pv.wrap(shape).points)[:, :2]
+        points = (points - (points.min(0) + points.max(0)) / 2) / max(
+            np.ptp(points, 0).max(), 1e-9
+        )
+        pixels = [-0.55, 0.0] + _SYMBOL_SIZE * points * [1, -1]
+        center = [text['x'] * size[0], text['y'] * size[1] + text['down'] * _SYMBOL_DOWN]
+        places = (center + pixels * text['size']) / size
+        color = css_of(legend.GetEntryColor(number))
+        symbols += [
+            {'points': places[cell].ravel().tolist(), 'color': color} for cell in _rings(shape)
+        ]
+    return {
+        'kind': 'legend',
+        'rect': [left, bottom, width, height],
+        'fill': css_of(legend.GetBackgroundColor()) if legend.GetUseBackground() else None,
+        'fill_opacity': legend.GetBackgroundOpacity(),
+        'border': css_of(legend.GetProperty().GetColor()) if legend.GetBorder() else None,
+        'symbols': symbols,
+    }
+
+
+def _rings(shape) -> list:
+    """Return the points of each polygon or strip of a flat mesh."""
+    mesh = pv.wrap(shape)
+    mesh = mesh.triangulate() if mesh.n_strips else mesh
+    return [cell.point_ids for cell in mesh.cell if cell.n_points > 2]
+
+
 def _bar(bar, things, size) -> dict:
     """Return a scalar bar, and the name of the thing whose colours it shows."""
     title = bar.GetTitle() or ''
@@ -124,12 +171,15 @@ def _bar(bar, things, size) -> dict:
     plotter = pv.Plotter(off_screen=True, window_size=list(size))
     plotter.renderer.AddViewProp(bar)
     plotter.show(auto_close=False)
-    rect = [0] * 4
-    bar.GetScalarBarRect(rect, plotter.renderer)
+    pixels = [0] * 4
+    bar.GetScalarBarRect(pixels, plotter.renderer)
     plotter.renderer.RemoveViewProp(bar)
     plotter.close()
-    left, bottom, width, height = np.array(rect) / np.tile(size, 2)
     is_horizontal = bar.GetOrientation() == 0
+    rect = np.array(pixels, float)
+    if not is_horizontal and bar.GetDrawBelowRangeSwatch():  # VTK counts that square in
+        rect[1], rect[3] = rect[1] + 1.25 * rect[2], rect[3] - 1.25 * rect[2]
+    left, bottom, width, height = rect / np.tile(size, 2)
     labels = [text for text in texts if text['text'].strip() != title.strip()]
     for label in labels:
         along = (label['x'] - left) / (width - 1 / size[0])
@@ -143,8 +193,20 @@ def _bar(bar, things, size) -> dict:
         'colors': table_of(bar.GetLookupTable()),
         'labels': labels,
         'title': next((text for text in texts if text['text'].strip() == title.strip()), None),
+        'swatches': [css_of(color[:3]) if color else None for color in _ends_of(bar)],
         'thing': names[0] if names else None,
     }
+
+
+def _ends_of(bar) -> list:
+    """Return the colours that a bar shows beyond its ends, None where it shows none."""
+    table = bar.GetLookupTable()
+    return [
+        getattr(table, f'Get{end}RangeColor')()
+        if getattr(bar, f'GetDraw{end}RangeSwatch')()
+        else None
+        for end in ('Below', 'Above')
+    ]
 
 
 def _labels(mapper) -> dict:
@@ -152,7 +214,6 @@ def _labels(mapper) -> dict:
     hierarchy = mapper.GetInputAlgorithm(0, 0)
     hierarchy.Update()
     chooser = hierarchy.GetInputAlgorithm(0, 0)
-    # Which points are hidden depends on the camera: a page labels all.
     chooses = chooser is not None and chooser.IsA('vtkSelectVisiblePoints')
     source = (chooser if chooses else hierarchy).GetInputDataObject(0, 0)
     names = source.GetPointData().GetAbstractArray(hierarchy.GetLabelArrayName())
@@ -165,6 +226,9 @@ def _labels(mapper) -> dict:
         'fill': css_of(mapper.GetBackgroundColor()) if has_box else None,
         'fill_opacity': mapper.GetBackgroundOpacity(),
         'margin': mapper.GetMargin(),
+        'rounded': mapper.GetMargin() if mapper.GetShape() == _ROUNDED else 0,
+        # The depth by which surfaces may be in front; None if they hide no label.
+        'tolerance': chooser.GetTolerance() if chooses else None,
         'text': {
             'size': prop.GetFontSize(),
             'color': css_of(prop.GetColor()),
@@ -192,8 +256,3 @@ def _axes(widget, axes) -> dict:
         'colors': [css_of(getattr(axes, f'Get{c}AxisShaftProperty')().GetColor()) for c in 'XYZ'],
         'text': {'size': 10, 'color': css_of(prop.GetColor()), 'bold': True, 'italic': True},
     }
-
-
-def css_of(color) -> str:
-    """Return a colour as CSS has it."""
-    return '#' + ''.join(f'{round(255 * c):02x}' for c in color)

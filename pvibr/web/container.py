@@ -28,6 +28,13 @@ class Points:
 
 
 @dataclass(frozen=True)
+class Frames:
+    """Vectors (n, frames, 3) over time, stored as points."""
+
+    values: np.ndarray
+
+
+@dataclass(frozen=True)
 class Directions:
     """Unit vectors (n, 3), stored as octahedral coordinates of 16 bits."""
 
@@ -64,7 +71,7 @@ class Container:
             return {'$leaf': 'number', 'text': repr(value)}
         if isinstance(value, np.ndarray):
             return self._array(value)
-        if isinstance(value, Points):
+        if isinstance(value, (Points, Frames)):
             return self._points(value.values)
         if isinstance(value, Directions):
             return self._directions(value.values)
@@ -108,6 +115,13 @@ class Container:
         encoded = encoded_image(pixels, None if image.lossless else self.quality)
         kind = 'image/png' if image.lossless else 'image/webp'
         return {'$leaf': 'image', 'chunk': self._chunk(encoded), 'type': kind}
+
+
+def halved(pixels) -> np.ndarray:
+    """Return an image of half the sides, each pixel the mean of four."""
+    height, width = (side // 2 for side in pixels.shape[:2])
+    blocks = pixels.reshape(height, 2, width, 2, -1).astype('u2')
+    return ((blocks.sum((1, 3)) + 2) >> 2).astype('u1')
 
 
 def typed(array) -> np.ndarray:

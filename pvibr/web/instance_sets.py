@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 import pyvista as pv
 
@@ -38,7 +40,7 @@ def why_not_drawn(thing) -> str | None:
 
 def instances_of(thing, programs) -> list[dict]:
     """Return a set of instances as things, one of each mesh."""
-    table = None if thing.scalars is None else _table(thing)
+    table = table_of_colors(thing)
     pairs = zip(thing.groups, thing.limits, strict=True)
     trees = [_group(thing, group, limits, programs) for group, limits in pairs if len(group)]
     for tree in trees:
@@ -49,13 +51,31 @@ def instances_of(thing, programs) -> list[dict]:
     return trees
 
 
-def _table(thing) -> dict:
+def table_of_colors(thing) -> dict | None:
+    """Return the table by which a set's scalars are coloured, None without scalars."""
+    if thing.scalars is None:
+        return None
     coloring = coloring_of(thing.scalar_mapper())
     return coloring | {'name': thing.scalar_title() or 'scalars'}
 
 
 def _group(thing, group, limits, programs) -> dict:
     """Return the instances of one mesh."""
+    atlas = group.atlas
+    levels = [[_part(part, atlas, programs) for part in level.parts] for level in group.levels]
+    tree = group_of(group, limits, levels, cards_of(group, limits, programs))
+    return tree | images_of(group) if tree['cards'] else tree
+
+
+def cards_of(group, limits, programs) -> list[dict]:
+    """Return the draws of the card shaders that limits use."""
+    spans = limits.cards if group.atlas.errors else {}
+    used = [s for s in CARD_SHADERS if s.name in spans and np.subtract(*spans[s.name]).any()]
+    return [_layer(shader, group, limits, programs) for shader in used]
+
+
+def group_of(group, limits, levels, cards) -> dict:
+    """Return places, looks and limits of the instances of one mesh, with levels and cards."""
     ids, atlas = group.ids, group.atlas
     poses = group.poses[ids]
     centers = centers_of(group.poses, ids, atlas)
@@ -71,28 +91,32 @@ def _group(thing, group, limits, programs) -> dict:
         'fade': FADE,
         'mesh_from': limits.mesh_from.tolist(),
         'mesh_to': limits.mesh_to.tolist(),
-        'levels': [
-            [_part(part, atlas, programs) for part in level.parts] for level in group.levels
-        ],
-        'cards': [],
+        'levels': levels,
+        'cards': cards,
     }
     if poses.ndim == 3:
         tree['axes'] = poses[:, :3, :3].reshape(-1, 9).astype(np.float32)
-    layers = [s for s in CARD_SHADERS if (limits.cards[s.name][1] > limits.cards[s.name][0]).any()]
-    if layers and atlas.errors:
-        tree |= _images(atlas)
-        tree['cards'] = [_layer(s, group, limits, programs) for s in layers]
-        tree['material'] = material_of(group.card_prop)
     return tree
 
 
-def _images(atlas) -> dict:
-    """Return the images of an atlas, rows from the bottom up."""
+def images_of(group) -> dict:
+    """Return the images of an atlas, rows from the bottom up, one or, of clips, one of each pose.
+
+    And the material of cards, which show them.
+    """
+    atlas = group.atlas
+    geometry, albedo = (
+        [Image(p, lossless=is_exact) for p in (pictures if atlas.animated else [pictures])]
+        for pictures, is_exact in ((atlas.geometry, True), (atlas.albedo, False))
+    )
     return {
-        'geometry': Image(atlas.geometry),
-        'albedo': Image(atlas.albedo, lossless=False),
+        'geometry': geometry,
+        'albedo': albedo,
         'tile': atlas.tile,
+        'pages': list(atlas.pages) if atlas.animated else [1, 1],
+        'bins': atlas.bins if atlas.animated else None,
         'support': atlas.support.astype(np.float32),
+        'material': material_of(group.card_prop),
     }
 
 
@@ -103,7 +127,8 @@ def _layer(shader, group, limits, programs) -> dict:
     shiny = is_shiny(prop)
 
     def program(deep):
-        return programs.add(_card_actor(shader.feature(shiny, deep=deep), prop, shader.corners))
+        feature = shader.feature(shiny, group.atlas.animated, deep=deep)
+        return programs.add(card_actor(feature, prop, shader.corners))
 
     deep = program(deep=True)
     core_size = shader.core_size(group.atlas)
@@ -127,7 +152,7 @@ def _layer(shader, group, limits, programs) -> dict:
     }
 
 
-def _card_actor(feature, prop, corners) -> pv.Actor:
+def card_actor(feature, prop, corners) -> pv.Actor:
     """Return an actor that draws a card, for its program."""
     mapper = _vtk.vtkPolyDataMapper()
     mapper.ScalarVisibilityOff()
@@ -148,16 +173,22 @@ def _declare_span(actor):
 
 def _part(part, atlas, programs) -> dict:
     """Return a part of a level: its surface and its program."""
-    surface = WebSurface(part.actor, part.mesh, atlas.center)
-    mesh = surface.polydata()
     section = sections(shader_source(mesh_draws.__file__))
     texts = section['vertex.instances'], section['vertex.begin']
+    feature = partial(draws_feature, declarations=texts[0], begin=texts[1])
+    return part_of(part, part.mesh, atlas.center, programs, feature)
+
+
+def part_of(part, mesh, origin, programs, feature_of) -> dict:
+    """Return a part of a level, its points relative to an origin, drawn by a feature."""
+    surface = WebSurface(part.actor, mesh, origin)
+    mesh = surface.polydata()
     mapper = _vtk.vtkPolyDataMapper()
     mapper.SetInputData(copies(mesh, 1, np.zeros(3)))
     surface.set_mapper(mapper)
     actor = with_looks(part, mapper)
     _declare_span(actor)
-    draws_feature(mesh, *texts).attach(actor)
+    feature_of(mesh).attach(actor)
     return surface.tree() | {
         'program': programs.add(actor),
         'uniforms': {'ibr_cutoff': cutoff(part), 'ibr_tint': [0.0] * 4},

@@ -19,6 +19,7 @@ _OLD_LINES = re.compile(
 _REPLACED = (
     # A copy of a mesh for each instance: WebGL draws them instanced.
     ('int(floor((float(gl_VertexID) + 0.5) / VERTICES))', 'gl_InstanceID'),
+    ('gl_VertexID - copy * int(VERTICES)', 'gl_VertexID'),
 )
 _SHRUNK = re.compile(r'^#define SHRUNK .*$', re.M)
 _SIZE = 'uniform float ibr_point_size;\nvoid main()', '  gl_PointSize = ibr_point_size;\n'
@@ -28,7 +29,9 @@ _COMMENT = re.compile(r'^\s*//.*$\n?', re.M)
 class Programs:
     """Draws actors once in a hidden window, and reads the programs that VTK made for them."""
 
-    def __init__(self, lights):
+    def __init__(self, lights, received=()):
+        #: Shadows and projectors, which attach to each actor.
+        self._received = received
         self._plotter = pv.Plotter(off_screen=True, window_size=[16, 16], lighting='none')
         renderer = self._plotter.renderer
         renderer.GetCullers().RemoveAllItems()
@@ -52,6 +55,8 @@ class Programs:
             }
 
         inner.AddObserver('UpdateShaderEvent', read)
+        for each in self._received:
+            each.attach(actor)
         self._plotter.renderer.AddActor(actor)
         return number
 
@@ -73,3 +78,10 @@ def as_es(source, varying) -> str:
         end = source.rindex('}')
         source = f'{source[:end]}{_SIZE[1]}{source[end:]}'
     return _HEADER.format(varying) + _COMMENT.sub('', source)
+
+
+def as_quad(fragment) -> str:
+    """Return the fragment shader of a full-screen program as GLSL ES 3.00, with one output."""
+    text = _COMMENT.sub('', fragment).replace('gl_FragData[0]', 'fragOutput0')
+    text = re.sub(r'^\s*gl_FragData\[1\].*$', '', text, flags=re.M)
+    return f'{_HEADER.format("in")}in vec2 uv;\nout vec4 fragOutput0;\n{text}'

@@ -128,10 +128,16 @@ class WebSurface:
         mapper.SetScalarRange(*self.mapper.GetScalarRange())
         mapper.UseLookupTableScalarRangeOff()
 
-    def programs(self, programs) -> dict:
-        """Return the numbers of the programs of what there is: VTK lights each kind otherwise."""
+    def programs(self, programs, prepare=None) -> dict:
+        """Return the numbers of the programs of what there is: VTK lights each kind otherwise.
+
+        Each actor is prepared by a function, if there is one.
+        """
         kinds = {'faces': self.faces, 'lines': self.lines, 'verts': self.verts}
-        return {k: programs.add(self._actor_of(k)) for k, ids in kinds.items() if len(ids)}
+        actors = {k: self._actor_of(k) for k, ids in kinds.items() if len(ids)}
+        for actor in actors.values() if prepare else ():
+            prepare(actor)
+        return {kind: programs.add(actor) for kind, actor in actors.items()}
 
     def _actor_of(self, kind) -> pv.Actor:
         """Return an actor for the hidden window."""
@@ -142,7 +148,11 @@ class WebSurface:
         actor.SetMapper(mapper)
         prop = copied_property(self.prop)
         prop.SetEdgeVisibility(False)
+        prop.SetRenderLinesAsTubes(False)  # by a geometry shader, which WebGL lacks
         actor.SetProperty(prop)
+        back = self.actor.GetBackfaceProperty()
+        if back is not None:
+            actor.SetBackfaceProperty(copied_property(back))
         actor.SetTexture(self.actor.GetTexture())
         return actor
 
@@ -151,7 +161,7 @@ class WebSurface:
         tree = {
             'points': Points(self.points - self.origin),
             'origin': self.origin.tolist(),
-            'material': material_of(self.prop),
+            'material': material_of(self.prop, self.actor.GetBackfaceProperty()),
         }
         if not np.array_equal(self.source, np.arange(len(self.source))):
             tree['source'] = self.source.astype(np.uint32)
@@ -180,9 +190,8 @@ class WebSurface:
         return tree
 
 
-def material_of(prop) -> dict:
-    """Return the uniforms of VTK's programs for a material, and how it is drawn."""
-    uniforms = {
+def _shared_uniforms(prop) -> dict:
+    return {
         'ambientIntensity': prop.GetAmbient(),
         'diffuseIntensity': prop.GetDiffuse(),
         'specularIntensity': prop.GetSpecular(),
@@ -191,6 +200,29 @@ def material_of(prop) -> dict:
         'ambientColorUniform': prop.GetAmbientColor(),
         'diffuseColorUniform': prop.GetDiffuseColor(),
         'specularColorUniform': prop.GetSpecularColor(),
+    }
+
+
+def thing_of(surface, name, programs, prepare=None) -> dict:
+    """Return a surface as a thing; a function prepares the actors that draw it."""
+    thing = surface.tree() | {
+        'kind': 'mesh',
+        'name': name,
+        'translucent': bool(surface.actor.HasTranslucentPolygonalGeometry()),
+        'programs': surface.programs(programs, prepare),
+    }
+    if surface.values is not None:
+        thing['coloring'] = coloring_of(surface.mapper)
+        thing['scalars'] = surface.scalars()
+    return thing
+
+
+def material_of(prop, back=None) -> dict:
+    """Return the uniforms of VTK's programs for the materials of front and back."""
+    back_uniforms = {} if back is None else _shared_uniforms(back)
+    uniforms = {
+        **_shared_uniforms(prop),
+        **{f'{name}BF': value for name, value in back_uniforms.items()},
         'metallicUniform': prop.GetMetallic(),
         'roughnessUniform': prop.GetRoughness(),
         'aoStrengthUniform': prop.GetOcclusionStrength(),
@@ -227,12 +259,25 @@ def scalar_name(mapper) -> str:
 def coloring_of(mapper) -> dict:
     """Return the table and range by which a mapper maps scalars."""
     lookup = mapper.GetLookupTable()
+    scale = getattr(lookup, 'GetScale', int)()  # of tables alone, 1 where it is logarithmic
+    # Mappers set their range on the table as they draw, unless they use the table's own.
+    own_range = mapper.GetUseLookupTableScalarRange()
     return {
         'name': scalar_name(mapper),
-        'range': [float(x) for x in mapper.GetScalarRange()],
+        'range': [float(x) for x in (lookup.GetRange() if own_range else mapper.GetScalarRange())],
+        'log': bool(scale),
         'table': table_of(lookup),
-        'nan': [round(255 * x) for x in lookup.GetNanColor()],
+        'nan': _bytes_of(lookup.GetNanColor()),
+        **{
+            end.lower(): _bytes_of(getattr(lookup, f'Get{end}RangeColor')())
+            for end in ('Below', 'Above')
+            if getattr(lookup, f'GetUse{end}RangeColor', bool)()
+        },
     }
+
+
+def _bytes_of(color) -> list[int]:
+    return [round(255 * x) for x in (*color, 1.0)[:4]]
 
 
 def table_of(lookup) -> np.ndarray:
@@ -334,3 +379,8 @@ def _image(texture):
     rgba = np.full((height, width, 4), 255, np.uint8)
     rgba[..., : pixels.shape[2]] = pixels if pixels.shape[2] > 1 else pixels[..., [0, 0, 0]]
     return rgba
+
+
+def css_of(color) -> str:
+    """Return a colour as CSS has it."""
+    return '#' + ''.join(f'{round(255 * c):02x}' for c in color)

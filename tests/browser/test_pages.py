@@ -19,6 +19,7 @@ import pyvista as pv
 
 import pvibr
 from pvibr.maths.flip import flip
+from pvibr.scenes.walker import walker
 
 pytestmark = pytest.mark.browser
 
@@ -192,7 +193,7 @@ def test_the_ground_is_in_the_page(page, tmp_path, until):
     pl.ibr.add(pvibr.Ground('navy'))
     here = opened(page, pl, tmp_path / 'ground.html', until)
     there = picture(page)
-    assert flip_of(there, here) < 0.2  # it does not fade
+    assert flip_of(there, here) < 0.03
     np.testing.assert_allclose(there[-60:, ::60], here[-60:, ::60], atol=3)
     pl.close()
 
@@ -232,6 +233,25 @@ def test_text_bars_and_axes_are_where_they_are_here(page, tmp_path, until):
     red = [mask[:, :150] for mask in red]
     places = [np.argwhere(mask) for mask in red]
     np.testing.assert_allclose(places[0].mean(0), places[1].mean(0), atol=4)
+    pl.close()
+
+
+def test_labels_that_surfaces_hide_are_hidden(page, tmp_path, until):
+    pl = plotter()
+    ball = pv.Sphere()
+    pl.add_mesh(ball, color='orange')
+    sides = {'front': (0, -0.5, 0), 'back': (0, 0.5, 0), 'top': (0, -0.1, 0.49)}
+    names, places = list(sides), np.array(list(sides.values()))
+    pl.add_point_labels(places, names, show_points=False)
+    pl.camera_position = [(0, -3, 0.3), (0, 0, 0), (0, 0, 1)]
+    opened(page, pl, tmp_path / 'hidden.html', until)
+
+    def shown():
+        return {text for text, *_, height in boxes(page, '[role=listitem]') if height}
+
+    until(lambda: shown() == {'front', 'top'})
+    page.evaluate('v => { window.pvibr.cameras[0].position = v; window.pvibr.moved() }', [0, 3, 0])
+    until(lambda: shown() == {'back'})
     pl.close()
 
 
@@ -285,20 +305,52 @@ def test_a_drag_turns_as_vtk_does(page, tmp_path, until):
     pl.close()
 
 
-def test_a_click_says_what_it_hits(page, tmp_path, until):
+def clicked(pl, page, thing, places):
+    """Click in pvibr and in its page; return for each place the index in both, None for a miss."""
+    pairs = []
+    for x, y in places:
+        hit = thing.pick(x, SIZE[1] - 1 - y)
+        page.mouse.click(x + 0.5, y + 0.5)
+        name, *rest = status(page).replace(',', '').split() or ['']
+        index = int(rest[0]) if name == thing.name else None
+        pairs.append((None if hit is None else hit.index, index))
+        if index is not None:
+            assert float(rest[-1]) == float(index)
+    return pairs
+
+
+def places_of(thing, pl, count):
+    """Return pixels whose neighbours all show the same item or all show none."""
+    shown = pl.screenshot(return_img=True).astype(int)
+    random, places = np.random.default_rng(5), []
+    while len(places) < count:
+        x, y = random.integers((40, 120), (440, 340)).tolist()
+        around = [(x + i, y + j) for i in (-2, 0, 2) for j in (-2, 0, 2)]
+        hits = [thing.pick(i, SIZE[1] - 1 - j) for i, j in around]
+        if len({None if hit is None else hit.index for hit in hits}) == 1:
+            places.append((x, y))
+    assert np.ptp(shown) > 100
+    return places
+
+
+@pytest.mark.parametrize('kind', ['instances', 'spheres', 'cylinders'])
+def test_a_click_says_what_it_hits(kind, page, tmp_path, until):
     pl = plotter()
-    instances = cones(pl, scalars=np.arange(400.0), show_scalar_bar=False)
+    values = {'scalars': np.arange(400.0), 'show_scalar_bar': False}
+    if kind == 'instances':
+        thing = cones(pl, **values)
+    else:
+        pl.add_mesh(pv.Plane(center=(0, 30, -0.5), i_size=80, j_size=90), color='tan')
+        places = np.random.default_rng(3).uniform((-20, -5, 0), (20, 60, 0), (400, 3))
+        ends = (places, np.add(places, (0, 0, 1.5))) if kind == 'cylinders' else (places,)
+        del values['show_scalar_bar']
+        thing = getattr(pl.ibr, f'add_{kind}')(*ends, 0.7, name='shapes', **values)
+        pl.remove_scalar_bar() if pl.scalar_bars else None
+        pl.camera_position = [(0, -14, 6), (0, 10, 0), (0, 0, 1)]
     opened(page, pl, tmp_path / 'picked.html', until)
-    hits = 0
-    for x, y in np.random.default_rng(5).integers((40, 150), (440, 330), (12, 2)):
-        hit = instances.pick(x, SIZE[1] - 1 - y)
-        page.mouse.click(float(x), float(y))
-        said = status(page)
-        if hit is not None and said.startswith('cones'):
-            index = said.replace(',', '').split()[1]
-            hits += index == str(hit.index)
-            assert float(said.split()[-1]) == float(index)
-    assert hits >= 4
+    pairs = clicked(pl, page, thing, places_of(thing, pl, 12))
+    assert [here for here, _ in pairs] == [there for _, there in pairs]
+    assert sum(here is not None for here, _ in pairs) >= 4
     pl.close()
 
 
@@ -405,6 +457,7 @@ def test_axe_finds_nothing_critical(page, tmp_path, until):
         pytest.skip(f'needs a registry of npm packages: {error}')
     pl = plotter()
     annotated(pl)
+    pl.ibr.add_animated(walker(), name='walker')  # there is a slider
     opened(page, pl, tmp_path / 'axe.html', until, '')
     page.get_by_text('Settings').click()
     # The page's policy allows no script but its own; the debugger's is not the page's.

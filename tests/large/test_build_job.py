@@ -1,5 +1,7 @@
 """In windows another process builds large meshes, while a draft is drawn."""
 
+import time
+
 import numpy as np
 import pytest
 
@@ -8,15 +10,16 @@ from pvibr.instances.cache import AtlasCache
 from pvibr.large import large_mesh as module
 from pvibr.large.build import build_hierarchy
 from pvibr.large.build_job import BuildJob
+from pvibr.large.draft import build_draft
 from pvibr.large.sources import source_of
 from tests.large.surfaces import folded, terrain
 from tests.large.test_large_mesh import LOOK, OVER, SIZE, drawn
-from tests.pictures import off, place, plotter, shot
+from tests.pictures import off, place, plotter, read, shot
 
 
 def test_draft_first_then_the_mesh(monkeypatch, tmp_path):
     monkeypatch.setattr(module, '_SMALL', 1000)
-    monkeypatch.setattr('pvibr.large.build._DRAFT_POINTS', 4000)
+    monkeypatch.setattr(module, 'build_draft', lambda mesh: build_draft(mesh, 4000))
     pl = plotter(SIZE)
     look = LOOK | {'max_error': 0.5, 'detail': 'none'}
     thing = pl.ibr.add_large_mesh(terrain(), wait=False, cache=tmp_path, **look)
@@ -34,6 +37,35 @@ def test_draft_first_then_the_mesh(monkeypatch, tmp_path):
     assert thing.report()['triangles'] == built.report()['triangles']
     again = pl.ibr.add_large_mesh(terrain(), wait=False, cache=tmp_path, **LOOK)
     assert not again.is_draft, 'it was in the cache'
+
+
+def test_finer_draft_between(monkeypatch):
+    """Before the hierarchy is there, the mesh itself is drawn where it is near."""
+    monkeypatch.setattr(module, '_SMALL', 1000)
+    monkeypatch.setattr(module, 'build_draft', lambda mesh: build_draft(mesh, 500))
+    program = (
+        'import time, pvibr.large.build_job as module; module.FIRST_POINTS = 500; '
+        'module.build_hierarchy = lambda *_, **__: time.sleep(600); module.main()'
+    )
+    monkeypatch.setattr('pvibr.core.child_processes._PROGRAM', program)
+    pl = plotter(SIZE)
+    thing = pl.ibr.add_large_mesh(terrain(), wait=False, cache=False, **LOOK)
+    place(pl, **OVER)
+    pl.show(auto_close=False)
+    rough, rough_count = read(pl.render_window), thing.report()['triangles']
+    assert not thing.unfinished
+    while not thing.unfinished:
+        time.sleep(0.02)
+    pl.render_window.Render()
+    assert thing.is_draft
+    assert not thing.unfinished
+    assert thing.report()['triangles'] > 5 * rough_count
+    fine = read(pl.render_window)
+    plain = plotter(SIZE)
+    plain.add_mesh(terrain(), **{k: v for k, v in LOOK.items() if k != 'detail'})
+    truth = shot(place(plain, **OVER))
+    assert off(fine, truth).mean() < 0.2 * off(rough, truth).mean()
+    pl.close()
 
 
 def test_failed_process_is_told_and_replaced(monkeypatch):
@@ -106,5 +138,5 @@ def test_large_hierarchies_come_without_the_cache(tmp_path):
     for cache in (None, AtlasCache(tmp_path, 1000)):
         job = BuildJob(mesh, 'a' * 40, cache)
         assert job.wait()
-        np.testing.assert_array_equal(job.result().triangles, build_hierarchy(mesh).triangles)
+        np.testing.assert_array_equal(job.newest('it').triangles, build_hierarchy(mesh).triangles)
     assert list(tmp_path.iterdir()) == []

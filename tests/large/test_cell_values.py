@@ -5,7 +5,7 @@ import pytest
 import pyvista as pv
 
 from pvibr.large import stored
-from pvibr.large.original_cells import VISIBLE_CELL, edge_lengths, with_visible_cells
+from pvibr.large.original_cells import VISIBLE, edge_lengths, with_visible_cells
 from pvibr.large.scalars import scalars_of
 from pvibr.large.sources import source_of
 from pvibr.large.vertex_values import vertex_values
@@ -119,11 +119,11 @@ def test_categories_stay_categories():
 def test_errors_grow_to_the_size_of_faces():
     hierarchy = hierarchy_of(terrain)
     lengths = edge_lengths(hierarchy)
-    seen = with_visible_cells(hierarchy, lengths, VISIBLE_CELL)
+    seen = with_visible_cells(hierarchy, lengths)
     assert (seen.errors >= hierarchy.errors).all()
     for (maker, owner), length in zip(hierarchy.patch_cells, lengths, strict=True):
         if owner >= 0:
-            below = length / VISIBLE_CELL if maker < 0 else seen.errors[maker]
+            below = length / VISIBLE if maker < 0 else seen.errors[maker]
             assert seen.errors[owner] >= below
     step = 1 / 179
     assert step < np.median(lengths[hierarchy.full_patches]) < 2.5 * step

@@ -57,6 +57,29 @@ def test_edges_fade_out_where_faces_are_small():
     assert dark(truth, np.s_[:]) > 0.01
 
 
+@pytest.mark.parametrize('way', ['perspective', 'parallel', 'ssaa'])
+def test_edges_fade_by_size_not_by_patch(way):
+    """Faces of one size have equal edges, wherever patches end."""
+    plane = pv.Plane(i_resolution=60, j_resolution=60)
+    shares = []
+    for distance in (0.3, 0.9, 1.5):
+        view = {'eye': (0.0, -distance, distance), 'focus': (0.0, 0.0, 0.0)}
+        look = {'color': 'white', 'lighting': False, 'show_edges': True, 'view': view}
+        pl, _ = drawn(plane, size=(320, 160), **look)
+        if way == 'ssaa':
+            pl.enable_anti_aliasing('ssaa')
+        if way == 'parallel':
+            place(pl, **view, parallel=0.27 * distance)
+        black = 255 - shot(pl)[..., 1].astype(float)
+        black[(shot(pl) == (255, 0, 255)).all(-1)] = 0
+        rows = black.reshape(8, 20, 2, 160).mean((1, 3))
+        shares.append(rows.mean())
+        np.testing.assert_allclose(rows[:, 0], rows[:, 1], atol=4)
+        if way == 'parallel' and distance < 1:
+            assert np.ptp(rows[1:-1].mean(1)) < 12
+    assert shares[2] < 0.4 * max(shares[:2])
+
+
 @pytest.mark.parametrize('samples', [0, 8])
 def test_hidden_edges_leave_no_dots(samples):
     shown = []

@@ -60,11 +60,11 @@ def test_four_texels_at_once_are_those_one_by_one(monkeypatch):
     pl.show(auto_close=False)
     found = [pl.screenshot()]
     monkeypatch.setattr(shadows, '_GATHER', '//VTK::System::Dec\n')
-    shadows._feature.cache_clear()
+    shadows.receiver_feature.cache_clear()
     pl.camera.Modified()
     pl.render()
     found.append(pl.screenshot())
-    shadows._feature.cache_clear()
+    shadows.receiver_feature.cache_clear()
     assert np.ptp(found[0].astype(int), axis=(0, 1)).max() > 100
     assert np.abs(found[0].astype(int) - found[1]).max() <= 1
 

@@ -42,20 +42,21 @@ def test_smaller_tiles_keep_the_size_and_are_said(plotter, tmp_path):
 def test_what_is_lost_is_said(plotter, tmp_path):
     plotter.add_volume(np.random.default_rng(0).integers(0, 9, (8, 8, 8), np.uint8), name='cloud')
     plotter.ibr.add_spheres([[0, 0, 3]], name='pearls')
-    plotter.ibr.add(pvibr.Bloom())
+    plotter.ibr.add(pvibr.DepthOfField())
     report = plotter.ibr.web_report('page')
     states = {row.effect: row.state for row in report.rows}
     shown = {'balls': 'shown', 'pearls': 'shown'}
-    assert states == {'Bloom': 'lost', 'cloud': 'lost', **shown, **states}
-    assert {row.effect for row in report.missing} == {'Bloom', 'cloud'}
-    with pytest.warns(pvibr.PvibrWarning, match='not in the page: Bloom .*cloud'):
+    assert states == {'DepthOfField': 'lost', 'cloud': 'lost', **shown, **states}
+    assert {row.effect for row in report.missing} == {'DepthOfField', 'cloud'}
+    with pytest.warns(pvibr.PvibrWarning, match='not in the page: DepthOfField .*cloud'):
         plotter.ibr.export_html(tmp_path / 'page.html')
 
 
-def test_shadows_make_meshes_of_instances(plotter):
-    plotter.ibr.add(pvibr.Shadows())
+def test_instances_keep_their_levels_under_shadows(plotter):
+    shadows = plotter.ibr.add(pvibr.Shadows())
     rows = {row.effect: row.what for row in plotter.ibr.web_report('page').rows}
-    assert 'billboard' in rows['balls']
+    assert 'levels of detail' in rows['balls']
+    assert 'one light' in rows[shadows.name]
 
 
 def test_a_frame_for_notebooks(plotter):

@@ -137,6 +137,7 @@ export class Controls {
     else if (event.key === '-') dolly(this.camera, 1 / 1.1);
     else if (event.key === 'r') reset(this.camera, bounds, aspect);
     else if (event.key === 'v') isometric(this.camera, bounds, aspect);
+    else if (event.key === ' ' && this.view.timeline) this.view.timeline.toggle();
     else return;
     event.preventDefault();
     this.view.moved();

@@ -1,5 +1,6 @@
 // Instances as cards and as meshes.
-import { Levels, poseTexels, pyramid } from './levels.js';
+import { colorOf } from './coloring.js';
+import { Levels, pages, poseTexels } from './levels.js';
 import { Mesh } from './meshes.js';
 import { fill, pixelsOf, texture } from './programs.js';
 
@@ -12,7 +13,8 @@ export class Instances {
     const poses = poseTexels(tree);
     this.textures = { ibr_poses: texture(gl, poses.texels, { width: 3072, height: poses.rows }) };
     for (const name of tree.geometry ? ['geometry', 'albedo'] : []) {
-      const { pixels, width, height } = pyramid(pixelsOf(gl, tree[name]), tree.tile);
+      const images = tree[name].map((image) => pixelsOf(gl, image));
+      const { pixels, width, height } = pages(images, tree.tile, tree.pages);
       this.textures[`ibr_${name}`] = texture(gl, pixels, { width, height, linear: true });
     }
     if (tree.support) {
@@ -50,19 +52,12 @@ export class Instances {
   }
 
   // Colors instances by values, as a lookup table maps them; hidden ones stay so.
-  color(values, { range: [low, high], table, nan }) {
+  color(values, coloring) {
     const looks = new Uint8Array(4 * this.count);
-    const count = table.length / 4;
+    const color = colorOf(coloring);
     for (let i = 0; i < this.count; i++) {
-      const share = high > low ? (values[i] - low) / (high - low) : 0;
-      const at = 4 * Math.min(Math.max(Math.floor(share * count), 0), count - 1);
-      const color = Number.isNaN(values[i])
-        ? (nan ?? [128, 128, 128, 255])
-        : table.subarray(at, at + 3);
-      looks.set(
-        [color[0], color[1], color[2], this.looks && this.looks[4 * i + 3] === 0 ? 0 : 255],
-        4 * i,
-      );
+      looks.set(color(values[i]), 4 * i);
+      looks[4 * i + 3] = this.looks && this.looks[4 * i + 3] === 0 ? 0 : 255;
     }
     this.look(looks);
   }
@@ -96,20 +91,25 @@ export class Instances {
     fill(this.gl, this.entries[k], texels, 1024, rows);
   }
 
+  // What programs of a part of a level read.
+  texturesOf(k, j) {
+    return { ...this.textures, ...this.meshes[k][j].textures, ibr_entries: this.entries[k] };
+  }
+
   drawMeshes(pass) {
     this.tree.levels.forEach((level, k) => {
       const count = this.levels.near[k].length;
       if (!count) return;
       level.forEach((part, j) => {
         const mesh = this.meshes[k][j];
-        const textures = { ...this.textures, ...mesh.textures, ibr_entries: this.entries[k] };
+        const textures = this.texturesOf(k, j);
         const own = { ...part.uniforms, ibr_end: count };
         const program = pass.program(
           part.program,
           [this.uniforms, part.material.uniforms, own],
           textures,
         );
-        pass.cull(part.material);
+        pass.cull(pass.variant === 'depth' ? {} : part.material);
         mesh.bind(program);
         mesh.draw('faces', count);
       });

@@ -141,7 +141,7 @@ export function poseTexels(tree) {
 }
 
 // An image with its mip levels at the right, each tile averaged by itself, as atlas.py has them.
-export function pyramid({ data, width }, tile) {
+function pyramid({ data, width }, tile) {
   const wide = (3 * width) / 2;
   const pixels = new Uint8Array(4 * wide * width);
   for (let y = 0; y < width; y++)
@@ -162,4 +162,21 @@ export function pyramid({ data, width }, tile) {
     row += side;
   }
   return { pixels, width: wide, height: width };
+}
+
+// Images with their mip levels, one or, of clips, one for each pose, in columns and rows.
+export function pages(images, tile, [columns, rows]) {
+  const made = images.map((image) => pyramid(image, tile));
+  if (made.length === 1) return made[0];
+  const { width, height } = made[0];
+  const pixels = new Uint8Array(4 * width * columns * height * rows);
+  made.forEach((page, i) => {
+    const at = 4 * width * (height * columns * Math.floor(i / columns) + (i % columns));
+    for (let y = 0; y < height; y++)
+      pixels.set(
+        page.pixels.subarray(4 * width * y, 4 * width * (y + 1)),
+        at + 4 * width * columns * y,
+      );
+  });
+  return { pixels, width: width * columns, height: height * rows };
 }

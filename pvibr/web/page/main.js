@@ -1,10 +1,12 @@
 // The page: reads the scene, draws it when something changes, and says what fails.
+import { showLines } from './axes.js';
 import { reset } from './camera.js';
 import { readScene, DamagedError } from './container.js';
 import { Controls } from './controls.js';
 import { Overlay } from './overlay.js';
 import { Panel } from './panel.js';
 import { Renderer } from './renderer.js';
+import { Timeline } from './timeline.js';
 
 const NO_WEBGL =
   'This page draws with WebGL 2, which this browser does not offer. Switch on hardware ' +
@@ -47,11 +49,15 @@ class View {
     this.cameras = this.subplots.map(({ link }, i) => first[link ?? i]);
     this.initial = structuredClone(this.cameras);
     this.quality = 1;
-    this.overlay = new Overlay(this.svg, this.subplots);
+    this.overlay = new Overlay(this.svg, scene);
     this.controls = new Controls(this);
     this.frames = 0;
     this.draws = () => this.frame();
-    if (location.hash !== '#bare') this.panel = new Panel(this, this.element.parentElement);
+    if (scene.clock) this.timeline = new Timeline(this);
+    if (location.hash !== '#bare') {
+      this.panel = new Panel(this, this.element.parentElement);
+      this.timeline?.show(this.element.parentElement);
+    }
     this.canvas.addEventListener('webglcontextlost', (event) => {
       event.preventDefault();
       this.lost = true;
@@ -112,16 +118,29 @@ class View {
     this.waiting = false;
     if (this.lost || !this.canvas.width) return;
     this.adapt();
+    this.subplots.forEach((subplot, i) => showLines(subplot, this.cameras[i]));
+    this.timeline?.tick();
     try {
       const size = [this.canvas.width, this.canvas.height];
-      this.renderer.draw(this.cameras, size, this.resting ? this.quality : 1);
+      const quality = this.resting ? this.quality : 1;
+      this.renderer.draw(this.cameras, size, quality, this.timeline?.time);
     } catch (error) {
       this.lost = true;
       say(`This page could not be drawn: ${error.message}`);
       throw error;
     }
-    this.overlay.follow(this.cameras);
+    const { refused } = this.renderer;
+    if (refused.size) say(`This browser cannot draw ${[...refused].join(', ')}.`);
+    this.follow();
     this.frames += 1;
+    if (this.timeline?.playing) this.moved();
+  }
+
+  // Labels follow the camera, at once, and again when it is known which are hidden.
+  follow() {
+    this.overlay.follow(this.cameras);
+    if (!this.renderer.labels.every((labels) => labels.answered()))
+      requestAnimationFrame(() => this.lost || this.follow());
   }
 
   // While the view moves, pictures have fewer pixels if that keeps the time of a frame.
@@ -176,7 +195,7 @@ class View {
     thing.recolored = [thing, name, range, table];
     this.renderer.setScalars(thing, name, range, table);
     for (const bar of this.subplots.flatMap(({ annotations }) => annotations ?? []))
-      if (bar.kind === 'bar' && bar.thing === thing.name) relabel(bar, name, range, table);
+      if (bar.kind === 'bar' && bar.thing === thing.name) relabel(bar, thing.coloring, name, table);
     this.overlay.layout(this.element.clientWidth, this.element.clientHeight);
     this.changed();
   }
@@ -185,7 +204,7 @@ class View {
 const shown = (x) => (typeof x === 'number' ? String(Number(x.toPrecision(6))) : String(x));
 
 // A bar after its colors have changed: as many labels as before, over the new range.
-function relabel(bar, name, range, table) {
+function relabel(bar, { range, log }, name, table) {
   if (bar.title) bar.title.text = name;
   if (table) bar.colors = table;
   const count = bar.labels.length;
@@ -193,8 +212,9 @@ function relabel(bar, name, range, table) {
     0,
     2 - Math.floor(Math.log10((range[1] - range[0]) / Math.max(count - 1, 1))),
   );
+  const [low, high] = range;
   bar.labels.forEach((label) => {
-    const value = range[0] + label.at * (range[1] - range[0]);
+    const value = log && low > 0 ? low * (high / low) ** label.at : low + label.at * (high - low);
     label.text =
       digits > 6 || Math.abs(value) >= 1e6
         ? value.toExponential(2)

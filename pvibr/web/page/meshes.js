@@ -1,4 +1,5 @@
 // Triangles, lines and vertices on the GPU, and what colors them.
+import { texturePlaces, textureOf } from './coloring.js';
 import { texture, fill } from './programs.js';
 
 const NAMES = { points: ['vertexMC', 3], normals: ['normalMC', 3], coordinates: ['tcoord', 2] };
@@ -40,22 +41,12 @@ export class Mesh {
     return { handle, count: array.length };
   }
 
-  // Colors values by a table: below the range the first color, above it the last, as VTK does.
-  color(values, { range: [low, high], table, nan }) {
+  color(values, coloring) {
     const { gl } = this;
-    const count = table.length / 4;
-    const places = new Float32Array(2 * values.length);
-    const scale = high > low ? 1 / (high - low) : 0;
-    for (let i = 0; i < values.length; i++) {
-      places[2 * i] = (values[i] - low) * scale;
-      places[2 * i + 1] = Number.isNaN(values[i]) ? 1 : 0;
-    }
-    this.put('colorTCoord', places, 2);
-    const pixels = new Uint8Array(8 * count);
-    pixels.set(table);
-    for (let i = 0; i < count; i++) pixels.set(nan ?? [128, 128, 128, 255], 4 * (count + i));
-    if (this.textures.colortexture) fill(gl, this.textures.colortexture, pixels, count, 2);
-    else this.textures.colortexture = texture(gl, pixels, { width: count, height: 2 });
+    this.put('colorTCoord', texturePlaces(values, coloring), 2);
+    const { pixels, width } = textureOf(coloring);
+    if (this.textures.colortexture) fill(gl, this.textures.colortexture, pixels, width, 2);
+    else this.textures.colortexture = texture(gl, pixels, { width, height: 2 });
   }
 
   bind(program) {

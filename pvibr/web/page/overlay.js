@@ -1,5 +1,6 @@
 // Text, scalar bars, axes and labels of subplots as SVG, sharp at each size. Positions of
 // annotations are fractions of their viewport from its lower left corner; sizes are in pixels.
+import { layoutOf, placedAxes } from './axes.js';
 import { frameOf, project } from './camera.js';
 
 const SVG = 'http://www.w3.org/2000/svg';
@@ -45,9 +46,8 @@ function makeText(parent, look, x, y, anchor, text, extra = {}) {
 }
 
 export class Overlay {
-  constructor(svg, subplots) {
-    this.svg = svg;
-    this.subplots = subplots;
+  constructor(svg, { subplots, seams = [] }) {
+    Object.assign(this, { svg, subplots, seams });
     // Pieces that follow the camera, each with a method (camera, box) => void.
     this.following = [];
   }
@@ -78,6 +78,11 @@ export class Overlay {
         make('rect', { x: 0, y: 0, width: w, height: h, ...style }, group);
       }
     });
+    for (const { lines, color, width: thickness } of this.seams)
+      for (const [a, b, c, d] of lines) {
+        const ends = { x1: a * width, y1: (1 - b) * height, x2: c * width, y2: (1 - d) * height };
+        make('line', { ...ends, 'stroke': color, 'stroke-width': thickness }, this.svg);
+      }
   }
 
   follow(cameras) {
@@ -98,6 +103,20 @@ function drawText(look, group, box) {
 
 const KINDS = {
   text: drawText,
+  cube_axes: drawAxes,
+  ruler: drawAxes,
+
+  legend({ rect: [left, bottom, w, h], fill, fill_opacity, border, symbols }, group, box) {
+    const x = left * box.width;
+    const y = (1 - bottom - h) * box.height;
+    const size = { width: w * box.width, height: h * box.height };
+    const look = { 'fill': fill ?? 'none', 'fill-opacity': fill_opacity };
+    if (fill || border) make('rect', { x, y, ...size, ...look, stroke: border ?? 'none' }, group);
+    for (const { points, color } of symbols) {
+      const places = points.map((share, i) => share * (i % 2 ? box.height : box.width));
+      make('polygon', { points: places.join(' '), fill: color }, group);
+    }
+  },
 
   bar(bar, group, box) {
     const values = bar.labels.map(({ text }) => text).join(', ');
@@ -106,6 +125,7 @@ const KINDS = {
     const [left, bottom, w, h] = bar.rect;
     const [width, height] = [w * box.width, h * box.height];
     drawColors(bar, node, left * box.width, (1 - bottom - h) * box.height, width, height);
+    drawSwatches(bar, node, left * box.width, (1 - bottom - h) * box.height, width, height);
     for (const text of [...bar.labels, bar.title]) if (text) drawText(text, node, box);
   },
 
@@ -161,20 +181,65 @@ const KINDS = {
       return { item, label, frame, width, point: [...set.points.subarray(3 * i, 3 * i + 3)] };
     });
     following.push((camera) => {
-      for (const { item, label, frame, width, point } of items) {
+      items.forEach(({ item, label, frame, width, point }, i) => {
         const place = project(camera, box.width / box.height, point);
         const [x, y] = [place.x * box.width, (1 - place.y) * box.height];
-        item.style.display = place.depth > 0 ? '' : 'none';
-        label.setAttribute('x', x + (frame ? set.margin : 0));
-        label.setAttribute('y', y - (frame ? set.margin : 0) - 0.1 * set.text.size);
-        if (!frame) continue;
-        const height = set.text.size + 2 * set.margin;
-        const rect = { x, y: y - height, width: width + 2 * set.margin, height };
+        item.style.display = place.depth > 0 && !set.hidden?.[i] ? '' : 'none';
+        label.setAttribute('x', x);
+        label.setAttribute('y', y);
+        if (!frame) return;
+        const height = 0.75 * set.text.size + 2 * set.margin;
+        const corner = { x: x - set.margin, y: y - height + set.margin, rx: set.rounded };
+        const rect = { ...corner, width: width + 2 * set.margin, height };
         for (const [key, value] of Object.entries(rect)) frame.setAttribute(key, value);
-      }
+      });
     });
   },
 };
+
+// Axes are laid out anew at each frame: a camera that turns moves them to other edges.
+function drawAxes(annotation, group, box, following) {
+  const node = make('g', { 'role': 'img', 'aria-label': titlesOf(annotation) }, group);
+  following.push((camera) => {
+    node.replaceChildren();
+    const { middle, axes } = placedAxes(annotation, camera);
+    for (const axis of axes) {
+      const layout = layoutOf(axis, middle, camera, box);
+      if (!layout) continue;
+      const lines = annotation.kind === 'ruler' ? [layout.line, ...layout.ticks] : layout.ticks;
+      for (const [x1, y1, x2, y2] of lines)
+        make('line', { x1, y1, x2, y2, stroke: axis.color }, node);
+      const write = (place, text, look) =>
+        text && place && makeText(node, look, place.x, place.y, place.anchor, text);
+      axis.labels.forEach((text, i) => write(layout.labels[i], text, axis.text));
+      write(layout.title, axis.title, axis.text);
+    }
+  });
+}
+
+function titlesOf({ kind, title, axes }) {
+  if (kind === 'ruler') return title || 'Ruler';
+  const titles = axes.filter(({ visible }) => visible).map((axis) => axis.title);
+  return `Axes: ${titles.filter(Boolean).join(', ')}`;
+}
+
+// Squares of the colors below and above a bar, beyond its ends.
+function drawSwatches({ swatches, horizontal }, node, x, y, width, height) {
+  const side = horizontal ? height : width;
+  const [below, above] = horizontal
+    ? [
+        [x - side, y],
+        [x + width + side / 2, y],
+      ]
+    : [
+        [x, y + height + side / 4],
+        [x, y - 1.25 * side],
+      ];
+  [below, above].forEach(([left, top], i) => {
+    const square = { x: left, y: top, width: side, height: side, fill: swatches[i] };
+    if (swatches[i]) make('rect', square, node);
+  });
+}
 
 // The colors of a bar, as one gradient or as patches of a table.
 function drawColors(bar, node, x, y, width, height) {

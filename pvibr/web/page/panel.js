@@ -22,11 +22,13 @@ export class Panel {
     const rows = [...colored.values()].map((thing) =>
       this.colors(thing, Object.keys(thing.scalars)),
     );
+    rows.push(...(view.timeline?.players ?? []).map((player) => this.clips(player)));
     const help = element('p', {
       className: 'help',
       textContent:
         'Drag turns, wheel or right drag zooms, Shift and drag moves, Ctrl and drag rolls; ' +
-        'a click says what it hits. Keys: arrows, + and -, r resets, v isometric view.',
+        'a click says what it hits. Keys: arrows, + and -, r resets, v isometric view.' +
+        (view.timeline ? ' Space plays and pauses.' : ''),
     });
     const reset = element('button', { type: 'button', textContent: 'Reset view' });
     reset.onclick = () => view.reset();
@@ -39,6 +41,15 @@ export class Panel {
       help,
     );
     parent.append(this.details);
+  }
+
+  clips(player) {
+    const names = player.clips.map(({ name }, i) => new Option(name || `clip ${i + 1}`, i));
+    const clip = element('select', {}, ...names);
+    clip.value = player.clip.every((k) => k === player.clip[0]) ? player.clip[0] : '';
+    clip.onchange = () => this.view.timeline.choose(player, Number(clip.value));
+    const legend = element('legend', { textContent: player.name || 'Figure' });
+    return element('fieldset', {}, legend, labelled('Clip', clip));
   }
 
   colors(thing, names) {

@@ -5,6 +5,8 @@ function picking({ vertex, fragment }) {
   const main = 'void main()';
   const found = vertex.includes('int slot = int(known.w);')
     ? vertex.replace('int slot = int(known.w);', '$& ibr_picked = slot;')
+    : vertex.includes('ibr_show(int(known.y)')
+    ? vertex.replace('ibr_show(int(known.y)', 'ibr_picked = int(known.y); $&')
     : vertex.replace(/int i = int\(block\.w\)[^;]*;/, '$& ibr_picked = i;');
   const placed =
     found === vertex
@@ -37,7 +39,31 @@ function weighted({ vertex, fragment }) {
   return { vertex, fragment: declared + code };
 }
 
-const VARIANTS = { '': (sources) => sources, 'picks': picking, weighted };
+// Variants that write depth alone: compilers drop what is for colors.
+const depth = ({ vertex, fragment }) => ({
+  vertex,
+  fragment: fragment.replace('out vec4 fragOutput0;', 'vec4 fragOutput0;'),
+});
+
+// Variants that write normals in eye space and the numbers of things, as buffers.py has them.
+function surfaces({ vertex, fragment }) {
+  const end = fragment.lastIndexOf('}');
+  const lit = /vec3 normalVCVSOutput\s*=/.test(fragment);
+  const code = `
+#ifdef IBR_NORMAL
+  vec3 ibr_n = normalize(IBR_NORMAL);
+#else
+  vec3 ibr_n = ${lit ? 'normalVCVSOutput' : 'vec3(2.0)'};
+#endif
+  float ibr_id = float(ibr_thing);
+  fragOutput0 = vec4(ibr_n.xy, ibr_n.z < 0.0 ? -ibr_id : ibr_id, 1.0);\n}\n`;
+  const declared = fragment.slice(0, end).replace('void main()', 'uniform int ibr_thing;\nvoid main()');
+  return { vertex, fragment: declared + code };
+}
+
+const VARIANTS = { '': (sources) => sources, 'picks': picking, weighted, depth, surfaces };
+
+export class RefusedError extends Error {}
 
 class Program {
   constructor(gl, sources) {
@@ -59,7 +85,7 @@ class Program {
         .getAttachedShaders(this.handle)
         .map((s) => gl.getShaderInfoLog(s))
         .join('\n');
-      throw new Error(`a shader was refused: ${logs}${gl.getProgramInfoLog(this.handle)}`);
+      throw new RefusedError(`${logs}${gl.getProgramInfoLog(this.handle)}`);
     }
     this.uniforms = {};
     this.units = {};
@@ -96,6 +122,7 @@ class Program {
     if (!uniform || uniform.type === gl.SAMPLER_2D) return;
     const { place, type } = uniform;
     if (type === gl.INT || type === gl.BOOL) gl.uniform1i(place, Number(value));
+    else if (type === gl.FLOAT && Array.isArray(value)) gl.uniform1fv(place, value);
     else if (type === gl.FLOAT) gl.uniform1f(place, Number(value));
     else if (type === gl.FLOAT_VEC2) gl.uniform2fv(place, value);
     else if (type === gl.FLOAT_VEC3) gl.uniform3fv(place, value);
@@ -114,8 +141,20 @@ export class Programs {
 
   of(sources, variant = '') {
     const key = `${variant} ${sources.vertex}${sources.fragment}`;
-    if (!this.made.has(key)) this.made.set(key, new Program(this.gl, VARIANTS[variant](sources)));
-    return this.made.get(key);
+    if (!this.made.has(key)) this.made.set(key, this.make(VARIANTS[variant](sources)));
+    const made = this.made.get(key);
+    if (made instanceof RefusedError) throw made;
+    return made;
+  }
+
+  make(sources) {
+    try {
+      return new Program(this.gl, sources);
+    } catch (error) {
+      if (!(error instanceof RefusedError)) throw error;
+      console.warn(`a shader was refused: ${error.message}`);
+      return error;
+    }
   }
 }
 
@@ -146,13 +185,13 @@ export function texture(
 }
 
 // Replaces what is in a texture.
-export function fill(gl, handle, source, width, height) {
+export function fill(gl, handle, source, width, height, channels = source.length / width / height) {
   gl.bindTexture(gl.TEXTURE_2D, handle);
   const target = gl.TEXTURE_2D;
   if (!ArrayBuffer.isView(source))
     gl.texImage2D(target, 0, gl.RGBA8, gl.RGBA, gl.UNSIGNED_BYTE, source);
   else if (source instanceof Float32Array) {
-    const one = source.length === width * height;
+    const one = channels === 1;
     gl.texImage2D(
       target,
       0,

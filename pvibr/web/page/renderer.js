@@ -1,27 +1,45 @@
 // Draws scenes: VTK's programs with their uniforms, in the order of pvibr's frames.
 import { resetClippingRange } from './camera.js';
+import { Stage } from './effects.js';
+import { Crowd, Figures, playersOf } from './figures.js';
 import { Instances } from './instances.js';
+import { HiddenLabels } from './labels.js';
 import { Mesh } from './meshes.js';
-import { Programs } from './programs.js';
-import { View, multiply, normalMatrix, times } from './views.js';
+import { Programs, RefusedError } from './programs.js';
+import { Projector } from './projectors.js';
+import { Quadrics } from './quadrics.js';
+import { Shadows, receiverUniforms } from './shadows.js';
+import { copy, cover, target } from './targets.js';
+import { multiply, normalMatrix, times, viewOf } from './views.js';
 
 const MAX_SAMPLES = 8; // as PyVista's off screen
 
 const transposed = (m) => m.map((_, i) => m[4 * (i % 4) + Math.floor(i / 4)]);
 
-// One pass over a subplot: its programs with the uniforms of its view.
+// One pass over a subplot: its programs with the uniforms of its view. Solid ones do not blend.
 class Pass {
-  constructor(renderer, subplot, view, picks) {
-    Object.assign(this, { gl: renderer.gl, programs: renderer.programs, subplot, view, picks });
+  constructor(renderer, subplot, view, variant = '') {
+    Object.assign(this, { gl: renderer.gl, programs: renderer.programs, subplot, view, variant });
     this.shared = { ...view.uniforms, ...view.lightUniforms(subplot.lights) };
-    if (picks) this.shared.ibr_fades = 0;
-    this.variant = picks ? 'picks' : '';
+    this.solid = variant !== '';
+    if (this.solid) this.shared.ibr_fades = 0;
+    this.textures = {};
     this.thing = 0;
+  }
+
+  // Lets its programs read shadow maps and projected images.
+  receive(received) {
+    if (received.length) Object.assign(this.shared, receiverUniforms(this.view));
+    for (const each of received) {
+      Object.assign(this.shared, each.uniforms(this.view));
+      Object.assign(this.textures, each.textures);
+    }
   }
 
   program(number, groups, textures) {
     const program = this.programs.of(this.subplot.programs[number], this.variant);
-    program.use([this.shared, { ibr_thing: this.thing }, ...groups], textures);
+    const uniforms = [this.shared, { ibr_thing: this.thing }, ...groups];
+    program.use(uniforms, { ...textures, ...this.textures });
     return program;
   }
 
@@ -36,17 +54,36 @@ class Pass {
 export class Renderer {
   constructor(gl, scene) {
     Object.assign(this, { gl, scene, programs: new Programs(gl) });
+    this.refused = new Set(); // names of things whose shaders this browser does not take
+    gl.getExtension('EXT_color_buffer_float');
     this.drawn = scene.subplots.map(({ things }) =>
-      things.map((tree) => ({
-        tree,
-        shown: tree.kind === 'mesh' ? new Mesh(gl, tree) : new Instances(gl, tree),
-      })),
+      things.map((tree) => ({ tree, shown: this.shown(tree) })),
+    );
+    this.players = playersOf(scene);
+    this.figures = new Figures(gl, this.programs, scene, this.drawn);
+    // What each subplot's surfaces receive: shadows and projected images.
+    this.received = scene.subplots.map(({ shadows, projectors }) => [
+      ...(shadows ? [new Shadows(gl, shadows, this.programs)] : []),
+      ...projectors.map((tree) => new Projector(gl, tree)),
+    ]);
+    this.stages = scene.subplots.map(({ stage }, i) => {
+      const names = this.drawn[i].map(({ tree }) => tree.name);
+      return stage && new Stage(gl, this.programs, stage, names);
+    });
+    this.labels = scene.subplots.map(
+      ({ annotations }) => new HiddenLabels(gl, this.programs, annotations),
     );
     this.backdrop = this.programs.of(GRADIENT);
     this.average = this.programs.of(AVERAGE);
-    gl.getExtension('EXT_color_buffer_float');
     this.samples = Math.min(MAX_SAMPLES, gl.getParameter(gl.MAX_SAMPLES));
     this.targets = {};
+  }
+
+  shown(tree) {
+    const { gl, programs, scene } = this;
+    if (tree.kind === 'mesh') return new Mesh(gl, tree);
+    if (tree.kind === 'quadrics') return new Quadrics(gl, tree);
+    return tree.plays ? new Crowd(gl, tree, programs, scene.posing) : new Instances(gl, tree);
   }
 
   // Targets: the picture's samples, the picture for picks, weighted colors.
@@ -59,10 +96,10 @@ export class Renderer {
     Object.values(this.targets).forEach(({ release }) => release());
     Object.assign(this, { width, height });
     const samples = quality < 1 ? 0 : this.samples;
+    this.quick = quality < 1;
     this.targets = {
       picture: target(gl, [gl.RGBA8], { width, height, samples }),
       picks: target(gl, [gl.RGBA8], { width, height }),
-      weighted: target(gl, [gl.RGBA16F, gl.R16F], { width, height }),
     };
   }
 
@@ -77,24 +114,21 @@ export class Renderer {
     ];
   }
 
-  draw(cameras, size, quality = 1) {
+  draw(cameras, size, quality = 1, time = 0) {
     const { gl } = this;
+    this.figures.at(time);
+    // What moves casts other shadows.
+    const moment = `${time} ${this.players.map(({ clip }) => clip[0])}`;
+    if (this.moment !== moment)
+      for (const { maps } of this.received.flat()) maps.forEach((map) => (map.stale = true));
+    this.moment = moment;
     this.resize(size, quality);
     this.cameras = cameras;
     const { frame } = this.targets.picture;
-    gl.bindFramebuffer(gl.FRAMEBUFFER, frame);
     this.scene.subplots.forEach((_, i) => this.drawSubplot(i, false));
     gl.disable(gl.SCISSOR_TEST);
-    this.copy(frame, null, gl.COLOR_BUFFER_BIT, size);
+    copy(gl, frame, null, gl.COLOR_BUFFER_BIT, [this.width, this.height], size);
     gl.bindFramebuffer(gl.FRAMEBUFFER, null);
-  }
-
-  copy(from, to, what, [w, h] = [this.width, this.height]) {
-    const { gl, width, height } = this;
-    gl.bindFramebuffer(gl.READ_FRAMEBUFFER, from);
-    gl.bindFramebuffer(gl.DRAW_FRAMEBUFFER, to);
-    const filter = w === width && h === height ? gl.NEAREST : gl.LINEAR;
-    gl.blitFramebuffer(0, 0, width, height, 0, 0, w, h, what, filter);
   }
 
   begin(subplot, rectangle, picks) {
@@ -105,11 +139,12 @@ export class Renderer {
     gl.depthMask(true);
     gl.colorMask(true, true, true, true);
     const { bottom, top } = subplot.background;
-    gl.clearColor(...(picks ? [0, 0, 0] : bottom), picks ? 0 : 1);
+    const bare = picks || subplot.stage?.on_black; // a sky is behind it
+    gl.clearColor(...(bare ? [0, 0, 0] : bottom), bare || subplot.stage ? 0 : 1);
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
     gl.disable(gl.BLEND);
     gl.disable(gl.DEPTH_TEST);
-    if (top && !picks) this.cover(this.backdrop, [{ bottom, top }]);
+    if (top && !bare) cover(gl, this.backdrop, [{ bottom, top }]);
     gl.enable(gl.DEPTH_TEST);
     gl.depthFunc(gl.LEQUAL);
     gl.blendFuncSeparate(gl.SRC_ALPHA, gl.ONE_MINUS_SRC_ALPHA, gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
@@ -123,49 +158,100 @@ export class Renderer {
     if (rectangle[2] < 1 || rectangle[3] < 1) return;
     const camera = this.cameras[number];
     resetClippingRange(camera, subplot.reach);
-    const view = new View(camera, rectangle[2], rectangle[3]);
+    const view = viewOf(camera, rectangle[2], rectangle[3]);
+    const stage = picks ? null : this.stages[number];
+    const received = picks ? [] : this.received[number];
+    this.drawMaps(number, received);
+    this.frame = picks ? this.targets.picks.frame : this.targets.picture.frame;
+    if (stage) {
+      this.frame = stage.begin(view.width, view.height, this.quick ? 0 : this.samples);
+      rectangle.splice(0, 2, 0, 0);
+    }
+    gl.bindFramebuffer(gl.FRAMEBUFFER, this.frame);
     this.begin(subplot, rectangle, picks);
-    const pass = new Pass(this, subplot, view, picks);
+    const pass = new Pass(this, subplot, view, picks ? 'picks' : '');
+    pass.receive(received);
     const visible = this.drawn[number].filter(
       ({ tree }) => tree.visible !== false && !(picks && !tree.pickable),
     );
-    const numbered = (list, each) =>
-      list.forEach((item) => {
-        pass.thing = this.drawn[number].indexOf(item) + 1;
-        each(item);
-      });
-    const meshes = visible.filter(({ tree }) => tree.kind === 'mesh');
-    const sets = visible.filter(({ tree }) => tree.kind === 'instances');
-    numbered(
-      meshes.filter(({ tree }) => !tree.translucent),
-      (item) => this.drawMesh(pass, item),
-    );
-    for (const { shown } of sets) shown.prepare(view);
-    numbered(sets, ({ shown }) => shown.drawMeshes(pass));
-    if (picks) numbered(sets, ({ shown }) => shown.drawCards(pass, 'solid'));
-    else {
-      numbered(sets, ({ shown }) => shown.drawCards(pass, 'core'));
-      gl.depthMask(false);
-      numbered(sets, ({ shown }) => shown.drawCards(pass, 'fringe'));
-    }
-    const translucent = meshes.filter(({ tree }) => tree.translucent);
+    this.drawOpaque(pass, number, visible);
+    const translucent = visible.filter(({ tree }) => tree.translucent);
+    const hasSets = visible.some(({ tree }) => tree.kind !== 'mesh');
     gl.depthMask(picks);
-    if (translucent.length && !sets.length && !picks) this.drawWeighted(pass, translucent);
-    else
-      numbered(picks ? translucent : sorted(translucent, view), (item) =>
-        this.drawMesh(pass, item),
-      );
+    if (translucent.length && !hasSets && !picks) this.drawWeighted(pass, translucent);
+    else this.drawEach(pass, number, picks ? translucent : sorted(translucent, view));
     gl.depthMask(true);
+    if (!picks) this.labels[number].ask(view);
+    if (!stage) return;
+    if (subplot.stage.surfaces) this.drawSurfaces(number, view, stage, visible);
+    stage.finish(view, this.targets.picture.frame, this.rectangle(subplot));
+  }
+
+  // Draws normals and numbers of opaque surfaces, which outlines read.
+  drawSurfaces(number, view, stage, visible) {
+    const { gl } = this;
+    gl.bindFramebuffer(gl.FRAMEBUFFER, stage.targets.surfaces.frame);
+    gl.disable(gl.BLEND);
+    gl.clearColor(0, 0, 0, 0);
+    gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
+    this.drawOpaque(new Pass(this, this.scene.subplots[number], view, 'surfaces'), number, visible);
+  }
+
+  // Calls with each of some things, numbered for picks; by default draws meshes.
+  drawEach(pass, number, items, draw = (item) => this.drawMesh(pass, item)) {
+    for (const item of items) {
+      const items = this.drawn[number];
+      // Parts of a set are one object.
+      const isSame = ({ tree }) => tree.kind === 'instances' && tree.name === item.tree.name;
+      pass.thing =
+        (pass.variant === 'surfaces' ? items.findIndex((o) => o === item || isSame(o)) : -1) + 1 ||
+        items.indexOf(item) + 1;
+      try {
+        draw(item);
+      } catch (error) {
+        if (!(error instanceof RefusedError)) throw error;
+        this.refused.add(item.tree.name || item.tree.kind);
+      }
+    }
+  }
+
+  // Draws what is opaque, and soft edges of cards unless the pass is solid.
+  drawOpaque(pass, number, visible) {
+    const { gl } = this;
+    const sets = visible.filter(({ tree }) => tree.kind === 'instances');
+    const meshes = visible.filter(({ tree }) => tree.kind !== 'instances' && !tree.translucent);
+    this.drawEach(pass, number, meshes);
+    for (const { shown } of sets) shown.prepare(pass.view);
+    this.drawEach(pass, number, sets, ({ shown }) => shown.drawMeshes(pass));
+    const cards = (name) =>
+      this.drawEach(pass, number, sets, ({ shown }) => shown.drawCards(pass, name));
+    if (pass.solid) return cards('solid');
+    cards('core');
+    gl.depthMask(false);
+    return cards('fringe');
+  }
+
+  // Draws the stale depth maps of what surfaces receive.
+  drawMaps(number, received) {
+    const draw = (view) => {
+      const pass = new Pass(this, this.scene.subplots[number], view, 'depth');
+      const casters = this.drawn[number].filter(
+        ({ tree }) => tree.visible !== false && tree.casts !== false,
+      );
+      this.drawOpaque(pass, number, casters);
+    };
+    for (const map of received.flatMap(({ maps }) => maps)) map.update(draw);
   }
 
   // Blends translucent meshes in any order, as vtkOrderIndependentTranslucentPass does.
   drawWeighted(pass, items) {
     const { gl } = this;
-    const { picture, weighted } = this.targets;
     const rectangle = gl.getParameter(gl.VIEWPORT);
+    const size = [rectangle[0] + rectangle[2], rectangle[1] + rectangle[3]];
+    const weighted = this.weightedTarget(...size);
     gl.disable(gl.SCISSOR_TEST);
     gl.depthMask(true);
-    this.copy(picture.frame, weighted.frame, gl.DEPTH_BUFFER_BIT);
+    copy(gl, this.frame, weighted.frame, gl.DEPTH_BUFFER_BIT, size);
     gl.bindFramebuffer(gl.FRAMEBUFFER, weighted.frame);
     gl.depthMask(false);
     gl.clearBufferfv(gl.COLOR, 0, [0, 0, 0, 1]);
@@ -174,26 +260,27 @@ export class Renderer {
     pass.variant = 'weighted';
     items.forEach((item) => this.drawMesh(pass, item));
     pass.variant = '';
-    gl.bindFramebuffer(gl.FRAMEBUFFER, picture.frame);
-    gl.viewport(0, 0, this.width, this.height);
+    gl.bindFramebuffer(gl.FRAMEBUFFER, this.frame);
+    gl.viewport(0, 0, ...size);
     gl.enable(gl.SCISSOR_TEST);
     gl.blendFuncSeparate(gl.SRC_ALPHA, gl.ONE_MINUS_SRC_ALPHA, gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
     gl.disable(gl.DEPTH_TEST);
-    this.cover(this.average, [], { colors: weighted.textures[0], weights: weighted.textures[1] });
+    cover(gl, this.average, [], { colors: weighted.textures[0], weights: weighted.textures[1] });
     gl.enable(gl.DEPTH_TEST);
     gl.viewport(...rectangle);
   }
 
-  // Draws a triangle that covers the viewport.
-  cover(program, groups, textures) {
-    const { gl } = this;
-    program.use(groups, textures);
-    gl.bindVertexArray(null);
-    for (let i = 0; i < 8; i++) gl.disableVertexAttribArray(i);
-    gl.drawArrays(gl.TRIANGLES, 0, 3);
+  weightedTarget(width, height) {
+    const { gl, targets } = this;
+    if (targets.weighted?.width !== width || targets.weighted.height !== height) {
+      targets.weighted?.release();
+      targets.weighted = target(gl, [gl.RGBA16F, gl.R16F], { width, height });
+    }
+    return targets.weighted;
   }
 
   drawMesh(pass, { tree, shown }) {
+    if (tree.kind === 'quadrics') return shown.draw(pass);
     const { gl } = this;
     const model = transposed(tree.matrix);
     const placed = multiply(model, [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, ...tree.origin, 1]);
@@ -203,6 +290,7 @@ export class Renderer {
       MCVCMatrix: eye,
       MCDCMatrix: multiply(pass.view.clipFromEye, eye),
       normalMatrix: normalMatrix(eye),
+      ...ownUniforms(tree, pass.view, eye, model),
     };
     const draw = (kind, each) => {
       if (!(kind in tree.programs)) return;
@@ -210,7 +298,7 @@ export class Renderer {
       shown.bind(program);
       each(program);
     };
-    pass.cull(tree.material);
+    pass.cull(pass.variant === 'depth' ? {} : tree.material);
     if (tree.edges) {
       gl.enable(gl.POLYGON_OFFSET_FILL);
       gl.polygonOffset(1, 1);
@@ -222,9 +310,9 @@ export class Renderer {
     draw('lines', (program) =>
       this.drawWide(pass, tree, program, uniforms, () => shown.draw('lines')),
     );
-    if (!tree.edges || pass.picks) return;
-    const edge = this.programs.of(EDGES, pass.variant);
-    edge.use([uniforms, { color: tree.material.edge_color }]);
+    if (!tree.edges || pass.solid) return;
+    const edge = this.programs.of(shown.textures.ibr_posed ? posed(EDGES) : EDGES, pass.variant);
+    edge.use([uniforms, { color: tree.material.edge_color }], shown.textures);
     shown.bind(edge);
     this.drawWide(pass, tree, edge, uniforms, () => shown.draw('edges'));
   }
@@ -242,7 +330,6 @@ export class Renderer {
   // The thing at shares of the canvas, y up: its index and its values there, or null.
   pick(number, u, v) {
     const { gl } = this;
-    gl.bindFramebuffer(gl.FRAMEBUFFER, this.targets.picks.frame);
     this.drawSubplot(number, true);
     const [x, y] = [Math.floor(u * this.width), Math.floor(v * this.height)];
     const texel = new Uint8Array(4);
@@ -267,6 +354,16 @@ export class Renderer {
   }
 }
 
+// Of what receives shadows: the scale by which normals shrink, and half the width of lines.
+function ownUniforms({ material }, { parallel, pixelScale }, eye, model) {
+  const columns = [0, 4, 8].map((k) => Math.hypot(model[k], model[k + 1], model[k + 2]));
+  const distance = parallel ? 1 : Math.hypot(eye[12], eye[13], eye[14]);
+  return {
+    ibr_scale: Math.cbrt(columns[0] * columns[1] * columns[2]),
+    ibr_radius: (0.5 * material.line_width * distance) / pixelScale,
+  };
+}
+
 // The places at which lines of a width are drawn, in pixels: rings a pixel apart.
 function disc(width) {
   const places = [];
@@ -284,35 +381,6 @@ function disc(width) {
 function sorted(items, { eyeFromWorld: m }) {
   const depth = ({ tree }) => times(m, times(transposed(tree.matrix), tree.origin))[2];
   return [...items].sort((a, b) => depth(a) - depth(b));
-}
-
-// A framebuffer with depth: renderbuffers of samples, or textures.
-function target(gl, formats, { width, height, samples = 0 }) {
-  const frame = gl.createFramebuffer();
-  gl.bindFramebuffer(gl.FRAMEBUFFER, frame);
-  const buffer = (place, format) => {
-    const made = gl.createRenderbuffer();
-    gl.bindRenderbuffer(gl.RENDERBUFFER, made);
-    gl.renderbufferStorageMultisample(gl.RENDERBUFFER, samples, format, width, height);
-    gl.framebufferRenderbuffer(gl.FRAMEBUFFER, place, gl.RENDERBUFFER, made);
-    return () => gl.deleteRenderbuffer(made);
-  };
-  const textures = [];
-  const releases = [buffer(gl.DEPTH_ATTACHMENT, gl.DEPTH_COMPONENT24)];
-  formats.forEach((format, i) => {
-    if (samples) return releases.push(buffer(gl.COLOR_ATTACHMENT0 + i, format));
-    const made = gl.createTexture();
-    gl.bindTexture(gl.TEXTURE_2D, made);
-    gl.texStorage2D(gl.TEXTURE_2D, 1, format, width, height);
-    for (const name of [gl.TEXTURE_MIN_FILTER, gl.TEXTURE_MAG_FILTER])
-      gl.texParameteri(gl.TEXTURE_2D, name, gl.NEAREST);
-    gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0 + i, gl.TEXTURE_2D, made, 0);
-    textures.push(made);
-    return releases.push(() => gl.deleteTexture(made));
-  });
-  gl.drawBuffers(formats.map((_, i) => gl.COLOR_ATTACHMENT0 + i));
-  const release = () => [...releases, () => gl.deleteFramebuffer(frame)].forEach((f) => f());
-  return { frame, textures, release };
 }
 
 const GRADIENT = {
@@ -343,6 +411,18 @@ uniform vec3 color;
 out vec4 fragOutput0;
 void main() { fragOutput0 = vec4(color, 1.0); }`,
 };
+
+// The same for vertices that are posed, as posing.glsl fetches them.
+const posed = ({ vertex, fragment }) => ({
+  vertex: vertex.replace('in vec4 vertexMC;', 'uniform highp sampler2D ibr_posed;\nuniform int ibr_posed_row;').replace(
+    'void main() {',
+    `void main() {
+  int width = textureSize(ibr_posed, 0).x;
+  ivec2 texel = ivec2(gl_VertexID % width, ibr_posed_row + gl_VertexID / width);
+  vec4 vertexMC = vec4(texelFetch(ibr_posed, texel, 0).xyz, 1.0);`,
+  ),
+  fragment,
+});
 
 const AVERAGE = {
   vertex: GRADIENT.vertex,

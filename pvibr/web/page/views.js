@@ -27,76 +27,56 @@ export function normalMatrix(m) {
   return rows.flat().map((x) => x / det);
 }
 
-// A camera in a viewport of pixels: VTK's matrices and pvibr's uniforms of a view.
+// The inverse of a matrix, by Gauss and Jordan with pivots.
+export function inverse(m) {
+  const rows = [0, 1, 2, 3].map((i) => [
+    ...[0, 1, 2, 3].map((j) => m[4 * j + i]),
+    ...[0, 1, 2, 3].map((j) => Number(i === j)),
+  ]);
+  for (let k = 0; k < 4; k++) {
+    let pivot = k;
+    for (let i = k + 1; i < 4; i++)
+      if (Math.abs(rows[i][k]) > Math.abs(rows[pivot][k])) pivot = i;
+    [rows[k], rows[pivot]] = [rows[pivot], rows[k]];
+    const scale = rows[k][k];
+    rows[k] = rows[k].map((x) => x / scale);
+    for (let i = 0; i < 4; i++)
+      if (i !== k) {
+        const share = rows[i][k];
+        rows[i] = rows[i].map((x, j) => x - share * rows[k][j]);
+      }
+  }
+  return [0, 1, 2, 3].flatMap((j) => rows.map((row) => row[4 + j]));
+}
+
+// The view of a camera in a viewport of pixels.
+export function viewOf(camera, width, height) {
+  const { right, up, back, distance } = frameOf(camera);
+  const eye = camera.position;
+  const [near, far] = camera.clipping_range;
+  const parallel = camera.parallel_projection;
+  const [cx, cy] = camera.window_center ?? [0, 0];
+  const half = parallel ? camera.parallel_scale : Math.tan(radians(camera.view_angle) / 2);
+  const along = (axis) => -(axis[0] * eye[0] + axis[1] * eye[1] + axis[2] * eye[2]);
+  const axes = [0, 1, 2].flatMap((i) => [right[i], up[i], back[i], 0]);
+  const eyeFromWorld = [...axes, along(right), along(up), along(back), 1];
+  const [sx, sy] = [height / (half * width), 1 / half];
+  const [sum, gap] = [far + near, far - near];
+  const clipFromEye = parallel
+    ? [sx, 0, 0, 0, 0, sy, 0, 0, 0, 0, -2 / gap, 0, -cx, -cy, -sum / gap, 1]
+    : [sx, 0, 0, 0, 0, sy, 0, 0, cx, cy, -sum / gap, -1, 0, 0, (-2 * far * near) / gap, 0];
+  const values = { eyeFromWorld, clipFromEye, near, far, parallel, width, height, distance };
+  const tangent = Math.tan(radians(camera.view_angle) / 2);
+  return new View({ ...values, tangent, center: [cx, cy] });
+}
+
+// VTK's matrices and pvibr's uniforms of a view, from a camera or a light.
 export class View {
-  constructor(camera, width, height) {
-    const { right, up, back, distance } = frameOf(camera);
-    const eye = camera.position;
-    const [near, far] = camera.clipping_range;
-    const parallel = camera.parallel_projection;
-    const [cx, cy] = camera.window_center ?? [0, 0];
-    const aspect = width / height;
-    const half = parallel ? camera.parallel_scale : Math.tan(radians(camera.view_angle) / 2);
-    const along = (axis) => -(axis[0] * eye[0] + axis[1] * eye[1] + axis[2] * eye[2]);
-    Object.assign(this, { parallel, near, far, half, aspect, distance, eye, width, height });
-    this.eyeFromWorld = [
-      right[0],
-      up[0],
-      back[0],
-      0,
-      right[1],
-      up[1],
-      back[1],
-      0,
-      right[2],
-      up[2],
-      back[2],
-      0,
-      along(right),
-      along(up),
-      along(back),
-      1,
-    ];
-    const [sx, sy] = [1 / (half * aspect), 1 / half];
-    this.clipFromEye = parallel
-      ? [
-          sx,
-          0,
-          0,
-          0,
-          0,
-          sy,
-          0,
-          0,
-          0,
-          0,
-          -2 / (far - near),
-          0,
-          -cx,
-          -cy,
-          -(far + near) / (far - near),
-          1,
-        ]
-      : [
-          sx,
-          0,
-          0,
-          0,
-          0,
-          sy,
-          0,
-          0,
-          cx,
-          cy,
-          -(far + near) / (far - near),
-          -1,
-          0,
-          0,
-          (-2 * far * near) / (far - near),
-          0,
-        ];
-    this.pixelScale = height / (2 * half);
+  constructor(values) {
+    Object.assign(this, values);
+    const { height, parallel } = this;
     const [m, e] = [this.clipFromEye, this.eyeFromWorld];
+    this.pixelScale = (height * m[5]) / 2;
     this.rotation = [e[0], e[1], e[2], e[4], e[5], e[6], e[8], e[9], e[10]];
     this.uniforms = {
       cameraParallel: Number(parallel),
