@@ -70,6 +70,8 @@ def build_draft(mesh, point_count=FIRST_POINTS) -> Hierarchy:
         vertex_of_point=vertex_of_point,
         mesh_cells=np.asarray(mesh.mesh_cells, np.int64)[is_area][rows],
         edge_flags=np.zeros(0, np.uint8),
+        probes=np.zeros((0, 5), np.int32),
+        probe_weights=np.zeros((0, 3), np.float32),
         texture_coordinates=coordinates[corners] if len(coordinates) else coordinates,
         **arrays,
     )
