@@ -13,7 +13,7 @@ from pvibr.core.counts import TOTAL, difference
 from pvibr.core.effect import Effect, put_into
 from pvibr.core.errors import ClosedError
 from pvibr.core.passes import has_shadows, loses_depth, peels_samples
-from pvibr.core.plotters import list_all_props
+from pvibr.core.plotters import list_all_props, send_lights_again
 from pvibr.core.report import Report, Row
 from pvibr.core.threads import DrawingThread
 from pvibr.effects import ORDER
@@ -239,6 +239,8 @@ class Pipeline:
         return Frame.of(self.renderer, time=self.time, quality=quality)
 
     def _on_first(self, _renderer, _event):
+        if self._neighbours():
+            send_lights_again([self.renderer])
         for thing in self._things:
             thing.begin_frame()
 
@@ -292,10 +294,17 @@ class Pipeline:
                 turn.guard([entry], entry.effect.prepare, turn.drawn)
         astray.clear()
 
+    def _neighbours(self) -> list:
+        """Return the other renderers of the window."""
+        renderers = self.window.GetRenderers()
+        several = renderers.GetNumberOfItems() > 1
+        return [r for r in renderers if r is not self.renderer] if several else []
+
     def _on_end(self, _renderer, _event):
         turn, self._turn = self._turn, None
         if turn is not None:
             self._end(turn)
+        send_lights_again(self._neighbours())
         for thing in self._things:
             thing.end_frame()
         if turn is not None:

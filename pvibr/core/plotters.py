@@ -55,6 +55,15 @@ def names_of(renderer) -> dict:
     return {address(a): n for n, a in actors.items()} if isinstance(actors, dict) else {}
 
 
+def send_lights_again(renderers):
+    """Have renderers send their lights to the programs that they share with others.
+
+    VTK sends lights only if they changed, though another subplot may have sent its own since.
+    """
+    for renderer in renderers:
+        renderer.GetLights().Modified()
+
+
 def plain_name(name) -> str:
     """Return a name without the address that PyVista gives to what users did not name."""
     return re.sub(r'\(Addr=0x[0-9a-f]+\)$', '', str(name))

@@ -7,7 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from pvibr.things.shader_draws import PBR
+from pvibr.things.shader_draws import is_shiny
 from pvibr.things.soft_draws import CORE, SOLID, SoftDraws
 
 #: View directions are divided into a square of patches; errors are measured in each.
@@ -21,8 +21,7 @@ class CardLayer(SoftDraws):
     def __init__(self, cards, shader, prop, draws, chunk):
         self.cards, self.shader = cards, shader
         self.core_size = shader.core_size(cards.atlas)
-        shiny = prop.GetSpecular() > 0 or prop.GetInterpolation() == PBR
-        kind = shiny, cards.atlas.animated, cards.atlas.turntable is not None
+        kind = is_shiny(prop), cards.atlas.animated, cards.atlas.turntable is not None
         super().__init__(
             shader.feature(*kind, deep=True),
             # Planes that pierce one another cut wide fringes raggedly; fringes of small cards are

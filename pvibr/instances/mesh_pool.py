@@ -10,7 +10,7 @@ import numpy as np
 from pvibr.core import _vtk
 from pvibr.gl.feature import DITHER, Feature
 from pvibr.instances.one_sided import OneSided
-from pvibr.things.shader_draws import DULL, PBR
+from pvibr.things.shader_draws import DULL, is_shiny
 
 # An instance's colour replaces that of scalars and texture or multiplies it; cut-outs keep their
 # holes. The lit colour is VTK's before it multiplies by the texture.
@@ -204,8 +204,7 @@ def with_looks(part, mapper):
     actor = part.new_actor(mapper)
     shader = actor.GetShaderProperty()
     shader_text = {'//VTK::TCoord::Impl': DITHER + _LOOK, '//VTK::Color::Impl': _COLOR}
-    prop = actor.GetProperty()
-    if prop.GetSpecular() == 0 and prop.GetInterpolation() != PBR:
+    if not is_shiny(actor.GetProperty()):
         shader_text['//VTK::Light::Impl'] = '//VTK::Light::Impl\n'.join(DULL)
     for tag, text in shader_text.items():
         shader.ClearFragmentShaderReplacement(tag, True)

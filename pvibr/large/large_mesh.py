@@ -22,6 +22,7 @@ from pvibr.large.cut_mesh import CutLook, CutMesh
 from pvibr.large.draft import build_draft
 from pvibr.large.drawn_surface import DrawnSurface, checked_part
 from pvibr.large.full_picking import nearest_triangle
+from pvibr.large.left_out import leave_out_unused
 from pvibr.large.solid_cut import SolidCut
 from pvibr.large.sources import NO_COORDINATES, checked_texture
 from pvibr.large.stored import built, cache_of, hierarchy_key, opened
@@ -221,8 +222,7 @@ class LargeMesh(Thing):
 
     def _dress_mappers(self):
         """Let the mappers have the look of the colouring."""
-        pairs = (self, self._cut), (self._other_actor, self._other_cut)
-        for actor, cut in pairs:
+        for actor, cut in ((self, self._cut), (self._other_actor, self._other_cut)):
             self._coloring.dress(actor)
             mapper = actor.GetMapper()
             planes = list(mapper.GetClippingPlanes() or ())
@@ -453,6 +453,7 @@ class LargeMesh(Thing):
         self._tolerance, self._own_view = self._tolerance_of(frame.quality), frame.view
         whole, patches = self._surface.cut(self, self._view(frame), self._tolerance)
         self._surface.show(self._cut, patches)
+        leave_out_unused(*self.actors())
         fade_edges(self, frame, np.inf if self.is_draft else self._tolerance.error)
         if not np.array_equal(whole, self._whole):
             self._whole = whole

@@ -18,7 +18,7 @@ from pvibr.maths.views import frustum_planes
 from pvibr.things.clipping import KEPT
 from pvibr.things.depth_prepass import DEPTH_ONLY
 from pvibr.things.draw_order import PARTS
-from pvibr.things.shader_draws import DULL, ShaderDraws
+from pvibr.things.shader_draws import DULL_FEATURE, ShaderDraws
 
 _GIANT = 300.0  # largest size over the near distance at which floats are good to 1e-5
 # Largest sizes in pixels that are drawn as single pixels, and with one depth for all pixels.
@@ -109,7 +109,6 @@ HIDING = (
 )
 #: Near ones first: they hide the most, and hidden fragments are not lit.
 DRAW_MODES = (GIANTS, QUADS, POINTS, SMALL, DOTS)
-_DULL = Feature('dull', fragment={'VTK::Light::Impl': '//VTK::Light::Impl\n'.join(DULL)})
 
 
 class Layer(ShaderDraws):
@@ -146,7 +145,7 @@ class Layer(ShaderDraws):
             raise ShaderError(self.failure)
         if shiny != self._shiny:
             for actor in self.actors:
-                (_DULL.detach if shiny else _DULL.attach)(actor)
+                (DULL_FEATURE.detach if shiny else DULL_FEATURE.attach)(actor)
             self._shiny = shiny
 
     def show(self, entries, unit=BLOCK, cuts=(), residuals=None):

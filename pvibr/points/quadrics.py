@@ -34,7 +34,7 @@ from pvibr.things.draw_order import depths_of, interleaved
 from pvibr.things.item_set import ItemSet
 from pvibr.things.item_textures import ItemTextures
 from pvibr.things.picking import Hit, joined, pixel_ray
-from pvibr.things.shader_draws import PBR, ROW
+from pvibr.things.shader_draws import ROW, is_shiny
 
 # Alpha of looks: 0 hidden; 1 to 127 opacity, in the material's colour; from 128 opacity plus 128,
 # in the item's own colour.
@@ -246,7 +246,7 @@ class Quadrics(ItemSet):
 
     def prepare(self, frame):
         """Choose which items are drawn and how."""
-        shiny = self.prop.GetSpecular() > 0 or self.prop.GetInterpolation() == PBR
+        shiny = is_shiny(self.prop)
         for layer in self._layers:
             layer.set_shiny(shiny)
         super().prepare(frame)

@@ -21,6 +21,12 @@ _STEP = 128  # of the length of a single row
 PBR = 3  # VTKPBR
 # VTK computes highlights even if the material has none; with this the compiler drops them.
 DULL = '#define specularColor vec3(0.0)\n', '#undef specularColor\n'
+DULL_FEATURE = Feature('dull', fragment={'VTK::Light::Impl': '//VTK::Light::Impl\n'.join(DULL)})
+
+
+def is_shiny(*props) -> bool:
+    """Return whether any of some properties, or None, has highlights."""
+    return any(p and (p.GetSpecular() > 0 or p.GetInterpolation() == PBR) for p in props)
 
 
 class ShaderDraws:

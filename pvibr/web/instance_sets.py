@@ -16,7 +16,7 @@ from pvibr.instances.cards import CARD_SHADERS, FADE
 from pvibr.instances.mesh_draws import copies, draws_feature
 from pvibr.instances.mesh_pool import cutoff, with_looks
 from pvibr.instances.placement import centers_of
-from pvibr.things.shader_draws import PBR, card_mesh
+from pvibr.things.shader_draws import card_mesh, is_shiny
 from pvibr.things.shared_material import CardMaterial
 from pvibr.things.soft_draws import CORE, FRINGE, SOFT, SOLID
 from pvibr.web.container import Image
@@ -124,7 +124,7 @@ def _layer(shader, group, limits, programs) -> dict:
     """Return the draws of one card shader, their programs included."""
     above, _ = limits.spans[shader.name]
     prop = group.card_prop
-    shiny = prop.GetSpecular() > 0 or prop.GetInterpolation() == PBR
+    shiny = is_shiny(prop)
 
     def program(deep):
         feature = shader.feature(shiny, group.atlas.animated, deep=deep)
