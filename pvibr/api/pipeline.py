@@ -56,6 +56,9 @@ class Pipeline:
         self.image_effects: list[Effect] = []
         self._observers: list[int] = []
         self._frames = 0
+        #: The other subplots of the window, and when its renderers last changed.
+        self._neighbours: list = []
+        self._time_of_renderers = -1
         self._turn: Turn | None = None
         self.surfaces = Surfaces(renderer)
         self.buffers = Buffers(renderer, self.surfaces.plain_actors)
@@ -239,7 +242,12 @@ class Pipeline:
         return Frame.of(self.renderer, time=self.time, quality=quality)
 
     def _on_first(self, _renderer, _event):
-        if self._neighbours():
+        renderers = self.window.GetRenderers()
+        if renderers.GetMTime() != self._time_of_renderers:
+            self._time_of_renderers = renderers.GetMTime()
+            same_layer = [r for r in renderers if r.GetLayer() == self.renderer.GetLayer()]
+            self._neighbours = [r for r in same_layer if r is not self.renderer]
+        if self._neighbours:
             send_lights_again([self.renderer])
         for thing in self._things:
             thing.begin_frame()
@@ -294,17 +302,12 @@ class Pipeline:
                 turn.guard([entry], entry.effect.prepare, turn.drawn)
         astray.clear()
 
-    def _neighbours(self) -> list:
-        """Return the other renderers of the window."""
-        renderers = self.window.GetRenderers()
-        several = renderers.GetNumberOfItems() > 1
-        return [r for r in renderers if r is not self.renderer] if several else []
-
     def _on_end(self, _renderer, _event):
         turn, self._turn = self._turn, None
         if turn is not None:
             self._end(turn)
-        send_lights_again(self._neighbours())
+        if self._neighbours:
+            send_lights_again(self._neighbours)
         for thing in self._things:
             thing.end_frame()
         if turn is not None:
