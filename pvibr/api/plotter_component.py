@@ -61,9 +61,9 @@ _FRAME_MS = attrgetter('frame_ms')
 class IBRComponent(metaclass=Complete):
     """Image-based rendering of a plotter; it acts on the active subplot.
 
-    Once the plotter is closed, methods that add, draw or export raise a `ClosedError`. All methods
-    raise a `ThreadError` in a thread other than that which first used ``plotter.ibr`` or drew it.
-    Others may read `time`, `playing`, `quality` and `buffer_objects`, and read and set
+    Once the plotter is closed, methods that add, draw or export raise a `ClosedError`. In a thread
+    other than that which first used ``plotter.ibr`` or drew it, all methods but `close` raise a
+    `ThreadError`; others may read `time`, `playing`, `quality` and `buffer_objects`, and read and set
     `interactive_frame_ms` and settings of effects.
 
     Parameters
@@ -448,8 +448,7 @@ class IBRComponent(metaclass=Complete):
 
     def close(self):
         """Release everything; plotters call it when they close. It may be called again."""
-        self._thread.check()
-        self._thread.end()
+        self._thread.end()  # also for another thread, as when an interpreter ends
         if self._pipelines and not self._is_closed:
             with contextlib.suppress(Exception):  # an effect's report must not keep it open
                 self._last_report = self.report()

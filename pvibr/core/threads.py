@@ -55,7 +55,8 @@ class DrawingThread:
         DrawingThread.drawing.add(self)
 
     def end(self):
-        """Forget the window, which is closed."""
+        """Belong to this thread, which closes the window, and forget that."""
+        self._take_over()
         DrawingThread.drawing.discard(self)
 
 

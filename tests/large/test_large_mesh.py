@@ -439,7 +439,7 @@ REFUSED = {
     'part': (ValueError, r'part must be an index and a count', {'part': 3}),
     'part beyond': (ValueError, r'part\[0\]', {'part': (4, 4)}),
     'opacity': (ValueError, 'opacity', {'opacity': 2}),
-    'opacities': (TypeError, 'opacity', {'opacity': 'linear'}),
+    'opacities': (ValueError, 'Opacity', {'opacity': 'nothing', 'scalars': 'height'}),
     'rgb alone': (ValueError, 'rgb', {'rgb': True, 'color': 'red'}),
 }
 

@@ -104,7 +104,7 @@ def test_flat_surface_whose_picture_is_bent():
     mesh.active_texture_coordinates = bent
     image = pv.Texture(checks())
     view = {'eye': (0.0, -0.6, 0.9), 'focus': (0.0, 0.0, 0.0)}
-    picture, truth, thing = pictures(mesh, view=view, texture=image, max_error=1.0)
+    picture, truth, thing = pictures(mesh, view=view, texture=image, max_error=1.2)
     assert 500 < thing.report()['triangles'] < 0.8 * thing.n_triangles
     assert flip(picture / 255, truth / 255).mean() < 0.02
     straight = mesh.copy()
@@ -170,7 +170,7 @@ def test_file_and_job_keep_it(tmp_path, monkeypatch):
     mesh = source_of(globe()).mesh
     job = BuildJob(mesh, 32 * 'a', AtlasCache(tmp_path))
     assert job.wait(60)
-    hierarchy = job.result()
+    hierarchy = job.newest('globe')
     assert len(hierarchy.texture_coordinates) == len(hierarchy.vertices)
     monkeypatch.setattr(module, '_SMALL', 1000)
     drafted, thing = drawn(globe(), wait=False, cache=False, **look)
