@@ -63,7 +63,7 @@ class IBRComponent(metaclass=Complete):
 
     Once the plotter is closed, methods that add, draw or export raise a `ClosedError`. In a thread
     other than that which first used ``plotter.ibr`` or drew it, all methods but `close` raise a
-    `ThreadError`; others may read `time`, `playing`, `quality` and `buffer_objects`, and read and set
+    `ThreadError`; others may read `time`, `playing`, `quality` and `buffer_objects`, read and set
     `interactive_frame_ms` and settings of effects.
 
     Parameters
