@@ -18,7 +18,7 @@ from pvibr.instances.mesh_pool import cutoff, with_looks
 from pvibr.instances.placement import centers_of
 from pvibr.things.shader_draws import card_mesh, is_shiny
 from pvibr.things.shared_material import CardMaterial
-from pvibr.things.soft_draws import CORE, FRINGE, SOFT, SOLID
+from pvibr.things.soft_draws import CORE, DEPTH, FRINGE, SOFT, SOLID
 from pvibr.web.container import Image
 from pvibr.web.surfaces import WebSurface, coloring_of, material_of
 
@@ -148,6 +148,7 @@ def _layer(shader, group, limits, programs) -> dict:
             'core': CORE.uniforms,
             'fringe': (FRINGE if core_size < shader.largest else SOFT).uniforms,
             'solid': SOLID.uniforms,
+            'depth': DEPTH.uniforms,
         },
     }
 

@@ -10,6 +10,7 @@ import pyvista as pv
 from pvibr.core import _vtk
 from pvibr.core._vtk import address
 from pvibr.core.plotters import border_of, names_of, plain_name, renderers_of, seams_of
+from pvibr.effects.accumulation import Accumulation
 from pvibr.effects.ground import FADES, NEAREST, Ground, fading
 from pvibr.figures.animated_actor import AnimatedActor
 from pvibr.figures.crowd import Crowd
@@ -43,13 +44,15 @@ from pvibr.web.surfaces import WebSurface, css_of, table_of, thing_of
 
 #: What a viewer chooses from, beside the colours of the scene.
 _COLORMAPS = 'viridis', 'plasma', 'coolwarm', 'turbo', 'gray'
+#: Effects of which a page knows the means.
+_KINDS = Accumulation, Ground, Shadows
 _DRAWN_MAPPERS = ('vtkDataSetMapper', 'vtkPolyDataMapper')
 
 
 def drawn_of(effects) -> list:
     """Return the effects that a page draws as pvibr does, in their order."""
     enabled = [effect for effect in effects if effect.enabled and not effect.why_neutral]
-    drawn = [e for e in enabled if type(e) in (Ground, Shadows) or _is_an_effect(e)]
+    drawn = [e for e in enabled if type(e) in _KINDS or _is_an_effect(e)]
     # Other projected images are baked into surfaces, instances included.
     if any(e.web[0] == 'baked' and not isinstance(e, Thing) and e not in drawn for e in enabled):
         return drawn
@@ -68,6 +71,8 @@ def what_of(effect) -> str:
     """Return what a page draws of an effect of :func:`drawn_of`."""
     if type(effect) is Shadows:
         return 'shadow maps of one light'
+    if type(effect) is Accumulation:
+        return 'the mean of pictures, once the view is still'
     if type(effect) is Ground:
         return 'a disc that fades'
     if _is_an_effect(effect):
@@ -116,6 +121,9 @@ def scene_of(plotter, plain_plotter, effects_by_subplot, time=0.0) -> dict:
     colored = any('coloring' in thing for s in subplots for thing in s['things'])
     tables = {name: table_of(pv.LookupTable(name)) for name in _COLORMAPS} if colored else {}
     scene = {'version': 1, 'colormaps': tables, 'subplots': subplots}
+    every = [e for effects in effects_by_subplot.values() for e in effects]
+    counts = [e.samples for e in every if type(e) is Accumulation]
+    scene['samples'] = int(max(counts, default=1))
     scene['seams'] = [_seam(actor) for actor in seams_of(plotter)]
     if any(s['figures'] or any('plays' in t for t in s['things']) for s in subplots):
         scene |= {'clock': {'time': float(time)}, 'posing': posing_program()}

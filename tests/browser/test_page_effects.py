@@ -90,6 +90,26 @@ def test_image_effects_are_drawn_in_the_page(name, page, tmp_path, until):
     pl.close()
 
 
+def test_a_still_view_is_the_mean_of_many_pictures(page, tmp_path, until):
+    pl = plotter()
+    pl.add_mesh(pv.Cube(), color='black', lighting=False)
+    grays = len(np.unique(pl.screenshot(return_img=True)))
+    still = pl.ibr.add(pvibr.Accumulation(16))
+    pl.render()
+    while still.unfinished:
+        pl.render()
+    here = opened(page, pl, tmp_path / 'still.html', until)
+    assert page.evaluate('pvibr.sample') == 15
+    there = picture(page)
+    assert flip_of(there, here) < 0.01
+    assert len(np.unique(there)) > 2 * grays
+    page.locator('.view').focus()
+    page.keyboard.press('ArrowLeft')
+    assert page.evaluate('pvibr.sample') == 0
+    until(lambda: page.evaluate('pvibr.settled && pvibr.sample === 15'))
+    pl.close()
+
+
 def test_all_effects_in_one_of_two_subplots_that_turns(page, tmp_path, until):
     pl = plotter(shape=(1, 2))
     for column in range(2):

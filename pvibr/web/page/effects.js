@@ -1,14 +1,7 @@
 // Image effects: a subplot's scene in textures of its own, and pvibr's programs over these.
-import { VERTEX, copy, cover, target } from './targets.js';
+import { COPY, VERTEX, copy, cover, target } from './targets.js';
 import { texture } from './programs.js';
 import { inverse } from './views.js';
-
-const COPY = `#version 300 es
-precision highp float;
-uniform sampler2D color;
-in vec2 uv;
-out vec4 fragOutput0;
-void main() { fragOutput0 = vec4(texture(color, uv).rgb, 1.0); }`;
 
 const ENDLESS = 1e9;
 const columns = (m) => [0, 1, 2, 3].map((j) => m.slice(4 * j, 4 * j + 4));

@@ -121,15 +121,16 @@ export class Instances {
   drawCards(pass, name) {
     const { gl, tree, levels } = this;
     const order = tree.cards.map((_, k) => k);
+    const kind = name === 'depth' ? 'solid' : name;
     for (const k of name === 'core' ? order.reverse() : order) {
       const [card, count] = [tree.cards[k], levels.cardCounts[k]];
       const nearest = count ? levels.sizes[levels.cards[k][0]] : 0;
-      if (!count || card[name] === null || (name === 'core' && nearest < 0.99 * card.core_size))
+      if (!count || card[kind] === null || (name === 'core' && nearest < 0.99 * card.core_size))
         continue;
       const textures = { ...this.textures, ibr_entries: this.entries[tree.levels.length + k] };
       const own = { ...card.uniforms, ...card.parts[name], ibr_end: count };
       const program = pass.program(
-        card[name],
+        card[kind],
         [this.uniforms, tree.material.uniforms, own],
         textures,
       );

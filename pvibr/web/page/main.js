@@ -52,6 +52,7 @@ class View {
     this.overlay = new Overlay(this.svg, scene);
     this.controls = new Controls(this);
     this.frames = 0;
+    this.sample = 0; // of those whose mean is drawn at rest
     this.draws = () => this.frame();
     if (scene.clock) this.timeline = new Timeline(this);
     if (location.hash !== '#bare') {
@@ -105,13 +106,24 @@ class View {
     );
     this.svg.setAttribute('viewBox', `0 0 ${clientWidth} ${clientHeight}`);
     this.overlay.layout(clientWidth, clientHeight);
+    this.sample = 0;
     this.frame(); // now: a canvas of another size is empty until it is drawn
   }
 
   changed() {
+    this.sample = 0;
+    this.request();
+  }
+
+  request() {
     if (this.waiting) return;
     this.waiting = true;
     requestAnimationFrame(this.draws);
+  }
+
+  // Whether the picture is whole: no frame is waited for.
+  get settled() {
+    return !this.waiting && !this.resting;
   }
 
   frame() {
@@ -123,7 +135,8 @@ class View {
     try {
       const size = [this.canvas.width, this.canvas.height];
       const quality = this.resting ? this.quality : 1;
-      this.renderer.draw(this.cameras, size, quality, this.timeline?.time);
+      const sample = this.isStill ? this.sample : null;
+      this.renderer.draw(this.cameras, size, quality, this.timeline?.time, sample);
     } catch (error) {
       this.lost = true;
       say(`This page could not be drawn: ${error.message}`);
@@ -134,6 +147,14 @@ class View {
     this.follow();
     this.frames += 1;
     if (this.timeline?.playing) this.moved();
+    if (!this.isStill || this.sample + 1 >= this.scene.samples) return;
+    this.sample += 1;
+    this.request();
+  }
+
+  // Whether the mean of several pictures is drawn.
+  get isStill() {
+    return this.scene.samples > 1 && !this.resting && !this.timeline?.playing;
   }
 
   // Labels follow the camera, at once, and again when it is known which are hidden.

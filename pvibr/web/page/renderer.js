@@ -9,7 +9,7 @@ import { Programs, RefusedError } from './programs.js';
 import { Projector } from './projectors.js';
 import { Quadrics } from './quadrics.js';
 import { Shadows, receiverUniforms } from './shadows.js';
-import { copy, cover, target } from './targets.js';
+import { COPY, VERTEX, copy, cover, target } from './targets.js';
 import { multiply, normalMatrix, times, viewOf } from './views.js';
 
 const MAX_SAMPLES = 8; // as PyVista's off screen
@@ -55,7 +55,7 @@ export class Renderer {
   constructor(gl, scene) {
     Object.assign(this, { gl, scene, programs: new Programs(gl) });
     this.refused = new Set(); // names of things whose shaders this browser does not take
-    gl.getExtension('EXT_color_buffer_float');
+    this.floats = Boolean(gl.getExtension('EXT_color_buffer_float'));
     this.drawn = scene.subplots.map(({ things }) =>
       things.map((tree) => ({ tree, shown: this.shown(tree) })),
     );
@@ -114,7 +114,8 @@ export class Renderer {
     ];
   }
 
-  draw(cameras, size, quality = 1, time = 0) {
+  // `sample` is the number of a picture whose mean with those before is shown, or null.
+  draw(cameras, size, quality = 1, time = 0, sample = null) {
     const { gl } = this;
     this.figures.at(time);
     // What moves casts other shadows.
@@ -124,11 +125,36 @@ export class Renderer {
     this.moment = moment;
     this.resize(size, quality);
     this.cameras = cameras;
+    this.offset = sample ? placeOf(sample) : [0, 0];
     const { frame } = this.targets.picture;
     this.scene.subplots.forEach((_, i) => this.drawSubplot(i, false));
     gl.disable(gl.SCISSOR_TEST);
-    copy(gl, frame, null, gl.COLOR_BUFFER_BIT, [this.width, this.height], size);
+    if (sample !== null && this.floats) this.drawMean(sample);
+    else copy(gl, frame, null, gl.COLOR_BUFFER_BIT, [this.width, this.height], size);
     gl.bindFramebuffer(gl.FRAMEBUFFER, null);
+  }
+
+  // Shows the mean of pictures since the first one.
+  drawMean(sample) {
+    const { gl, targets, width, height } = this;
+    const none = { width, height, depth: null };
+    targets.sample ??= target(gl, [gl.RGBA8], none);
+    targets.mean ??= target(gl, [gl.RGBA16F], none);
+    const size = [width, height];
+    copy(gl, targets.picture.frame, targets.sample.frame, gl.COLOR_BUFFER_BIT, size);
+    gl.viewport(0, 0, width, height);
+    gl.disable(gl.DEPTH_TEST);
+    gl.disable(gl.CULL_FACE);
+    gl.enable(gl.BLEND);
+    gl.blendColor(0, 0, 0, 1 / (sample + 1));
+    gl.blendFunc(gl.CONSTANT_ALPHA, gl.ONE_MINUS_CONSTANT_ALPHA);
+    const program = this.programs.of({ vertex: VERTEX, fragment: COPY });
+    gl.bindFramebuffer(gl.FRAMEBUFFER, targets.mean.frame);
+    cover(gl, program, [], { color: targets.sample.textures[0] });
+    gl.disable(gl.BLEND);
+    gl.bindFramebuffer(gl.FRAMEBUFFER, null);
+    cover(gl, program, [], { color: targets.mean.textures[0] });
+    gl.enable(gl.DEPTH_TEST);
   }
 
   begin(subplot, rectangle, picks) {
@@ -158,7 +184,8 @@ export class Renderer {
     if (rectangle[2] < 1 || rectangle[3] < 1) return;
     const camera = this.cameras[number];
     resetClippingRange(camera, subplot.reach, subplot.near);
-    const view = viewOf(camera, rectangle[2], rectangle[3]);
+    const size = rectangle.slice(2);
+    const view = viewOf(picks ? camera : shifted(camera, this.offset, size), ...size);
     const stage = picks ? null : this.stages[number];
     const received = picks ? [] : this.received[number];
     this.drawMaps(number, received);
@@ -228,7 +255,12 @@ export class Renderer {
     if (pass.solid) return cards('solid');
     cards('core');
     gl.depthMask(false);
-    return cards('fringe');
+    cards('fringe');
+    if (!this.stages[number] || pass.variant) return;
+    gl.colorMask(false, false, false, false); // effects read the depth of soft edges, too
+    gl.depthMask(true);
+    cards('depth');
+    gl.colorMask(true, true, true, true);
   }
 
   // Draws the stale depth maps of what surfaces receive.
@@ -375,6 +407,23 @@ function disc(width) {
     }
   }
   return places;
+}
+
+// Where in its pixels a picture is taken, from their middle: a sequence that fills them evenly.
+function placeOf(sample) {
+  const inverse = (base) => {
+    let [value, scale] = [0, 1];
+    for (let rest = sample; rest; rest = Math.floor(rest / base))
+      value += (rest % base) * (scale /= base);
+    return value;
+  };
+  return [inverse(2) - 0.5, inverse(3) - 0.5];
+}
+
+// A camera whose picture is shifted by parts of pixels.
+function shifted(camera, offset, size) {
+  const center = camera.window_center ?? [0, 0];
+  return { ...camera, window_center: center.map((x, i) => x + (2 * offset[i]) / size[i]) };
 }
 
 // Items from far to near, by the middles of their points.

@@ -8,6 +8,13 @@ void main() {
   gl_Position = vec4(2.0 * uv - 1.0, 0.0, 1.0);
 }`;
 
+export const COPY = `#version 300 es
+precision highp float;
+uniform sampler2D color;
+in vec2 uv;
+out vec4 fragOutput0;
+void main() { fragOutput0 = vec4(texture(color, uv).rgb, 1.0); }`;
+
 // A framebuffer with depth: renderbuffers of samples, or textures; `depth` is its format, if any,
 // and `depthTexture` says whether programs read it.
 export function target(gl, formats, options) {
