@@ -122,6 +122,12 @@ def findings(name, choose):
     return found
 
 
+@pytest.fixture(autouse=True)
+def _elsewhere(tmp_path, monkeypatch):
+    """Let what takes a text for a folder write there."""
+    monkeypatch.chdir(tmp_path)
+
+
 def test_every_way_to_add_is_here():
     assert {name for name in dir(IBRComponent) if name.startswith('add_')} == {*CALLS}
 
