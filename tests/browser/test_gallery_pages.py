@@ -30,8 +30,17 @@ SCENES = {
 }
 
 
+#: Scenes that SwiftShader draws for a minute.
+LARGE = 'cells', 'crowd', 'island', 'molecules'
+
+
+def case(name):
+    """Return a case that waits for the stress tests, or for the slow ones."""
+    return pytest.param(name, marks=pytest.mark.stress) if name in LARGE else slow(name)
+
+
 @pytest.mark.filterwarnings('ignore:not in the page:pvibr.PvibrWarning')
-@pytest.mark.parametrize('name', [slow(name) for name in SCENES])
+@pytest.mark.parametrize('name', [case(name) for name in SCENES])
 def test_a_scene_of_the_gallery_looks_as_here(name, page, tmp_path, until, monkeypatch):
     here = []
 

@@ -50,7 +50,7 @@ def show(page, path, until, hash_='#bare'):
     page.on('request', lambda r: asked.append(r.url))
     page.goto(f'{path.as_uri()}{hash_}')
     until(lambda: page.evaluate('document.documentElement.dataset.state'))
-    until(lambda: page.evaluate('!window.pvibr || pvibr.settled'))
+    until(lambda: page.evaluate('!window.pvibr || pvibr.settled'), 240)
     assert not [url for url in asked if not url.startswith(('file:', 'data:', 'blob:'))]
 
 
