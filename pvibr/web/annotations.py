@@ -16,10 +16,10 @@ from pvibr.core.plotters import border_of, names_of, plain_name
 from pvibr.gl.annotations import is_flat
 from pvibr.gl.scene_pass import is_marker
 from pvibr.web.cube_axes import cube_of, is_cube_axes, is_ruler, ruler_of
-from pvibr.web.surfaces import css_of, table_of
+from pvibr.web.surfaces import css_of, table_of, text_look
 
-#: Flat props of which GL2PS knows all text, and which have nothing else.
 _LEGEND = 'vtkLegendBoxActor'
+#: Flat props of which GL2PS knows all text.
 _TEXTS = 'vtkCornerAnnotation', 'vtkTextActor', _LEGEND
 _LABELS = 'vtkLabelPlacementMapper'
 _ROUNDED = 2  # vtkLabelPlacementMapper::ROUNDED_RECT
@@ -229,13 +229,7 @@ def _labels(mapper) -> dict:
         'rounded': mapper.GetMargin() if mapper.GetShape() == _ROUNDED else 0,
         # The depth by which surfaces may be in front; None if they hide no label.
         'tolerance': chooser.GetTolerance() if chooses else None,
-        'text': {
-            'size': prop.GetFontSize(),
-            'color': css_of(prop.GetColor()),
-            'bold': bool(prop.GetBold()),
-            'italic': bool(prop.GetItalic()),
-            'family': prop.GetFontFamilyAsString().lower(),
-        },
+        'text': text_look(prop),
     }
 
 

@@ -7,7 +7,7 @@ from itertools import product
 import numpy as np
 import pyvista as pv
 
-from pvibr.web.surfaces import WebSurface, css_of
+from pvibr.web.surfaces import WebSurface, css_of, text_look
 
 #: VTK's modes of where axes and lines of grids are, by number.
 _EDGES = 'outer', 'closest', 'furthest', 'origin', 'all'
@@ -17,6 +17,8 @@ _WORLD = 6  # VTK_WORLD
 #: Labels of an axis whose actor leaves them to VTK, and how far from even places they may be.
 _DEFAULT_LABELS = 5
 _UNEVEN = 0.3
+#: Pixels of letters, and from which size on they are 3D text, drawn larger and scaled down.
+_SIZE, _SCALED = 12, 40
 
 
 def is_cube_axes(prop) -> bool:
@@ -58,7 +60,7 @@ def ruler_of(actor) -> dict:
         'ticks': np.linspace(0, 1, len(values)).tolist(),
         'labels': [_formatted(actor.GetLabelFormat(), x) for x in values],
         'title': title if actor.GetTitleVisibility() else '',
-        'text': _text_look(text) | {'size': 12},
+        'text': text_look(text) | {'size': _SIZE},
         'color': css_of(actor.GetProperty().GetColor()),
     }
 
@@ -147,12 +149,13 @@ def _axis(actor, axis, low, high) -> dict:
     positions, labels = _ticks(actor, axis, low, high)
     has_labels = getattr(actor, f'Get{_NAMES[axis]}AxisLabelVisibility')()
     title = getattr(actor, f'Get{_NAMES[axis]}Title')() or ''
+    look = text_look(actor.GetLabelTextProperty(axis))
     return {
         'visible': _visible(actor, axis),
         'ticks': positions.tolist(),
         'labels': labels if has_labels else [''] * len(labels),
         'title': title.strip(),
-        'text': _text_look(actor.GetLabelTextProperty(axis)),
+        'text': look | {'size': look['size'] if look['size'] <= _SCALED else _SIZE},
         'color': css_of(getattr(actor, f'Get{_NAMES[axis]}AxesLinesProperty')().GetColor()),
     }
 
@@ -181,17 +184,6 @@ def _values_of(labels, low, high):
     step = abs(high - low) / max(len(labels) - 1, 1)
     is_even = np.abs(written - even).max(initial=0) <= _UNEVEN * step
     return even if is_even else written
-
-
-def _text_look(prop) -> dict:
-    size = prop.GetFontSize()
-    return {
-        'size': 12 if size > 40 else size,  # 3D text is drawn larger and scaled down
-        'color': css_of(prop.GetColor()),
-        'bold': bool(prop.GetBold()),
-        'italic': bool(prop.GetItalic()),
-        'family': prop.GetFontFamilyAsString().lower(),
-    }
 
 
 def _formatted(pattern, value) -> str:

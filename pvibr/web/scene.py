@@ -107,10 +107,10 @@ def scene_of(plotter, plain_plotter, effects_by_subplot, time=0.0) -> dict:
         subplot = subplot_of(renderer, effects, frame)
         subplot['stage'] = image_effects.stage_of(effects, frame)
         subplot['bounds'] = _bounds([renderers[number].ComputeVisiblePropBounds()])
-        every = [prop.GetBounds() for _, prop in drawn_props(renderer)]
-        every += [p.GetBounds() for e in effects if type(e) is Ground for p in e.props]
-        every += [_moved(figure) for figure in subplot['figures']]
-        subplot['reach'] = _bounds([subplot['bounds'], *every])
+        boxes = [prop.GetBounds() for _, prop in drawn_props(renderer)]
+        boxes += [p.GetBounds() for e in effects if type(e) is Ground for p in e.props]
+        boxes += [_moved(figure) for figure in subplot['figures']]
+        subplot['reach'] = _bounds([subplot['bounds'], *boxes])
         subplot['camera'] = camera_of(renderers[number].GetActiveCamera())
         subplot['link'] = cameras.index(cameras[number])
         size = renderers[number].GetSize()
@@ -121,8 +121,8 @@ def scene_of(plotter, plain_plotter, effects_by_subplot, time=0.0) -> dict:
     colored = any('coloring' in thing for s in subplots for thing in s['things'])
     tables = {name: table_of(pv.LookupTable(name)) for name in _COLORMAPS} if colored else {}
     scene = {'version': 1, 'colormaps': tables, 'subplots': subplots}
-    every = [e for effects in effects_by_subplot.values() for e in effects]
-    counts = [e.samples for e in every if type(e) is Accumulation]
+    drawn = [e for effects in effects_by_subplot.values() for e in effects]
+    counts = [e.samples for e in drawn if type(e) is Accumulation]
     scene['samples'] = int(max(counts, default=1))
     scene['seams'] = [_seam(actor) for actor in seams_of(plotter)]
     if any(s['figures'] or any('plays' in t for t in s['things']) for s in subplots):
@@ -137,9 +137,12 @@ def _moved(figure) -> np.ndarray:
 
 def _border(renderer) -> dict | None:
     prop = border_of(renderer)
-    if prop is None or not prop.GetVisibility():
-        return None
-    look = prop.GetProperty()
+    return None if prop is None or not prop.GetVisibility() else _stroke(prop)
+
+
+def _stroke(actor) -> dict:
+    """Return the look of flat lines."""
+    look = actor.GetProperty()
     return {'color': css_of(look.GetColor()), 'width': look.GetLineWidth()}
 
 
@@ -147,9 +150,7 @@ def _seam(actor) -> dict:
     """Return lines between subplots, as shares of the whole view from its lower left corner."""
     lines = pv.wrap(actor.GetMapper().GetInput())
     ends = lines.points[lines.lines.reshape(-1, 3)[:, 1:], :2]
-    look = actor.GetProperty()
-    color = css_of(look.GetColor())
-    return {'lines': ends.reshape(-1, 4).tolist(), 'color': color, 'width': look.GetLineWidth()}
+    return {'lines': ends.reshape(-1, 4).tolist(), **_stroke(actor)}
 
 
 def _bounds(parts) -> list:

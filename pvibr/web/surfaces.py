@@ -384,3 +384,14 @@ def _image(texture):
 def css_of(color) -> str:
     """Return a colour as CSS has it."""
     return '#' + ''.join(f'{round(255 * c):02x}' for c in color)
+
+
+def text_look(prop) -> dict:
+    """Return a text property as a page draws text, its size in pixels."""
+    return {
+        'size': prop.GetFontSize(),
+        'color': css_of(prop.GetColor()),
+        'bold': bool(prop.GetBold()),
+        'italic': bool(prop.GetItalic()),
+        'family': prop.GetFontFamilyAsString().lower(),
+    }

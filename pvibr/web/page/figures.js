@@ -1,6 +1,7 @@
 // Figures and crowds that play: joints from frames of clips, vertices posed by pvibr's own program.
 import { Instances } from './instances.js';
 import { fill, texture } from './programs.js';
+import { cover } from './targets.js';
 import { multiply } from './views.js';
 
 const UNITS = 65535; // of weights
@@ -233,11 +234,8 @@ class Posing {
         uniforms.ibr_shape_first = rest;
         uniforms.ibr_shape_share = 1 / (rows * follows.shapes.count);
       }
-      program.use([uniforms], { ...textures, ...shapes });
-      gl.bindVertexArray(null);
-      for (let i = 0; i < 8; i++) gl.disableVertexAttribArray(i);
       gl.viewport(0, first, Math.min(count, posing.width), rows * poses.length);
-      gl.drawArrays(gl.TRIANGLES, 0, 3);
+      cover(gl, program, [uniforms], { ...textures, ...shapes });
     }
   }
 }

@@ -1,4 +1,5 @@
 // Instances as cards and as meshes.
+import { Cards } from './cards.js';
 import { colorOf } from './coloring.js';
 import { Levels, pages, poseTexels } from './levels.js';
 import { Mesh } from './meshes.js';
@@ -26,8 +27,7 @@ export class Instances {
     this.entries = [...tree.levels, ...tree.cards].map(() =>
       texture(gl, new Float32Array(4096), { width: 1024, height: 1 }),
     );
-    this.corners = gl.createBuffer();
-    this.cornerRoom = 0;
+    this.cards = new Cards(gl);
     this.look(tree.looks);
   }
 
@@ -63,7 +63,7 @@ export class Instances {
   }
 
   prepare(view) {
-    const { gl, tree, levels, looks } = this;
+    const { tree, levels, looks } = this;
     levels.choose(view, looks ? (i) => looks[4 * i + 3] > 0 : () => true);
     tree.levels.forEach((_, k) =>
       this.upload(k, levels.near[k], levels.near[k].length, false, true),
@@ -71,18 +71,6 @@ export class Instances {
     tree.cards.forEach((_, k) =>
       this.upload(tree.levels.length + k, levels.cards[k], levels.cardCounts[k], true, false),
     );
-    const most = Math.max(0, ...levels.cardCounts);
-    if (most > this.cornerRoom) {
-      this.cornerRoom = 2 ** Math.ceil(Math.log2(most));
-      const index = new Uint32Array(6 * this.cornerRoom);
-      for (let i = 0; i < this.cornerRoom; i++)
-        index.set(
-          [0, 1, 2, 0, 2, 3].map((c) => 4 * i + c),
-          6 * i,
-        );
-      gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, this.corners);
-      gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, index, gl.STATIC_DRAW);
-    }
   }
 
   upload(k, slots, count, isReversed, withShares) {
@@ -119,7 +107,7 @@ export class Instances {
 
   // Draws the cores, the fringes or the solid cards.
   drawCards(pass, name) {
-    const { gl, tree, levels } = this;
+    const { tree, levels } = this;
     const order = tree.cards.map((_, k) => k);
     const kind = name === 'depth' ? 'solid' : name;
     for (const k of name === 'core' ? order.reverse() : order) {
@@ -134,13 +122,7 @@ export class Instances {
         [this.uniforms, tree.material.uniforms, own],
         textures,
       );
-      gl.bindVertexArray(null);
-      for (let i = 0; i < 8; i++) gl.disableVertexAttribArray(i);
-      for (const attribute of Object.values(program.attributes))
-        if (attribute >= 0) gl.vertexAttrib4f(attribute, 0, 0, 0, 1);
-      gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, this.corners);
-      if (card.corners === 1) gl.drawArrays(gl.POINTS, 0, count);
-      else gl.drawElements(gl.TRIANGLES, 6 * count, gl.UNSIGNED_INT, 0);
+      this.cards.draw(program, count, card.corners);
     }
   }
 }

@@ -1,4 +1,5 @@
 // Labels of points that surfaces hide: which are, by a query for each after the scene is drawn.
+import { withoutArrays } from './programs.js';
 import { multiply } from './views.js';
 
 const MARK = {
@@ -31,8 +32,7 @@ export class HiddenLabels {
     this.asked.forEach(({ query }) => gl.deleteQuery(query));
     this.asked = [];
     program.use([{ clip_from_world: multiply(clipFromEye, eyeFromWorld) }]);
-    gl.bindVertexArray(null);
-    for (let i = 0; i < 8; i++) gl.disableVertexAttribArray(i);
+    withoutArrays(gl);
     gl.colorMask(false, false, false, false);
     gl.depthMask(false);
     for (const set of sets)

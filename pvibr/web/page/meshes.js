@@ -1,6 +1,6 @@
 // Triangles, lines and vertices on the GPU, and what colors them.
 import { texturePlaces, textureOf } from './coloring.js';
-import { texture, fill } from './programs.js';
+import { texture, fill, withoutArrays } from './programs.js';
 
 const NAMES = { points: ['vertexMC', 3], normals: ['normalMC', 3], coordinates: ['tcoord', 2] };
 
@@ -51,8 +51,7 @@ export class Mesh {
 
   bind(program) {
     const { gl } = this;
-    gl.bindVertexArray(null);
-    for (let i = 0; i < 8; i++) gl.disableVertexAttribArray(i);
+    withoutArrays(gl);
     for (const name in program.attributes) {
       const place = program.attributes[name];
       const buffer = this.buffers[name];

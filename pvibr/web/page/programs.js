@@ -132,6 +132,12 @@ class Program {
   }
 }
 
+// Lets no vertex be read from a buffer.
+export function withoutArrays(gl) {
+  gl.bindVertexArray(null);
+  for (let i = 0; i < 8; i++) gl.disableVertexAttribArray(i);
+}
+
 // Programs by their sources, made when they are first used.
 export class Programs {
   constructor(gl) {

@@ -1,4 +1,5 @@
 // Spheres, ellipsoids and cylinders by rays: blocks of items in view, each in a mode for its size.
+import { Cards } from './cards.js';
 import { colorOf } from './coloring.js';
 import { texture, fill } from './programs.js';
 
@@ -43,8 +44,7 @@ export class Quadrics {
     };
     this.looks = tree.looks.slice();
     this.entries = tree.modes.map(() => table(gl, new Float32Array(4), Float32Array));
-    this.corners = gl.createBuffer();
-    this.cornerRoom = 0;
+    this.cards = new Cards(gl);
   }
 
   // Colors items by values, as a lookup table maps them; opacity and what is hidden stay.
@@ -132,29 +132,7 @@ export class Quadrics {
       const textures = { ...this.textures, ibr_entries: this.entries[k] };
       const groups = [tree.material.uniforms, shared, { ibr_end: count }];
       const program = pass.program(mode.program, groups, textures);
-      gl.bindVertexArray(null);
-      for (let i = 0; i < 8; i++) gl.disableVertexAttribArray(i);
-      for (const attribute of Object.values(program.attributes))
-        if (attribute >= 0) gl.vertexAttrib4f(attribute, 0, 0, 0, 1);
-      if (mode.corners === 1) gl.drawArrays(gl.POINTS, 0, count * unit);
-      else {
-        this.bindCorners(count * unit);
-        gl.drawElements(gl.TRIANGLES, 6 * count * unit, gl.UNSIGNED_INT, 0);
-      }
+      this.cards.draw(program, count * unit, mode.corners);
     }
-  }
-
-  bindCorners(count) {
-    const { gl } = this;
-    gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, this.corners);
-    if (count <= this.cornerRoom) return;
-    this.cornerRoom = 2 ** Math.ceil(Math.log2(count));
-    const index = new Uint32Array(6 * this.cornerRoom);
-    for (let i = 0; i < this.cornerRoom; i++)
-      index.set(
-        [0, 1, 2, 0, 2, 3].map((c) => 4 * i + c),
-        6 * i,
-      );
-    gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, index, gl.STATIC_DRAW);
   }
 }

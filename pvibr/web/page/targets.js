@@ -1,4 +1,5 @@
 // Framebuffers with what is drawn into them.
+import { withoutArrays } from './programs.js';
 
 // Of programs that cover the viewport.
 export const VERTEX = `#version 300 es
@@ -70,7 +71,6 @@ export function copy(gl, from, to, what, [width, height], [toWidth, toHeight] = 
 // Draws a triangle that covers the viewport.
 export function cover(gl, program, groups, textures) {
   program.use(groups, textures);
-  gl.bindVertexArray(null);
-  for (let i = 0; i < 8; i++) gl.disableVertexAttribArray(i);
+  withoutArrays(gl);
   gl.drawArrays(gl.TRIANGLES, 0, 3);
 }
