@@ -25,6 +25,8 @@ _LABELS = 'vtkLabelPlacementMapper'
 _ROUNDED = 2  # vtkLabelPlacementMapper::ROUNDED_RECT
 #: Size of a legend's symbol, and how far below the top of its text it is, in sizes of the font.
 _SYMBOL_SIZE, _SYMBOL_DOWN = 0.45, 0.7
+#: Room of a square at an end of a bar, in widths of the bar; one below horizontal ones is outside.
+_SWATCH = 1.3
 _SVG = '{http://www.w3.org/2000/svg}'
 
 
@@ -167,7 +169,10 @@ def _rings(shape) -> list:
 def _bar(bar, things, size) -> dict:
     """Return a scalar bar, and the name of the thing whose colours it shows."""
     title = bar.GetTitle() or ''
-    texts = _texts_of([bar], size)
+    texts, swatches = _texts_of([bar], size), _ends_of(bar)
+    # With squares at its ends, VTK's layout reads what is not set.
+    bar.DrawBelowRangeSwatchOff()
+    bar.DrawAboveRangeSwatchOff()
     plotter = pv.Plotter(off_screen=True, window_size=list(size))
     plotter.renderer.AddViewProp(bar)
     plotter.show(auto_close=False)
@@ -177,14 +182,16 @@ def _bar(bar, things, size) -> dict:
     plotter.close()
     is_horizontal = bar.GetOrientation() == 0
     rect = np.array(pixels, float)
-    if not is_horizontal and bar.GetDrawBelowRangeSwatch():  # VTK counts that square in
-        rect[1], rect[3] = rect[1] + 1.25 * rect[2], rect[3] - 1.25 * rect[2]
+    along, thickness = (2, rect[3]) if is_horizontal else (3, rect[2])
+    count = sum(color is not None for color in swatches[is_horizontal:])
+    rect[along] -= _SWATCH * thickness * count
+    rect[1] += 0 if is_horizontal or swatches[0] is None else _SWATCH * thickness
     left, bottom, width, height = rect / np.tile(size, 2)
     labels = [text for text in texts if text['text'].strip() != title.strip()]
     for label in labels:
-        along = (label['x'] - left) / (width - 1 / size[0])
+        share = (label['x'] - left) / (width - 1 / size[0])
         up = (1 - label['y'] - bottom + (0.36 * label['size']) / size[1]) / height
-        label['at'] = float(along if is_horizontal else np.clip(up, 0, 1))
+        label['at'] = float(share if is_horizontal else np.clip(up, 0, 1))
     names = [t['name'] for t in things if t.get('coloring', {}).get('name') == title.strip()]
     return {
         'kind': 'bar',
@@ -193,7 +200,7 @@ def _bar(bar, things, size) -> dict:
         'colors': table_of(bar.GetLookupTable()),
         'labels': labels,
         'title': next((text for text in texts if text['text'].strip() == title.strip()), None),
-        'swatches': [css_of(color[:3]) if color else None for color in _ends_of(bar)],
+        'swatches': [css_of(color[:3]) if color else None for color in swatches],
         'thing': names[0] if names else None,
     }
 
